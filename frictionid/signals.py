@@ -1,0 +1,144 @@
+"""Sampled signals, each on its own clock, and their exact values and averages between the samples."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from frictionid.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class Signal(NamedTuple):
+    """Samples of one quantity, on their own, possibly uneven, clock.
+
+    Attributes
+    ----------
+    time : array, shape (T,) [s]
+        Strictly increasing.
+    value : array, shape (T, n)
+        One column per joint, in the SI unit of the quantity.
+    hold : str
+        What happens between two samples: "linear" joins them by a line, "previous" keeps the
+        earlier one (a drive that holds its command).
+    sigma : array, shape (n,), or None
+        Standard deviation of the noise of each column, None where it is unknown.
+    """
+
+    time: Array
+    value: Array
+    hold: str = "linear"
+    sigma: Array | None = None
+
+
+def sample(signal: Signal, time: ArrayLike) -> Array:
+    """Values of the signal at the given times, the first and last value kept outside its span.
+
+    Parameters
+    ----------
+    signal : Signal, T samples of n columns
+    time : array, shape (K,) [s], in any order
+
+    Returns
+    -------
+    array, shape (K, n), in the unit of ``signal.value``
+
+    Examples
+    --------
+    >>> ramp = Signal(np.array([0.0, 1.0]), np.array([[0.0], [2.0]]))
+    >>> sample(ramp, [0.25, 3.0]).ravel()
+    array([0.5, 2. ])
+    >>> sample(ramp._replace(hold="previous"), [0.25, 3.0]).ravel()
+    array([0., 2.])
+    """
+    clock, value = np.asarray(signal.time, float), np.asarray(signal.value, float)
+    time = np.asarray(time, float)
+    if _holds(signal):
+        return value[np.maximum(np.searchsorted(clock, time, side="right") - 1, 0)]
+    return np.stack([np.interp(time, clock, column) for column in value.T], axis=-1)
+
+
+def averages(signal: Signal, edges: ArrayLike) -> Array:
+    """Exact means of the signal over the intervals between neighbouring edges.
+
+    The mean over [a, b] is (F(b) - F(a)) / (b - a) with the integral F of the held or linearly
+    interpolated samples, so that a resampled torque does the same impulse as the recorded one.
+    Outside the signal's span its first and last value are kept.
+
+    Parameters
+    ----------
+    signal : Signal, T samples of n columns
+    edges : array, shape (K+1,) [s], strictly increasing
+
+    Returns
+    -------
+    array, shape (K, n), in the unit of ``signal.value``
+
+    Raises
+    ------
+    InputError
+        Where an edge does not lie after the one before it.
+
+    Examples
+    --------
+    >>> ramp = Signal(np.array([0.0, 1.0]), np.array([[0.0], [2.0]]))
+    >>> averages(ramp, [0.0, 0.5, 1.0]).ravel()
+    array([0.5, 1.5])
+    """
+    edges = np.asarray(edges, float)
+    width = np.diff(edges)
+    if not np.all(width > 0):
+        at = int(np.argmax(~(width > 0)))
+        raise InputError(
+            f"edges of averages must increase: edge {at + 1} is {edges[at + 1]:g} s after "
+            f"{edges[at]:g} s; sort them and drop repeated ones"
+        )
+    # Integrating the difference from the first value keeps a constant signal exactly constant.
+    offset = np.asarray(signal.value, float)[0]
+    mean: Array = offset + np.diff(_integral(signal, offset, edges), axis=0) / width[:, None]
+    return mean
+
+
+def cut(signal: Signal, start: float, stop: float) -> Signal:
+    """Signal with only the samples at start <= time <= stop [s].
+
+    Raises
+    ------
+    InputError
+        Where no sample lies in that span.
+
+    Examples
+    --------
+    >>> cut(Signal(np.arange(4.0), np.ones((4, 1))), 0.5, 2.0).time
+    array([1., 2.])
+    """
+    time = np.asarray(signal.time, float)
+    inside = (time >= start) & (time <= stop)
+    if not inside.any():
+        span = f"{time[0]:g} to {time[-1]:g} s" if time.size else "nothing"
+        raise InputError(
+            f"no sample lies between {start:g} and {stop:g} s: the signal spans {span}; "
+            "choose a span inside it"
+        )
+    return signal._replace(time=time[inside], value=np.asarray(signal.value, float)[inside])
+
+
+def _integral(signal: Signal, offset: Array, time: Array) -> Array:
+    """Integral of (signal - offset) from the first sample to each time, shape (K, n) [value s]."""
+    clock, value = np.asarray(signal.time, float), np.asarray(signal.value, float) - offset
+    step = np.diff(clock)[:, None]
+    height = value[:-1] if _holds(signal) else 0.5 * (value[:-1] + value[1:])
+    at_samples = np.concatenate([np.zeros_like(value[:1]), np.cumsum(height * step, axis=0)])
+    before = np.maximum(np.searchsorted(clock, time, side="right") - 1, 0)
+    left = value[before]
+    right = left if _holds(signal) else sample(signal, time) - offset
+    area: Array = at_samples[before] + 0.5 * (left + right) * (time - clock[before])[:, None]
+    return area
+
+
+def _holds(signal: Signal) -> bool:
+    """Whether the earlier sample is kept between two samples."""
+    if signal.hold not in ("linear", "previous"):
+        raise InputError(f'hold must be "linear" or "previous", not {signal.hold!r}')
+    return signal.hold == "previous"
