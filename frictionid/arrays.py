@@ -1,0 +1,83 @@
+"""Small array algebra that runs alike on NumPy and torch (through array-api-compat)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace
+
+# An array of NumPy or torch; the namespace is found from the arguments, never chosen by the code.
+Array = Any
+
+
+def namespace(*arrays: Array) -> Any:
+    """Array-API namespace of the arguments: NumPy's, unless one of them is a torch tensor.
+
+    >>> import numpy as np
+    >>> float(namespace(np.zeros(2), 1.0).cos(np.zeros(1))[0])
+    1.0
+    """
+    found = [a for a in arrays if hasattr(a, "shape")]
+    return array_namespace(*found) if found else array_namespace(np.empty(0))
+
+
+def solve(M: Array, b: Array) -> Array:
+    """Solution x of M x = b for a stack of small systems.
+
+    Written out for one and two joints: on large stacks that is an order of magnitude faster than
+    calling LAPACK once per matrix.
+
+    Parameters
+    ----------
+    M : array, shape (..., n, n)
+    b : array, shape (..., n)
+
+    Returns
+    -------
+    array, shape (..., n)
+
+    >>> import numpy as np
+    >>> solve(np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([3.0, 4.0]))
+    array([1., 1.])
+    """
+    xp = namespace(M, b)
+    n = M.shape[-1]
+    if n == 1:
+        return b / M[..., 0]
+    if n == 2:
+        a, c, d, e = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
+        x, y = b[..., 0], b[..., 1]
+        det = a * e - c * d
+        return xp.stack([(e * x - c * y) / det, (a * y - d * x) / det], axis=-1)
+    return xp.linalg.solve(M, b[..., None])[..., 0]
+
+
+def inverse(M: Array) -> Array:
+    """Inverse of a stack of small matrices, shape (..., n, n).
+
+    >>> import numpy as np
+    >>> inverse(np.array([[2.0, 0.0], [0.0, 4.0]]))
+    array([[0.5 , 0.  ],
+           [0.  , 0.25]])
+    """
+    xp = namespace(M)
+    n = M.shape[-1]
+    if n == 1:
+        return 1.0 / M
+    if n == 2:
+        a, c, d, e = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
+        rows = [xp.stack([e, -c], axis=-1), xp.stack([-d, a], axis=-1)]
+        # + 0.0 turns -0.0 into 0.0, so that printed matrices look the way people write them
+        return xp.stack(rows, axis=-2) / (a * e - c * d)[..., None, None] + 0.0
+    return xp.linalg.inv(M)
+
+
+def times(M: Array, b: Array) -> Array:
+    """Product M b for a stack of matrices (..., n, n) and vectors (..., n).
+
+    >>> import numpy as np
+    >>> times(np.eye(2), np.array([1.0, 2.0]))
+    array([1., 2.])
+    """
+    return (M * b[..., None, :]).sum(-1)

@@ -1,0 +1,21 @@
+"""Equations of motion: mechanisms described by their bodies, compiled to fast scalar code."""
+
+from frictionid.mechanics.acrobot import acrobot
+from frictionid.mechanics.double_pendulum import double_pendulum
+from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter, Terms
+from frictionid.mechanics.pendulum import pendulum
+from frictionid.mechanics.table import mechanism_of, parameters_of
+
+__all__ = [
+    "Base",
+    "Body",
+    "Description",
+    "Mechanism",
+    "Parameter",
+    "Terms",
+    "acrobot",
+    "double_pendulum",
+    "mechanism_of",
+    "parameters_of",
+    "pendulum",
+]

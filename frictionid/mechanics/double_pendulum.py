@@ -1,0 +1,70 @@
+"""Two links in a vertical plane, either or both joints driven by geared motors.
+
+q1 = 0 hangs down, counter-clockwise positive; q2 is relative to link 1. The symbols are those of the
+published models of the DFKI double pendulum [Wiebe2024]: I1 and I2 are about the joints, the rotor of
+the second motor sits on link 1 and turns against its joint (M12 gets - gr Ir).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import sympy as sp
+
+from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter
+
+PARAMETERS = {
+    "m1": (0.5, "kg", "mass of link 1"),
+    "m2": (0.5, "kg", "mass of link 2"),
+    "l1": (0.2, "m", "joint 1 to joint 2"),
+    "r1": (0.1, "m", "joint 1 to centre of mass of link 1"),
+    "r2": (0.1, "m", "joint 2 to centre of mass of link 2"),
+    "I1": (0.01, "kg m^2", "inertia of link 1 about joint 1"),
+    "I2": (0.01, "kg m^2", "inertia of link 2 about joint 2"),
+    "Ir": (0.0, "kg m^2", "rotor inertia on the motor side"),
+    "gr": (1.0, "1", "gear ratio"),
+    "g": (9.81, "m/s^2", "gravity"),
+}
+
+
+@cache
+def double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Mechanism:
+    """Double pendulum with motors at the joints where `driven` is true.
+
+    A rotor is counted at each driven joint only.
+
+    >>> double_pendulum().base_names
+    ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
+    """
+    s = {name: sp.Symbol(name) for name in PARAMETERS}
+    m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = s.values()
+    q1, q2, w1, w2 = sp.symbols("q1 q2 w1 w2")
+    first, second = (sp.Integer(bool(d)) for d in driven)
+    x2, y2 = l1 * sp.sin(q1) + r2 * sp.sin(q1 + q2), -l1 * sp.cos(q1) - r2 * sp.cos(q1 + q2)
+    bodies = (
+        Body(m1, r1 * sp.sin(q1), -r1 * sp.cos(q1), I1 - m1 * r1**2, w1, 0),
+        Body(m2, x2, y2, I2 - m2 * r2**2, w1 + w2, 1),
+    )
+    reflected = first * gr**2 * Ir + second * Ir
+    base = (
+        Base("inertia_11", I1 + I2 + m2 * l1**2 + reflected, "kg m^2"),
+        Base("inertia_12", I2 - second * gr * Ir, "kg m^2"),
+        Base("inertia_22", I2 + second * gr**2 * Ir, "kg m^2"),
+        Base("coupling", m2 * l1 * r2, "kg m^2"),
+        Base("gravity_1", g * (m1 * r1 + m2 * l1), "N m"),
+        Base("gravity_2", g * m2 * r2, "N m"),
+    )
+    return Mechanism(
+        Description(
+            kind="double_pendulum",
+            joints=("joint 1", "joint 2"),
+            q=(q1, q2),
+            w=(w1, w2),
+            gravity=g,
+            parameters=tuple(Parameter(s[k], *PARAMETERS[k]) for k in PARAMETERS),
+            bodies=bodies,
+            rotors=((first * Ir, gr * w1), (second * Ir, w1 - gr * w2)),
+            driven=(bool(driven[0]), bool(driven[1])),
+            base=base,
+        )
+    )

@@ -1,0 +1,79 @@
+"""From the [mechanism] table of a data set to a mechanism and its parameters."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from frictionid.errors import InputError
+from frictionid.mechanics.acrobot import acrobot
+from frictionid.mechanics.double_pendulum import double_pendulum
+from frictionid.mechanics.lagrange import Mechanism
+from frictionid.mechanics.pendulum import pendulum
+
+_KINDS: Mapping[str, Callable[..., Mechanism]] = {
+    "acrobot": acrobot,
+    "double_pendulum": double_pendulum,
+    "pendulum": pendulum,
+}
+
+
+def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
+    """Mechanism that a [mechanism] table describes: its `kind`, and that kind's options.
+
+    Raises
+    ------
+    InputError
+        For an unknown kind, option or parameter, with the nearest name.
+
+    >>> mechanism_of({"kind": "pendulum", "parameters": {"mass": 0.5}}).n
+    1
+    """
+    kind = str(table.get("kind", ""))
+    if kind not in _KINDS:
+        raise InputError(f"[mechanism] kind = {kind!r} is unknown{_nearest(kind, _KINDS)}")
+    build = _KINDS[kind]
+    options = {k: _frozen(v) for k, v in table.items() if k not in ("kind", "parameters")}
+    known = inspect.signature(build).parameters
+    for name in options:
+        if name not in known:
+            raise InputError(f"[mechanism] {kind} has no option {name!r}{_nearest(name, known)}")
+    try:
+        mechanism = build(**options)
+    except ValueError as error:
+        raise InputError(f"[mechanism] {error}") from None
+    _check(table.get("parameters", {}), mechanism)
+    return mechanism
+
+
+def parameters_of(table: Mapping[str, Any], overrides: Mapping[str, float]) -> dict[str, float]:
+    """Physical parameters of the table's mechanism, defaults filled in, overrides applied; SI.
+
+    >>> parameters_of({"kind": "pendulum", "parameters": {"mass": 0.5}}, {"length": 0.2})["length"]
+    0.2
+    """
+    mechanism = mechanism_of(table)
+    _check(overrides, mechanism)
+    return {**mechanism.defaults, **table.get("parameters", {}), **overrides}
+
+
+def _check(parameters: Mapping[str, Any], mechanism: Mechanism) -> None:
+    for name, value in parameters.items():
+        known = mechanism.defaults
+        kind = mechanism.description.kind
+        if name not in known:
+            raise InputError(f"[mechanism] {kind} has no parameter {name!r}{_nearest(name, known)}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"[mechanism] {kind}: {name} = {value!r} must be a number")
+
+
+def _nearest(name: str, known: Mapping[str, Any]) -> str:
+    near = get_close_matches(name, list(known), n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ";"
+    return f"{hint} known are {', '.join(known)}"
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
