@@ -2,14 +2,14 @@
 
 
 class InputError(ValueError):
-    """A mistake in what the user gave, on one line: rule, value, place and way out.
+    r"""A mistake in what the user gave, on one line: rule, value, place and way out.
 
     The command line prints the message without a traceback and exits with status 2. It is raised
     where data come in (files, settings, constructors), never from inside the numerics.
 
     Examples
     --------
-    >>> str(InputError("time must increase:\\n row 3"))
+    >>> str(InputError("time must increase:\n row 3"))
     'time must increase: row 3'
     """
 

@@ -1,4 +1,4 @@
-"""Sampled signals, each on its own clock, and their exact values and averages between the samples."""
+"""Sampled signals, each on its own clock: their values and averages between the samples."""
 
 from typing import NamedTuple
 

@@ -1,0 +1,225 @@
+"""Data sets: dataset.toml and the tables that it describes, as checked recordings in SI units."""
+
+import hashlib
+import math
+import os
+import tomllib
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.errors import InputError
+from frictionid.readers.layout import UNITS, Layout, check_layout, nearest
+from frictionid.readers.table import Table, read_table, table_name
+from frictionid.recordings import Dataset, Motion, Recording, first_fault
+from frictionid.signals import Signal, cut
+
+
+def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
+    """The data set that a dataset.toml describes.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder with a dataset.toml, or that file.
+    data : str or Path, optional
+        Folder of the tables. Default: the folder of dataset.toml or, where it names a collection,
+        the folder of that name in the folder that the variable FRICTIONID_DATA names.
+
+    Returns
+    -------
+    Dataset
+        Angles, torques and velocities in SI units, each on the clock of its file.
+
+    Raises
+    ------
+    InputError
+        Where a file is missing or damaged, or does not hold what dataset.toml says.
+    """
+    file = _description(Path(path))
+    document = _parse(file)
+    layout = check_layout(document, str(file))
+    folder = _tables_folder(layout, file, None if data is None else Path(data))
+    names = _matching(layout.recordings.patterns, folder, file)
+    _check_names(layout.sha256, names, f"{file}: sha256")
+    _check_names(layout.recordings.parameters, names, f"{file}: recordings.parameters")
+    recordings, hashes = [], {}
+    for name in names:
+        content = _content(folder / name)
+        hashes[name] = _sha256(content, folder / name, layout.sha256.get(name))
+        recordings.append(_recording(content, folder, name, layout))
+    origin = {key: getattr(layout, key) for key in ("description", "origin", "licence", "citation")}
+    return Dataset(
+        name=layout.name,
+        mechanism=document["mechanism"],
+        recordings=tuple(recordings),
+        hashes=hashes,
+        origin={key: text for key, text in origin.items() if text},
+        truth=layout.truth,
+    )
+
+
+def _description(path: Path) -> Path:
+    """The dataset.toml that the user means."""
+    file = path / "dataset.toml" if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")
+    return file
+
+
+def _parse(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(_content(file).decode("utf-8"))
+    # ValueError: no UTF-8, no TOML, or an integer with thousands of digits.
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{file} is no TOML ({error}); correct it") from None
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}); check it") from None
+
+
+def _tables_folder(layout: Layout, file: Path, data: Path | None) -> Path:
+    """Folder that the patterns are relative to."""
+    if data is not None:
+        folder = data
+    elif layout.collection is None:
+        folder = file.parent
+    elif collections := os.environ.get("FRICTIONID_DATA"):
+        folder = Path(collections) / layout.collection
+    else:
+        raise InputError(
+            f"{file}: its tables are in the collection {layout.collection!r}; name their folder "
+            "with --data FOLDER, or set FRICTIONID_DATA to the folder of the collections"
+        )
+    if not folder.is_dir():
+        raise InputError(
+            f"{file}: the folder of its tables, {folder}, does not exist; create it, "
+            "or name another one with --data FOLDER"
+        )
+    return folder
+
+
+def _matching(patterns: Iterable[str], folder: Path, file: Path) -> list[str]:
+    """Sorted names, relative to the folder, of the files that match any pattern."""
+    names: set[str] = set()
+    for pattern in patterns:
+        where = f"{file}: recordings.patterns: {pattern!r}"
+        if ".." in Path(pattern).parts:
+            raise InputError(f'{where} leaves the folder of the tables; write it without ".."')
+        try:
+            found = [path for path in folder.glob(pattern) if path.is_file()]
+        # Python's own limits on patterns: empty, absolute, "**" within a name, a null byte.
+        except (ValueError, NotImplementedError, OSError) as error:
+            raise InputError(f"{where} is no relative pattern ({error})") from None
+        if not found:
+            raise InputError(
+                f"{where} matches no file in {folder}; correct it, or name another "
+                "folder with --data FOLDER"
+            )
+        names.update(path.relative_to(folder).as_posix() for path in found)
+    return sorted(names)
+
+
+def _check_names(keys: Iterable[str], names: list[str], where: str) -> None:
+    for key in keys:
+        if key not in names:
+            raise InputError(f"{where}: {key!r} is no file of this data set; {nearest(key, names)}")
+
+
+def _sha256(content: bytes, file: Path, expected: str | None) -> str:
+    found = hashlib.sha256(content).hexdigest()
+    if expected not in (None, found):
+        raise InputError(
+            f"{file} is not the described file: its SHA-256 is {found}, dataset.toml says "
+            f"{expected}; get the original, or correct [sha256]"
+        )
+    return found
+
+
+def _recording(content: bytes, folder: Path, name: str, layout: Layout) -> Recording:
+    columns = layout.columns
+    table = read_table(content, str(folder / name), columns.names())
+    signals = partial(_signal, table, layout)
+    truth = None
+    if columns.truth:
+        truth = Motion(
+            signals("angle", columns.truth.angle)._replace(sigma=None),
+            signals("velocity", columns.truth.velocity)._replace(sigma=None),
+        )
+    recording = Recording(
+        name=table_name(name),
+        angle=signals("angle", columns.angle),
+        torque=signals("torque", columns.torque),
+        velocity=signals("velocity", columns.velocity) if columns.velocity else None,
+        parameters=layout.recordings.parameters.get(name, {}),
+        covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
+        truth=truth,
+    )
+    start, stop = layout.recordings.start, layout.recordings.stop
+    return recording if (start, stop) == (0.0, math.inf) else _within(recording, start, stop)
+
+
+def _signal(table: Table, layout: Layout, quantity: str, names: list[str]) -> Signal:
+    """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
+    torque = quantity == "torque"
+    clocks = layout.columns.time
+    clock = clocks.torque if torque and any(names) else clocks.angle
+    time = table.columns[clock]
+    value = np.column_stack([table.columns[n] if n else np.zeros(len(time)) for n in names])
+    rows = table.rows
+    if layout.columns.two_clocks:
+        # Each row belongs to the clocks that have a time in it.
+        has_time = ~np.isnan(time)
+        time, value, rows = time[has_time], value[has_time], rows[has_time]
+    if not len(time):
+        raise InputError(f"{table.file}: the column {clock!r} is empty; name the column of a clock")
+    fault = first_fault(time, value, (clock, *names))
+    if fault:
+        raise InputError(f"{table.file}, row {rows[fault[0]]}: {fault[1]}; repair or delete it")
+    sigma = getattr(layout.sigma, quantity) if quantity else None
+    unit = UNITS[quantity][getattr(layout.units, quantity)] if quantity else 1.0
+    # A number too large for its unit becomes infinite, which the recording refuses.
+    with np.errstate(over="ignore"):
+        return Signal(
+            time=time * UNITS["time"][layout.units.time],
+            value=value * unit,
+            hold=layout.hold.torque if torque else "linear",
+            sigma=None if sigma is None else np.full(len(names), sigma) * unit,
+        )
+
+
+def _within(recording: Recording, start: float, stop: float) -> Recording:
+    """The recording from ``start`` to ``stop`` [s] after its first angle sample."""
+    first = float(recording.angle.time[0])
+    span = partial(cut, start=first + start, stop=first + stop)
+    try:
+        angle = span(recording.angle)
+    except InputError as error:
+        raise InputError(f"recording {recording.name!r}: {error}") from None
+    truth, velocity = recording.truth, recording.velocity
+    return replace(
+        recording,
+        angle=angle,
+        torque=_around(recording.torque, angle.time[0], angle.time[-1]),
+        velocity=velocity and span(velocity),
+        covariates={key: span(signal) for key, signal in recording.covariates.items()},
+        truth=truth and Motion(span(truth.angle), span(truth.velocity)),
+    )
+
+
+def _around(torque: Signal, start: float, stop: float) -> Signal:
+    """The samples that set the torque from start to stop: one more at each end than lie inside."""
+    time = torque.time
+    before = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
+    behind = min(int(np.searchsorted(time, stop, side="left")), len(time) - 1)
+    return cut(torque, time[before], time[behind])

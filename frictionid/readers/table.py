@@ -1,0 +1,165 @@
+"""Tables of numbers: CSV, gzipped CSV and Parquet, column by column, with the rows of the file."""
+
+import csv
+import gzip
+import io
+import zlib
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictionid.errors import InputError
+from frictionid.signals import Array
+
+SUFFIXES = (".csv", ".csv.gz", ".parquet")
+
+
+class Table(NamedTuple):
+    """Columns of numbers.
+
+    Attributes
+    ----------
+    file : str
+        Where they come from, for errors.
+    rows : integer array, shape (R,)
+        Row of the file for each entry; the header is row 1.
+    columns : dict of str to array, shape (R,)
+        In the unit of the file; nan where the cell is empty.
+    """
+
+    file: str
+    rows: NDArray[np.int64]
+    columns: dict[str, Array]
+
+
+def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    r"""Table with the asked columns of a file's content.
+
+    Parameters
+    ----------
+    content : bytes
+    file : str
+        Name of the file; its ending tells the format, errors repeat it.
+    columns : sequence of str
+
+    Raises
+    ------
+    InputError
+        Where the content is no such table, a column is missing or a cell is no number.
+
+    Examples
+    --------
+    >>> read_table(b"time,q\n0.0,1.5\n0.1,\n", "a.csv", ["q"]).columns
+    {'q': array([1.5, nan])}
+    """
+    lower = file.lower()
+    if lower.endswith(".parquet"):
+        table = _parquet(content, file, columns)
+    elif lower.endswith(".csv.gz"):
+        table = _csv(_unzip(content, file), file, columns)
+    elif lower.endswith(".csv"):
+        table = _csv(content, file, columns)
+    else:
+        raise InputError(f"{file}: tables end with {', '.join(SUFFIXES)}; narrow the patterns")
+    if not len(table.rows):
+        raise InputError(f"{file} has no rows below its header; record again or leave it out")
+    return table
+
+
+def table_name(file: str) -> str:
+    """Name of a table's file without the ending that tells the format.
+
+    Examples
+    --------
+    >>> table_name("day_1/07.csv.gz")
+    'day_1/07'
+    """
+    for suffix in sorted(SUFFIXES, key=len, reverse=True):
+        if file.lower().endswith(suffix):
+            return file[: -len(suffix)]
+    return file
+
+
+def _unzip(content: bytes, file: str) -> bytes:
+    try:
+        return gzip.decompress(content)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{file} is no whole gzip file ({error}); copy it again") from None
+
+
+def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    try:
+        reader = csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""))
+        header = [cell.strip() for cell in next(reader, [])]
+        # A blank line is no row, but it counts where rows are named.
+        lines = [(reader.line_num, cells) for cells in reader if cells]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{file} is no CSV text in UTF-8 ({error}); export it again") from None
+    _check_header(file, header, columns)
+    for row, cells in lines:
+        if len(cells) != len(header):
+            raise InputError(
+                f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
+                "repair or delete the row"
+            )
+    picked = {name: _numbers(lines, header.index(name), name, file) for name in columns}
+    return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
+
+
+def _numbers(lines: list[tuple[int, list[str]]], at: int, name: str, file: str) -> Array:
+    """Column ``at`` as numbers, nan where it is empty."""
+    numbers = np.full(len(lines), np.nan)
+    for k, (row, cells) in enumerate(lines):
+        text = cells[at].strip()
+        if text:
+            try:
+                numbers[k] = float(text)
+            except ValueError:
+                raise InputError(
+                    f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
+                    "write a decimal point, or leave the cell empty"
+                ) from None
+    return numbers
+
+
+def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        whole = pq.ParquetFile(io.BytesIO(content))
+        header = list(whole.schema_arrow.names)
+        _check_header(file, header, columns)
+        table = whole.read(columns=list(dict.fromkeys(columns)))
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
+    picked = {}
+    for name in columns:
+        try:
+            cells = table.column(name).cast(pa.float64(), safe=False)
+        except pa.ArrowException as error:
+            raise InputError(
+                f"{file}: column {name!r} holds no numbers ({_first_line(error)})"
+            ) from None
+        picked[name] = cells.to_numpy().astype(float)
+    # Rows are counted as in a CSV file: the first one below the header is row 2.
+    return Table(file, np.arange(2, table.num_rows + 2), picked)
+
+
+def _first_line(error: Exception) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)
+
+
+def _check_header(file: str, header: Sequence[str], columns: Sequence[str]) -> None:
+    if not any(header):
+        raise InputError(f"{file} is empty; record again or leave it out")
+    named = ", ".join(repr(name) for name in header)
+    count = Counter(header)
+    for name in columns:
+        if count[name] == 0:
+            raise InputError(f"{file} has no column {name!r}; it has {named}")
+        if count[name] > 1:
+            raise InputError(f"{file} has {count[name]} columns called {name!r}; rename them")
