@@ -2,10 +2,10 @@
 
 M(q) dw/dt = h(q, w) + B u - Tf
 
-SymPy derives them once from the Lagrangian L = T - V and writes them as flat scalar code, which runs
-unchanged on NumPy arrays and torch tensors. The code's parameters are the *base* parameters, the
-combinations of masses, lengths and inertias in which L is linear: nothing else of them can be seen
-in the motion [Gautier1990].
+SymPy derives them once from the Lagrangian L = T - V and writes them as flat scalar code, which
+runs unchanged on NumPy arrays and torch tensors. The code's parameters are the *base* parameters,
+the combinations of masses, lengths and inertias in which L is linear: nothing else of them can be
+seen in the motion [Gautier1990].
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ import numpy as np
 import sympy as sp
 from sympy.printing.str import StrPrinter
 
-from frictionid.arrays import Array, namespace, times
+from frictionid.arrays import Array, namespace, solve, times
+from frictionid.errors import InputError
 
 
 class Parameter(NamedTuple):
@@ -53,9 +54,9 @@ class Body(NamedTuple):
 class Terms(NamedTuple):
     """Terms of the equations of motion at states with batch shape (...).
 
-    M (..., n, n) [kg m^2]; h (..., n) [N m], all that moves the joints apart from motors and friction;
-    momentum = M w (..., n) [N m s]; dLdq (..., n) [N m]; B (n, n), one where a motor drives the joint;
-    energy (...) [J].
+    M (..., n, n) [kg m^2]; h (..., n) [N m], all that moves the joints apart from motors and
+    friction; momentum = M w (..., n) [N m s]; dLdq (..., n) [N m]; B (n, n), one where a motor
+    drives the joint; energy (...) [J].
     """
 
     M: Array
@@ -70,8 +71,8 @@ class Terms(NamedTuple):
 class Description:
     """What a mechanism consists of; `Mechanism` turns it into numbers.
 
-    `q` and `w` are the joints' symbols, `gravity` that of g, `rotors` pairs (inertia, rate), `driven`
-    says which joints have a motor, `joints` names them.
+    `q` and `w` are the joints' symbols, `gravity` that of g, `rotors` pairs (inertia, rate),
+    `driven` says which joints have a motor, `joints` names them.
     """
 
     kind: str
@@ -89,7 +90,7 @@ class Description:
 
 
 class _Printer(StrPrinter):
-    def _print_Float(self, expr: sp.Float) -> str:
+    def _print_Float(self, expr: sp.Float) -> str:  # noqa: N802 (SymPy's name)
         return repr(float(expr))
 
 
@@ -106,9 +107,10 @@ def flat_code(
     >>> flat_code([x], [sp.sqrt(4) * x**2, sp.cos(x)])(np, 3.0)[0]
     18.0
     """
-    shared, results = sp.cse([sp.N(sp.sympify(e)) for e in outputs], symbols=_fresh(), list=True)
+    outputs = [sp.N(sp.sympify(e)) for e in outputs]
+    shared, results = sp.cse(outputs, symbols=_fresh(), list=True)
     printer = _Printer()
-    used = set().union(*(e.atoms(sp.Function) for e in outputs), set())
+    used = set().union(*(e.atoms(sp.Function) for e in outputs))
     lines = [f"    {f} = xp.{f}" for f in sorted({type(e).__name__ for e in used})]
     lines += [f"    {name} = {printer.doprint(e)}" for name, e in shared]
     body = ", ".join(printer.doprint(e) for e in results)
@@ -116,7 +118,7 @@ def flat_code(
     source = f"def equations(xp, {names}):\n" + "\n".join(lines) + f"\n    return ({body},)\n"
     scope: dict[str, Any] = {}
     exec(compile(source, "<equations of motion>", "exec"), scope)
-    return scope["equations"]  # type: ignore[no-any-return]
+    return scope["equations"]
 
 
 def _fresh() -> Iterator[sp.Symbol]:
@@ -170,12 +172,17 @@ class Mechanism:
     def base(self, parameters: Mapping[str, Any]) -> Array:
         """Base parameters p of physical ones (numbers or arrays of one batch shape); SI units.
 
-        Missing parameters take their defaults.
+        Missing parameters take their defaults; an unknown name is an InputError. Gradients of torch
+        parameters pass through.
         """
-        values = {**self.defaults, **parameters}
+        values = self._complete(parameters)
         xp = namespace(*values.values())
-        out = self._base_code(xp, *(values[name] for name in self.defaults))
-        out = tuple(xp.asarray(o, dtype=xp.float64) for o in out)
+        # not asarray on tensors: by torch's version it cuts off the gradient or warns about it
+        floats = [
+            xp.astype(v, xp.float64) if hasattr(v, "shape") else xp.asarray(v, dtype=xp.float64)
+            for v in values.values()
+        ]
+        out = self._base_code(xp, *floats)
         return xp.stack(xp.broadcast_arrays(*out), axis=-1)
 
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
@@ -205,10 +212,8 @@ class Mechanism:
         load-dependent friction law multiplies by its coefficient. Physical parameters are needed,
         base parameters do not determine it.
         """
-        from frictionid.arrays import solve
-
-        values = {**self.defaults, **parameters}
-        p = self.base(parameters)
+        values = self._complete(parameters)
+        p = self.base(values)
         terms = self.terms(p, q, w)
         a = solve(terms.M, terms.h + times(terms.B, u))
         xp = namespace(q)
@@ -217,6 +222,15 @@ class Mechanism:
         zero = 0.0 * q[..., 0]
         x, y = (xp.stack([f + zero for f in flat[i::2]], axis=-1) for i in (0, 1))
         return xp.sqrt(x * x + y * y)
+
+    def _complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        unknown = [name for name in parameters if name not in self.defaults]
+        if unknown:
+            raise InputError(
+                f"{self.description.kind} has no parameter {unknown[0]!r}; "
+                f"known are {', '.join(self.defaults)}"
+            )
+        return {**self.defaults, **parameters}
 
     def _evaluate(
         self, code: Callable[..., Any], p: Array, q: Array, w: Array | None
@@ -231,7 +245,8 @@ class Mechanism:
     def _symmetric(self, xp: Any, upper: Sequence[Array]) -> Array:
         n = self.n
         at = {}
-        for value, (i, j) in zip(upper, ((i, j) for i in range(n) for j in range(i, n)), strict=True):
+        places = [(i, j) for i in range(n) for j in range(i, n)]
+        for value, (i, j) in zip(upper, places, strict=True):
             at[i, j] = at[j, i] = value
         flat = xp.stack([at[i, j] for i in range(n) for j in range(n)], axis=-1)
         return xp.reshape(flat, (*flat.shape[:-1], n, n))
@@ -277,9 +292,7 @@ def derive(d: Description) -> dict[str, Any]:
     momentum = [sp.diff(L, wi) for wi in d.w]
     M = [sp.diff(momentum[i], d.w[j]) for i in n for j in n if j >= i]
     dLdq = [sp.diff(L, qi) for qi in d.q]
-    h = [
-        sp.expand(dLdq[i] - sum(sp.diff(momentum[i], d.q[j]) * d.w[j] for j in n)) for i in n
-    ]
+    h = [sp.expand(dLdq[i] - sum(sp.diff(momentum[i], d.q[j]) * d.w[j] for j in n)) for i in n]
     arguments = [*d.q, *d.w, *symbols]
     return {"M": M, "h": h, "dLdq": dLdq, "energy": kinetic + potential, "arguments": arguments}
 
@@ -301,7 +314,7 @@ def _rate(z: sp.Expr, q: Sequence[sp.Symbol], w: Sequence[sp.Symbol]) -> sp.Expr
 
 
 def _polynomial(e: sp.Expr, q: Sequence[sp.Symbol]) -> sp.Expr:
-    # sin^2 = 1 - cos^2 makes rotated squares cancel as polynomials: sixteen times faster than trigsimp
+    # sin^2 = 1 - cos^2 makes rotated squares cancel as polynomials: 16 times faster than trigsimp
     e = sp.expand(sp.expand_trig(sp.expand(e)))
     for qi in q:
         e = sp.expand(e.subs(sp.sin(qi) ** 2, 1 - sp.cos(qi) ** 2))
