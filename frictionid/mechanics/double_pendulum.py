@@ -1,13 +1,14 @@
 """Two links in a vertical plane, either or both joints driven by geared motors.
 
-q1 = 0 hangs down, counter-clockwise positive; q2 is relative to link 1. The symbols are those of the
-published models of the DFKI double pendulum [Wiebe2024]: I1 and I2 are about the joints, the rotor of
-the second motor sits on link 1 and turns against its joint (M12 gets - gr Ir).
+q1 = 0 hangs down, counter-clockwise positive; q2 is relative to link 1. The symbols are those of
+the published models of the DFKI double pendulum [Wiebe2024]: I1 and I2 are about the joints, the
+rotor of the second motor sits on link 1 and turns against its joint (M12 gets - gr Ir).
 """
 
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 
 import sympy as sp
 
@@ -31,11 +32,19 @@ PARAMETERS = {
 def double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Mechanism:
     """Double pendulum with motors at the joints where `driven` is true.
 
-    A rotor is counted at each driven joint only.
+    A rotor is counted at each driven joint only. Without one at joint 2, M12 and M22 have the same
+    constant part: inertia_12 is then no base parameter.
+
+    Raises
+    ------
+    ValueError
+        Unless `driven` is a pair of true and false.
 
     >>> double_pendulum().base_names
     ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
     """
+    if driven not in product((False, True), repeat=2):
+        raise ValueError(f"double_pendulum: driven = {driven!r} must be a pair of true and false")
     s = {name: sp.Symbol(name) for name in PARAMETERS}
     m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = s.values()
     q1, q2, w1, w2 = sp.symbols("q1 q2 w1 w2")
@@ -46,9 +55,10 @@ def double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Mechanism:
         Body(m2, x2, y2, I2 - m2 * r2**2, w1 + w2, 1),
     )
     reflected = first * gr**2 * Ir + second * Ir
+    inertia_12 = Base("inertia_12", I2 - second * gr * Ir, "kg m^2")
     base = (
         Base("inertia_11", I1 + I2 + m2 * l1**2 + reflected, "kg m^2"),
-        Base("inertia_12", I2 - second * gr * Ir, "kg m^2"),
+        *((inertia_12,) if second else ()),
         Base("inertia_22", I2 + second * gr**2 * Ir, "kg m^2"),
         Base("coupling", m2 * l1 * r2, "kg m^2"),
         Base("gravity_1", g * (m1 * r1 + m2 * l1), "N m"),

@@ -15,9 +15,16 @@ def pendulum(driven: bool = True) -> Mechanism:
 
     (m l^2 + J + N^2 Jr) dw/dt = -m g l sin q + u - Tf
 
+    Raises
+    ------
+    ValueError
+        Unless `driven` is true or false.
+
     >>> pendulum().base_names
     ('inertia', 'gravity')
     """
+    if driven not in (False, True):
+        raise ValueError(f"pendulum: driven = {driven!r} must be true or false")
     m, length, J, rotor, gear, g = symbols = sp.symbols("mass length inertia rotor gear g")
     q, w = sp.symbols("q1 w1")
     defaults = (1.0, 1.0, 0.0, 0.0, 1.0, 9.81)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from typing import Any
@@ -35,7 +36,7 @@ def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
     if kind not in _KINDS:
         raise InputError(f"[mechanism] kind = {kind!r} is unknown{_nearest(kind, _KINDS)}")
     build = _KINDS[kind]
-    options = {k: _frozen(v) for k, v in table.items() if k not in ("kind", "parameters")}
+    options = {k: _frozen(k, v) for k, v in table.items() if k not in ("kind", "parameters")}
     known = inspect.signature(build).parameters
     for name in options:
         if name not in known:
@@ -59,14 +60,17 @@ def parameters_of(table: Mapping[str, Any], overrides: Mapping[str, float]) -> d
     return {**mechanism.defaults, **table.get("parameters", {}), **overrides}
 
 
-def _check(parameters: Mapping[str, Any], mechanism: Mechanism) -> None:
+def _check(parameters: Any, mechanism: Mechanism) -> None:
+    if not isinstance(parameters, Mapping):
+        raise InputError(f"[mechanism] parameters = {parameters!r} must be a table: name = number")
     for name, value in parameters.items():
         known = mechanism.defaults
         kind = mechanism.description.kind
         if name not in known:
             raise InputError(f"[mechanism] {kind} has no parameter {name!r}{_nearest(name, known)}")
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"[mechanism] {kind}: {name} = {value!r} must be a number")
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and math.isfinite(value)):
+            raise InputError(f"[mechanism] {kind}: {name} = {value!r} must be a finite number")
 
 
 def _nearest(name: str, known: Mapping[str, Any]) -> str:
@@ -75,5 +79,8 @@ def _nearest(name: str, known: Mapping[str, Any]) -> str:
     return f"{hint} known are {', '.join(known)}"
 
 
-def _frozen(value: Any) -> Any:
+def _frozen(name: str, value: Any) -> Any:
+    entries = value if isinstance(value, list) else [value]
+    if any(isinstance(e, list | Mapping) for e in entries):
+        raise InputError(f"[mechanism] {name} = {value!r} must be a value or a list of values")
     return tuple(value) if isinstance(value, list) else value
