@@ -54,8 +54,8 @@ def acrobot(inertias: str = "printed", link2_rate: str = "absolute") -> Mechanis
     Parameters
     ----------
     inertias : "printed" or "shapes"
-        The study's printed moments of inertia are parameters, or they follow from its shape formulas
-        (the bush's printed value differs from its formula by 1 %).
+        The study's printed moments of inertia are parameters, or they follow from its shape
+        formulas (the bush's printed value differs from its formula by 1 %).
     link2_rate : "absolute" or "relative"
         Link 2 turns at w1 + w2; the study's printed energy has the relative rate w2.
 
@@ -69,7 +69,10 @@ def acrobot(inertias: str = "printed", link2_rate: str = "absolute") -> Mechanis
     >>> acrobot().base_names
     ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
     """
-    for value, allowed in ((inertias, ("printed", "shapes")), (link2_rate, ("absolute", "relative"))):
+    for value, allowed in (
+        (inertias, ("printed", "shapes")),
+        (link2_rate, ("absolute", "relative")),
+    ):
         if value not in allowed:
             raise ValueError(f"acrobot: option {value!r} must be one of {', '.join(allowed)}")
     table = PARAMETERS | (PRINTED if inertias == "printed" else SHAPES)
