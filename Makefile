@@ -1,0 +1,93 @@
+# Two commands do everything on a bare machine: `make compare` and `make test`. `make` alone lists all.
+# PYTHON=... names the interpreter for .venv, ARGS=... is added to the command that a target runs.
+
+BIN := .venv/bin
+CORE := .venv/frictionid.core
+TEST := .venv/frictionid.test
+DEV := .venv/frictionid.dev
+
+# Each worker computes on one thread: two workers with two threads each are slower on two cores.
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
+
+.PHONY: help compare test check format bench clean ALWAYS
+.DEFAULT_GOAL := help
+
+help: ## this list
+	@grep -E '^[a-z]+:.*## ' Makefile | sed -E 's/:.*## /|/' | while IFS='|' read -r name text; do \
+	  printf '  make %-9s %s\n' "$$name" "$$text"; done
+
+compare: $(CORE) ## set up .venv, then compare friction models on the simulated acrobot (about 2 minutes)
+	@$(BIN)/frictionid compare comparisons/acrobot.toml $(ARGS)
+
+test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
+	@$(ONE_THREAD) $(BIN)/pytest -n 2 $(ARGS)
+
+check: $(DEV) ## formatting, lint and types
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+format: $(DEV) ## format the code and repair what lint can repair
+	@$(BIN)/ruff check --fix-only --quiet .
+	@$(BIN)/ruff format .
+
+bench: $(CORE) ## accuracy and time of the parts
+	@$(BIN)/python comparisons/bench.py $(ARGS)
+
+clean: ## remove .venv and caches; results in report/ stay
+	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis
+
+# The environment. It is made again from nothing when an installation was interrupted (.venv/installing is
+# left) or the folder was moved (its scripts name the old place); it is brought up to date when the
+# requirements change; otherwise it is left alone.
+BROKEN := $(shell test -d .venv || exit 0; test ! -e .venv/installing \
+  && test "$$(cat .venv/place 2>/dev/null || pwd -P)" = "$$(pwd -P)" \
+  && $(BIN)/python -c 'import pip' >/dev/null 2>&1 || echo broken)
+READY := $(if $(BROKEN),,$(wildcard $(BIN)/python))
+
+# "ok:" and the path of the first interpreter that will do, else the sentence that names the way out.
+# (Patterns have both parentheses because make counts them; a hash sign cannot be written in every make.)
+FOUND = $(shell \
+  set -- $(if $(PYTHON),"$(PYTHON)",python3 python3.13 python3.12 python3.11); \
+  for name do \
+    path=$$(command -v "$$name") || continue; \
+    version=$$("$$path" --version 2>&1) || continue; \
+    case "$$version" in \
+      ("Python 3.1"[1-9]* | "Python 3."[2-9][0-9]*) ;; \
+      (*) old="$${old:-$$version at $$path}"; continue ;; \
+    esac; \
+    if "$$path" -c 'import ensurepip, venv' >/dev/null 2>&1; then echo "ok:$$path"; exit; fi; \
+    case "$$name" in (python3.1[1-9]) package=$$name-venv ;; (*) package=python3-venv ;; esac; \
+    bare="$${bare:-$$package is missing for $$path: sudo apt install $$package}"; \
+  done; \
+  old="$${old:-no $(or $(PYTHON),python3)}"; \
+  echo "$${bare:-frictionid needs Python 3.11 or newer; found $$old: install one}," \
+    "or name another: make PYTHON=python3.12 $(or $(firstword $(MAKECMDGOALS)),compare)")
+
+define create
+$(eval INTERPRETER := $(FOUND))
+$(if $(filter ok:%,$(firstword $(INTERPRETER))),,$(error $(INTERPRETER)))
+@echo "Setting up .venv with $(subst ok:,,$(INTERPRETER)): NumPy, SciPy, pandas, scikit-learn, PySINDy, OpenCV, PyTorch ..."
+@echo "0.4 GB to download, 1.7 GB on disk, one minute or a few; PyTorch with CUDA (the README says how to do without) is several GB more."
+@"$(subst ok:,,$(INTERPRETER))" -m venv --clear .venv
+endef
+
+define install
+@touch .venv/installing
+@$(BIN)/python -m pip install --disable-pip-version-check --no-input -c constraints.txt -e $(1)
+@rm .venv/installing
+@touch $@
+endef
+
+$(CORE): pyproject.toml constraints.txt $(if $(BROKEN),ALWAYS)
+	$(if $(READY),,$(create))
+	$(call install,.)
+	@pwd -P >.venv/place
+
+$(TEST): $(CORE)
+	@echo "Adding pytest, MuJoCo, Pinocchio to .venv: 0.1 GB to download, 0.5 GB on disk, half a minute."
+	$(call install,'.[test]' --quiet)
+
+$(DEV): $(CORE)
+	@echo "Adding ruff, mypy, pre-commit to .venv: 0.1 GB on disk, ten seconds."
+	$(call install,'.[dev]' --quiet)

@@ -1,0 +1,36 @@
+"""Friction in robot joints, identified from recorded motion and compared on equal terms.
+
+The names below are imported when they are first asked for, so that `import frictionid` and
+`frictionid --help` load none of NumPy, SymPy, pandas, PyTorch.
+
+>>> import frictionid
+>>> frictionid.Signal.__module__
+'frictionid.signals'
+"""
+
+from importlib import import_module
+from typing import Any
+
+_HOME = {
+    "Dataset": "frictionid.recordings",
+    "InputError": "frictionid.errors",
+    "Motion": "frictionid.recordings",
+    "Recording": "frictionid.recordings",
+    "Signal": "frictionid.signals",
+    "load_dataset": "frictionid.readers.dataset",
+}
+
+__all__ = ["__version__", *_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name from the module that defines it, or the installed version."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version("frictionid")
+    if name not in _HOME:
+        raise AttributeError(f"module 'frictionid' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,44 @@
+"""What all tests share: where measured recordings are, and that CI may not skip them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Folder of the public recordings, one subfolder per collection; a test that asks is `real`."""
+    named = os.environ.get("FRICTIONID_DATA")
+    if not named:
+        pytest.skip("FRICTIONID_DATA does not name a folder with the public recordings")
+    if not Path(named).is_dir():
+        pytest.skip(f"FRICTIONID_DATA names {named}, which is no folder")
+    return Path(named)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test `real` that asks for the recordings, so that none can be forgotten."""
+    for item in items:
+        if "real_data" in getattr(item, "fixturenames", ()):
+            item.add_marker("real")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Turn a skipped `real` test into a failure where FRICTIONID_REQUIRE_REAL=1 says so."""
+    report = yield
+    required = os.environ.get("FRICTIONID_REQUIRE_REAL") == "1"
+    skipped = report.skipped and not hasattr(report, "wasxfail")
+    if required and skipped and item.get_closest_marker("real"):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        report.outcome = "failed"
+        report.longrepr = f"FRICTIONID_REQUIRE_REAL=1, yet {item.nodeid} was skipped: {reason}"
+    return report

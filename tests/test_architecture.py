@@ -1,0 +1,272 @@
+"""The rules of the code's structure: which way imports point, and how long things may get.
+
+Every rule is a function of a package's files that gives its violations as text; each is tried on
+the package, where it must find nothing, and on a planted violation, which it must find.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import tokenize
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+# From the bottom to the top: a module may import what stands before it, and its own package.
+LAYERS = (
+    *("errors", "arrays", "signals", "geometry"),
+    *("recordings", "readers"),
+    *("mechanics",),
+    *("friction", "laws"),
+    *("kinematic", "states", "step"),
+    *("rollout", "problem"),
+    *("identifiers", "shooting"),
+    *("check", "evaluation"),
+    *("store", "compare"),
+    *("simulate", "acquire"),
+    *("report", "export", "use"),
+    *("suite", "cli"),
+)
+# The simulator must not share the physics step or the laws with what is fitted: inverse crime.
+ONLY = {"simulate": {*LAYERS[: LAYERS.index("mechanics") + 1], "simulate"}}
+# Imports wait until they are needed there, so that --help is quick: they are no part of the order.
+LAZY = {"", "cli"}
+NAMELESS = {"utils", "util", "helpers", "helper", "common", "misc", "manager", "handler"}
+LINES = 400
+CODE_LINES = 60
+
+
+class Module(NamedTuple):
+    """One file of a package: dotted name within the package ("" is the package itself)."""
+
+    name: str
+    path: Path
+    tree: ast.Module
+
+    @property
+    def layer(self) -> str:
+        """Name of the entry of the list that the module belongs to."""
+        return self.name.partition(".")[0]
+
+    @property
+    def is_package(self) -> bool:
+        """Whether the file is an `__init__.py`."""
+        return self.path.name == "__init__.py"
+
+
+def read(root: Path) -> dict[str, Module]:
+    """Modules of the package in the folder root, by their dotted names."""
+    modules = {}
+    for path in sorted(root.rglob("*.py")):
+        parts = path.relative_to(root).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        modules[name] = Module(name, path, ast.parse(path.read_text(), str(path)))
+    return modules
+
+
+def imports(module: Module, modules: dict[str, Module], package: str) -> Iterator[tuple[int, str]]:
+    """Line and dotted name of each module of the package that a module imports, anywhere in it."""
+    for node in ast.walk(module.tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = _absolute(node, module, package)
+            # `from a import b` means the module a.b where there is one, else something inside a
+            names = [f"{base}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        for name in names:
+            top, _, inner = name.partition(".")
+            if top == package:
+                yield node.lineno, inner if inner in modules else inner.rpartition(".")[0]
+
+
+def _absolute(node: ast.ImportFrom, module: Module, package: str) -> str:
+    if not node.level:
+        return node.module or ""
+    parts = [package, *module.name.split(".")] if module.name else [package]
+    kept = parts[: len(parts) - node.level + module.is_package]
+    return ".".join([*kept, node.module] if node.module else kept)
+
+
+def unlisted(modules: dict[str, Module]) -> list[str]:
+    """Modules that have no place in the list of layers, and names that say nothing."""
+    found = [
+        f"{m.name}: not in the list of layers"
+        for m in modules.values()
+        if m.layer not in {"", *LAYERS}
+    ]
+    for module in modules.values():
+        found += [
+            f"{module.name}: say in the name what is in the file"
+            for part in module.name.split(".")
+            if part in NAMELESS
+        ]
+    return found
+
+
+def wrong_way(modules: dict[str, Module], package: str) -> list[str]:
+    """Imports that do not point down to a lower layer or stay within their own package."""
+    found = []
+    for module in modules.values():
+        if module.layer in LAZY or module.layer not in LAYERS:
+            continue
+        lower = LAYERS[: LAYERS.index(module.layer) + 1]
+        allowed = ONLY.get(module.layer, set(lower))
+        for line, name in imports(module, modules, package):
+            layer = name.partition(".")[0]
+            if layer not in allowed:
+                found.append(f"{module.name}:{line}: may not import {package}.{name}".rstrip("."))
+            elif module.is_package and module.name and not name.startswith(f"{module.name}."):
+                found.append(
+                    f"{module.name}:{line}: __init__.py imports {name}, no leaf of its own"
+                )
+    return found
+
+
+def cycles(modules: dict[str, Module], package: str) -> list[str]:
+    """Files that import each other in a circle, also within one package."""
+    graph = {m.name: {n for _, n in imports(m, modules, package)} for m in modules.values()}
+    graph = {
+        name: {n for n in to if n in modules} for name, to in graph.items() if name not in LAZY
+    }
+    while leaves := {name for name, to in graph.items() if not to & graph.keys()}:
+        graph = {name: to for name, to in graph.items() if name not in leaves}
+    return [f"{name}: in or above a circle of imports" for name in graph]
+
+
+def open_ended(modules: dict[str, Module]) -> list[str]:
+    """Functions that take `**kwargs`, and statements that change module-level state."""
+    found = []
+    for module in modules.values():
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.arguments) and node.kwarg:
+                found.append(
+                    f"{module.name}:{node.kwarg.lineno}: **{node.kwarg.arg} in a signature"
+                )
+            if isinstance(node, ast.Global):
+                found.append(f"{module.name}:{node.lineno}: global {', '.join(node.names)}")
+    return found
+
+
+def too_long(paths: Iterable[Path]) -> list[str]:
+    """Files of 400 lines and more, functions of more than 60 lines of code."""
+    found = []
+    for path in paths:
+        text = path.read_text()
+        if (lines := len(text.splitlines())) >= LINES:
+            found.append(f"{path.name}: {lines} lines")
+        code = _code_lines(text)
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                own = code & set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+                if len(own - _docstring_lines(node)) > CODE_LINES:
+                    found.append(f"{path.name}:{node.lineno}: {node.name} has {len(own)} lines")
+    return found
+
+
+def _code_lines(text: str) -> set[int]:
+    """Numbers of the lines that hold more than comments."""
+    silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+    return {
+        line
+        for token in tokenize.generate_tokens(io.StringIO(text).readline)
+        if token.type not in silent
+        for line in range(token.start[0], token.end[0] + 1)
+    }
+
+
+def _docstring_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> set[int]:
+    if ast.get_docstring(node) is None:
+        return set()
+    return set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
+
+
+def violations(root: Path) -> list[str]:
+    """All that breaks a rule in the package in the folder root."""
+    modules = read(root)
+    return [
+        *unlisted(modules),
+        *wrong_way(modules, root.name),
+        *cycles(modules, root.name),
+        *open_ended(modules),
+        *too_long(module.path for module in modules.values()),
+    ]
+
+
+def test_the_package_follows_the_rules() -> None:
+    assert violations(ROOT / "frictionid") == []
+
+
+@pytest.mark.parametrize("folder", ["tests", "comparisons", "peers"])
+def test_what_stands_beside_the_package_stays_short(folder: str) -> None:
+    assert too_long(sorted((ROOT / folder).rglob("*.py"))) == []
+
+
+SOUND = {
+    "__init__.py": "def __getattr__(name):\n    from pack.cli import main\n    return main\n",
+    "arrays.py": "import numpy\n",
+    "signals.py": "from pack.arrays import Array\nfrom . import errors\n",
+    "errors.py": "",
+    "laws/__init__.py": "from pack.laws.stribeck import Stribeck\nfrom .spline import Spline\n",
+    "laws/stribeck.py": "from pack.signals import Signal\nfrom pack.laws import spline\n",
+    "laws/spline.py": "from ..signals import Signal\nimport pack.arrays\n",
+    "cli/__init__.py": "def main():\n    from pack.laws import Stribeck\n",
+}
+PLANTED = {
+    "up": (
+        {"arrays.py": "from pack.signals import Signal"},
+        "arrays:1: may not import pack.signals",
+    ),
+    "up, plain": ({"arrays.py": "import pack.laws.spline"}, "may not import pack.laws.spline"),
+    "up, late": ({"arrays.py": "def f():\n    from . import laws"}, "arrays:2: may not import"),
+    "up, relative": ({"laws/spline.py": "from ..cli import main"}, "laws.spline:1: may not import"),
+    "from the top": (
+        {"laws/spline.py": "from pack import Law"},
+        "laws.spline:1: may not import pack",
+    ),
+    "inverse crime": ({"simulate/rig.py": "import pack.laws"}, "simulate.rig:1: may not import"),
+    "foreign init": ({"laws/__init__.py": "from pack.arrays import Array"}, "no leaf of its own"),
+    "circle of leaves": ({"laws/spline.py": "from pack.laws import stribeck"}, "circle of imports"),
+    "leaf through init": (
+        {"laws/spline.py": "from pack.laws import Law"},
+        "laws.spline: in or above",
+    ),
+    "unlisted": ({"extra.py": ""}, "extra: not in the list"),
+    "nameless": ({"laws/utils.py": ""}, "laws.utils: say in the name"),
+    "kwargs": ({"errors.py": "def f(a, **rest):\n    pass"}, "errors:1: **rest"),
+    "kwargs of a lambda": ({"errors.py": "f = lambda **rest: rest"}, "errors:1: **rest"),
+    "global": ({"errors.py": "def f():\n    global a\n    a = 1"}, "errors:2: global a"),
+    "long file": ({"errors.py": "# line\n" * 400}, "errors.py: 400 lines"),
+    "long function": ({"errors.py": "def f():\n" + "    a = 1\n" * 60}, "errors.py:1: f has 61"),
+}
+
+
+def _write(folder: Path, files: dict[str, str]) -> Path:
+    for name, text in files.items():
+        path = folder / "pack" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return folder / "pack"
+
+
+def test_the_checker_accepts_a_sound_package(tmp_path: Path) -> None:
+    full = 'def f():\n    """Text.\n\n    More.\n    """\n    # why\n\n' + "    a = 1\n" * 59
+    assert violations(_write(tmp_path, {**SOUND, "geometry.py": full})) == []
+
+
+@pytest.mark.parametrize(("files", "expected"), PLANTED.values(), ids=PLANTED)
+def test_the_checker_finds_a_planted_violation(
+    files: dict[str, str], expected: str, tmp_path: Path
+) -> None:
+    found = violations(_write(tmp_path, {**SOUND, **files}))
+    assert any(expected in line for line in found), found
+
+
+def test_the_list_of_layers_names_each_once() -> None:
+    assert len(set(LAYERS)) == len(LAYERS)
