@@ -4,6 +4,7 @@ from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter, Terms
 from frictionid.mechanics.pendulum import pendulum
+from frictionid.mechanics.plant import Plant, plant_of
 from frictionid.mechanics.table import mechanism_of, parameters_of
 
 __all__ = [
@@ -12,10 +13,12 @@ __all__ = [
     "Description",
     "Mechanism",
     "Parameter",
+    "Plant",
     "Terms",
     "acrobot",
     "double_pendulum",
     "mechanism_of",
     "parameters_of",
     "pendulum",
+    "plant_of",
 ]

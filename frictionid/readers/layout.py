@@ -67,11 +67,14 @@ class _Table(BaseModel):
         return table
 
 
+Column = Annotated[str, Field(min_length=1)]
+
+
 class Clocks(_Table):
     """Time columns of the two clocks."""
 
-    angle: str
-    torque: str
+    angle: Column
+    torque: Column
 
 
 def _both_clocks(time: object) -> object:
@@ -103,7 +106,7 @@ class ColumnNames(_Table):
     torque: Columns
     velocity: Columns | None = None
     truth: TruthColumns | None = None
-    covariates: dict[str, str] = {}
+    covariates: dict[str, Column] = {}
 
     @model_validator(mode="after")
     def _one_column_per_joint(self) -> Self:

@@ -92,21 +92,33 @@ def _unzip(content: bytes, file: str) -> bytes:
 
 def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
     try:
-        reader = csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""))
+        text = io.StringIO(content.decode("utf-8-sig"), newline="")
+        reader = csv.reader(text, strict=True)
         header = [cell.strip() for cell in next(reader, [])]
+        below = reader.line_num
         # A blank line is no row, but it counts where rows are named.
-        lines = [(reader.line_num, cells) for cells in reader if cells]
+        lines = [(reader.line_num, cells) for cells in reader]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{file} is no CSV text in UTF-8 ({error}); export it again") from None
     _check_header(file, header, columns)
-    for row, cells in lines:
-        if len(cells) != len(header):
+    _check_lines(file, header, lines, below)
+    lines = [(row, cells) for row, cells in lines if cells]
+    picked = {name: _numbers(lines, header.index(name), name, file) for name in columns}
+    return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
+
+
+def _check_lines(
+    file: str, header: list[str], lines: list[tuple[int, list[str]]], below: int
+) -> None:
+    for expected, (row, cells) in enumerate(lines, start=below + 1):
+        if row != expected:
+            # Two stray quotes would otherwise swallow all the rows between them.
+            raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
+        if cells and len(cells) != len(header):
             raise InputError(
                 f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
                 "repair or delete the row"
             )
-    picked = {name: _numbers(lines, header.index(name), name, file) for name in columns}
-    return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
 
 
 def _numbers(lines: list[tuple[int, list[str]]], at: int, name: str, file: str) -> Array:
@@ -129,24 +141,26 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    # What pyarrow raises at damaged files: its own errors, OSError, and ValueError at broken text.
+    damage = (pa.ArrowException, OSError, ValueError)
     try:
         whole = pq.ParquetFile(io.BytesIO(content))
         header = list(whole.schema_arrow.names)
-        _check_header(file, header, columns)
-        table = whole.read(columns=list(dict.fromkeys(columns)))
-    except (pa.ArrowException, OSError) as error:
+    except damage as error:
         raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
+    _check_header(file, header, columns)
     picked = {}
     for name in columns:
         try:
-            cells = table.column(name).cast(pa.float64(), safe=False)
-        except pa.ArrowException as error:
+            cells = whole.read(columns=[name]).column(name).cast(pa.float64(), safe=False)
+        except damage as error:
             raise InputError(
                 f"{file}: column {name!r} holds no numbers ({_first_line(error)})"
             ) from None
         picked[name] = cells.to_numpy().astype(float)
     # Rows are counted as in a CSV file: the first one below the header is row 2.
-    return Table(file, np.arange(2, table.num_rows + 2), picked)
+    rows = np.arange(2, whole.metadata.num_rows + 2)
+    return Table(file, rows, picked)
 
 
 def _first_line(error: Exception) -> str:

@@ -1,0 +1,20 @@
+"""The baseline that fits nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction
+from frictionid.laws import NoFriction
+from frictionid.problem import Problem
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """Identifier `none`: friction is zero."""
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:  # noqa: ARG002
+        return Friction(NoFriction(), np.zeros((len(weights), problem.r.shape[-1], 0)))

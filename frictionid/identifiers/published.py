@@ -1,0 +1,31 @@
+"""Other people's numbers: friction as published, so that it stands in the same table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.problem import Problem
+
+
+@dataclass(frozen=True)
+class Published:
+    """Identifier `published`: a given friction, the same in every fold.
+
+    Where the friction has mechanism parameters of its own, they are used in place of the data set's.
+    """
+
+    friction: Friction
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:  # noqa: ARG002
+        theta = self.friction.theta
+        if theta.ndim != 2 or theta.shape[0] != problem.r.shape[-1]:
+            raise InputError(
+                f"the published friction has theta of shape {tuple(theta.shape)}, the data "
+                f"{problem.r.shape[-1]} joints: give one friction with as many joints as the data"
+            )
+        return replace(self.friction, theta=np.repeat(theta[None], len(weights), axis=0))

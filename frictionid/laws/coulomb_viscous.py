@@ -1,0 +1,46 @@
+"""Coulomb and viscous friction: Tf = Fc sgn(w) + Fv w."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from frictionid.arrays import Array, namespace
+from frictionid.friction import Inputs, Memory
+from frictionid.laws.sign import smooth_sign
+
+
+@dataclass(frozen=True)
+class CoulombViscous:
+    """Tf = coulomb sgn(w) + viscous w, with sgn smoothed over `width` [rad/s].
+
+    The physics step holds a joint at rest by itself; the width only has to be well below the
+    velocities of interest [Olsson1998].
+    """
+
+    width: float = 0.02
+    shape: str = "tanh"
+    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous")
+    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")),) * 2
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.0),)
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+
+    def start(self, theta: Array, x: Inputs) -> Memory:  # noqa: ARG002
+        return ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG002
+        return theta[..., 0] * smooth_sign(x.w, self.width, self.shape) + theta[..., 1] * x.w
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        xp = namespace(theta, x.w)
+        zero = 0.0 * (theta[..., 0] + x.w)
+        sign = smooth_sign(x.w, self.width, self.shape)
+        return xp.stack([sign + zero, x.w + zero], axis=-1)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:  # noqa: ARG002
+        return memory
+
+    def limit(self, theta: Array, x: Inputs) -> Array:
+        return theta[..., 0] + 0.0 * x.w

@@ -1,0 +1,123 @@
+"""Stribeck friction: break-away level that falls to the Coulomb level as sliding sets in.
+
+Tf = (Fc + Fp exp(-(w/ws)^2)) sgn(w) + Fv w, break-away at Fc + Fp [Olsson1998].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from frictionid.arrays import Array, namespace
+from frictionid.friction import Inputs, Memory
+from frictionid.laws.sign import smooth_sign
+
+_LEVEL = (0.0, float("inf"))
+_VELOCITY = (0.1, 30.0)  # below 0.1 rad/s the dip hides in the smoothing, above 30 it is a level
+_STARTS = (0.5, 1.5, 4.0)
+
+
+@dataclass(frozen=True)
+class Stribeck:
+    """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2)) sgn(w) + viscous w.
+
+    `peak` is the break-away minus the Coulomb level; sgn is smoothed over `width` [rad/s].
+    """
+
+    width: float = 0.02
+    shape: str = "tanh"
+    names: ClassVar[tuple[str, ...]] = ("coulomb", "peak", "stribeck_velocity", "viscous")
+    units: ClassVar[tuple[str, ...]] = ("N m", "N m", "rad/s", "N m s/rad")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (_LEVEL, _LEVEL, _VELOCITY, _LEVEL)
+    # peak = 0 makes the first step of a fit the linear least squares at that Stribeck velocity
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple((0.0, 0.0, ws, 0.0) for ws in _STARTS)
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+
+    def start(self, theta: Array, x: Inputs) -> Memory:  # noqa: ARG002
+        return ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG002
+        dip = _dip(x.w, theta[..., 2])
+        sign = smooth_sign(x.w, self.width, self.shape)
+        return (theta[..., 0] + theta[..., 1] * dip) * sign + theta[..., 3] * x.w
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        xp = namespace(theta, x.w)
+        ws = theta[..., 2]
+        dip = _dip(x.w, ws)
+        sign = smooth_sign(x.w, self.width, self.shape)
+        by_ws = theta[..., 1] * sign * dip * (2.0 * x.w**2 / ws**3)
+        zero = 0.0 * by_ws
+        return xp.stack([sign + zero, sign * dip, by_ws, x.w + zero], axis=-1)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:  # noqa: ARG002
+        return memory
+
+    def limit(self, theta: Array, x: Inputs) -> Array:
+        return theta[..., 0] + theta[..., 1] + 0.0 * x.w
+
+
+@dataclass(frozen=True)
+class AsymmetricStribeck:
+    """Stribeck friction with its own Coulomb level and peak in each direction.
+
+    `_positive` levels hold for w > 0, `_negative` ones for w < 0; all are positive numbers.
+    The Stribeck velocity and the viscous coefficient are shared.
+    """
+
+    width: float = 0.02
+    shape: str = "tanh"
+    names: ClassVar[tuple[str, ...]] = (
+        "coulomb_positive",
+        "coulomb_negative",
+        "peak_positive",
+        "peak_negative",
+        "stribeck_velocity",
+        "viscous",
+    )
+    units: ClassVar[tuple[str, ...]] = ("N m",) * 4 + ("rad/s", "N m s/rad")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (_LEVEL,) * 4 + (_VELOCITY, _LEVEL)
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
+        (0.0, 0.0, 0.0, 0.0, ws, 0.0) for ws in _STARTS
+    )
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+
+    def start(self, theta: Array, x: Inputs) -> Memory:  # noqa: ARG002
+        return ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG002
+        up, down = self._directions(x.w)
+        dip = _dip(x.w, theta[..., 4])
+        positive = theta[..., 0] + theta[..., 2] * dip
+        negative = theta[..., 1] + theta[..., 3] * dip
+        return positive * up + negative * down + theta[..., 5] * x.w
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        xp = namespace(theta, x.w)
+        ws = theta[..., 4]
+        up, down = self._directions(x.w)
+        dip = _dip(x.w, ws)
+        by_ws = (theta[..., 2] * up + theta[..., 3] * down) * dip * (2.0 * x.w**2 / ws**3)
+        zero = 0.0 * by_ws
+        columns = [up + zero, down + zero, up * dip, down * dip, by_ws, x.w + zero]
+        return xp.stack(columns, axis=-1)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:  # noqa: ARG002
+        return memory
+
+    def limit(self, theta: Array, x: Inputs) -> Array:
+        up = (x.w > 0) * 1.0
+        positive, negative = theta[..., 0] + theta[..., 2], theta[..., 1] + theta[..., 3]
+        return positive * up + negative * (1.0 - up)
+
+    def _directions(self, w: Array) -> tuple[Array, Array]:
+        sign = smooth_sign(w, self.width, self.shape)
+        half = (w > 0) * 1.0
+        return sign * half, sign * (1.0 - half)
+
+
+def _dip(w: Array, ws: Array) -> Array:
+    xp = namespace(w, ws)
+    return xp.exp(-((w / ws) ** 2))

@@ -1,0 +1,74 @@
+"""A mechanism together with its parameters: what the physics step needs to know of a machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.mechanics.lagrange import Mechanism, Terms
+from frictionid.mechanics.table import mechanism_of, parameters_of
+from frictionid.recordings import Dataset
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A mechanism with its physical parameters and the base parameters p that follow from them.
+
+    `parameters` are arrays of one batch shape (...), often one entry per recording or row; p has
+    shape (..., nb). Index a plant to pick from the batch.
+
+    >>> from frictionid.mechanics import pendulum
+    >>> Plant.of(pendulum(), {"mass": np.array([0.5, 1.0])})[1].p
+    array([1.  , 9.81])
+    """
+
+    mechanism: Mechanism
+    parameters: Mapping[str, Array]
+    p: Array
+
+    @staticmethod
+    def of(mechanism: Mechanism, parameters: Mapping[str, Any]) -> Plant:
+        """Plant of physical parameters, missing ones at their defaults; SI units."""
+        values = {**mechanism.defaults, **parameters}
+        arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in values.values()))
+        full = dict(zip(values, arrays, strict=True))
+        return Plant(mechanism, full, mechanism.base(full))
+
+    def __getitem__(self, index: Any) -> Plant:
+        return Plant(
+            self.mechanism, {k: v[index] for k, v in self.parameters.items()}, self.p[index]
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.mechanism.n
+
+    def terms(self, q: Array, w: Array) -> Terms:
+        """Terms of the equations of motion, see `Terms`."""
+        return self.mechanism.terms(self.p, q, w)
+
+    def dynamics(self, q: Array, w: Array) -> tuple[Array, Array]:
+        """M (..., n, n) and h (..., n)."""
+        return self.mechanism.dynamics(self.p, q, w)
+
+    def load(self, q: Array, w: Array, u: Array) -> Array:
+        """Bearing force in friction-free motion, shape (..., n) [N]."""
+        return self.mechanism.load(self.parameters, q, w, u)
+
+
+def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) -> Plant:
+    """Plant of a data set with one batch entry for each recording, shape (R,).
+
+    `parameters` replace the table's (a published model's own inertias); what a recording overrides
+    (an exchangeable mass) stays with the recording.
+    """
+    mechanism = mechanism_of(dataset.mechanism)
+    table = {**dataset.mechanism.get("parameters", {}), **(parameters or {})}
+    told = {**dataset.mechanism, "parameters": table}
+    each = [parameters_of(told, recording.parameters) for recording in dataset.recordings]
+    return Plant.of(mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults})
