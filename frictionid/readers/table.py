@@ -145,22 +145,23 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
     damage = (pa.ArrowException, OSError, ValueError)
     try:
         whole = pq.ParquetFile(io.BytesIO(content))
-        header = list(whole.schema_arrow.names)
+        _check_header(file, list(whole.schema_arrow.names), columns)
+        table = whole.read(columns=list(columns))
+    except InputError:
+        raise
     except damage as error:
         raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
-    _check_header(file, header, columns)
     picked = {}
     for name in columns:
         try:
-            cells = whole.read(columns=[name]).column(name).cast(pa.float64(), safe=False)
+            cells = table.column(name).cast(pa.float64(), safe=False)
         except damage as error:
             raise InputError(
                 f"{file}: column {name!r} holds no numbers ({_first_line(error)})"
             ) from None
         picked[name] = cells.to_numpy().astype(float)
     # Rows are counted as in a CSV file: the first one below the header is row 2.
-    rows = np.arange(2, whole.metadata.num_rows + 2)
-    return Table(file, rows, picked)
+    return Table(file, np.arange(2, table.num_rows + 2), picked)
 
 
 def _first_line(error: Exception) -> str:

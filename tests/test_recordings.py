@@ -1,0 +1,676 @@
+"""Data sets: what is read is what was measured, and every mistake is one clear line."""
+
+import copy
+import csv
+import gzip
+import hashlib
+import io
+import tempfile
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frictionid.errors import InputError
+from frictionid.readers.dataset import load_dataset
+from frictionid.readers.layout import UNITS, check_layout
+from frictionid.recordings import Dataset, Motion, Recording
+from frictionid.signals import Signal, sample
+
+ROOT = Path(__file__).parents[1]
+COLUMNS = ("time", "q1", "q2", "w1", "w2", "u1", "u2", "temp")
+DESCRIPTION = {
+    "name": "rig",
+    "mechanism": {"kind": "acrobot", "inertias": "printed", "parameters": {"m4": 0.084}},
+    "columns": {"time": "time", "angle": ["q1", "q2"], "torque": ["", "u2"]},
+    "recordings": {"patterns": ["*.csv"]},
+}
+# Rules, not speed: a busy machine may be slow.
+patient = settings(deadline=None, max_examples=60)
+
+
+def motion(samples=9, seed=0):
+    """Columns of an uneven recording, in SI units."""
+    random = np.random.default_rng(seed)
+    values = random.normal(size=(samples, len(COLUMNS)))
+    values[:, 0] = np.cumsum(random.uniform(0.01, 0.02, samples))
+    return dict(zip(COLUMNS, values.T, strict=True))
+
+
+def csv_bytes(columns):
+    """CSV text of columns; None is an empty cell."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return text.getvalue().encode()
+
+
+def parquet_bytes(columns):
+    buffer = io.BytesIO()
+    pq.write_table(pa.table(columns), buffer)
+    return buffer.getvalue()
+
+
+def described(**changes):
+    """The description with changes: "columns.torque" becomes columns__torque, None deletes."""
+    document = copy.deepcopy(DESCRIPTION)
+    for path, value in changes.items():
+        *parents, key = path.split("__")
+        table = document
+        for parent in parents:
+            table = table.setdefault(parent, {})
+        if value is None:
+            del table[key]
+        else:
+            table[key] = value
+    return document
+
+
+def write(folder, document=None, **tables):
+    """Write a data set; the tables' names have _ for the dots of their endings."""
+    text = document if isinstance(document, bytes) else tomli_w.dumps(document or DESCRIPTION)
+    (folder / "dataset.toml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    for name, content in (tables or {"a_csv": csv_bytes(motion())}).items():
+        (folder / name.replace("_", ".")).write_bytes(content)
+    return folder
+
+
+def load(folder, document=None, **tables):
+    return load_dataset(write(folder, document, **tables))
+
+
+def assert_same(left, right):
+    """Two recordings hold the same numbers to rounding."""
+    for one, other in ((left.angle, right.angle), (left.torque, right.torque)):
+        np.testing.assert_allclose(one.time, other.time, rtol=1e-12)
+        np.testing.assert_allclose(one.value, other.value, rtol=1e-12, atol=1e-15)
+
+
+# --- What is read is what was measured -----------------------------------------------------------
+
+
+def test_values_arrive_unchanged_in_si(tmp_path):
+    columns = motion()
+    dataset = load(tmp_path)
+    (recording,) = dataset.recordings
+    assert (dataset.name, recording.name) == ("rig", "a")
+    np.testing.assert_array_equal(recording.angle.time, columns["time"])
+    np.testing.assert_array_equal(recording.angle.value.T, [columns["q1"], columns["q2"]])
+    np.testing.assert_array_equal(recording.torque.value[:, 1], columns["u2"])
+    assert (recording.angle.hold, recording.torque.hold) == ("linear", "previous")
+
+
+def test_the_descriptions_tables_are_kept_as_they_stand(tmp_path):
+    document = described(truth={"law": "stribeck", "theta": [1, 2.5]}, licence="MIT")
+    dataset = load(tmp_path, document)
+    assert dataset.mechanism == document["mechanism"]
+    assert dataset.truth == document["truth"]
+    assert dataset.origin == {"licence": "MIT"}
+    content = (tmp_path / "a.csv").read_bytes()
+    assert dataset.hashes == {"a.csv": hashlib.sha256(content).hexdigest()}
+
+
+def test_folder_and_file_name_the_same_data_set(tmp_path):
+    by_folder = load(tmp_path)
+    by_file = load_dataset(str(tmp_path / "dataset.toml"))
+    assert by_folder.hashes == by_file.hashes
+    assert_same(by_folder.recordings[0], by_file.recordings[0])
+
+
+def test_csv_gzip_and_parquet_hold_the_same_numbers(tmp_path):
+    columns = motion(50)
+    text = csv_bytes(columns)
+    tables = {"a_csv": text, "b_csv_gz": gzip.compress(text), "c_parquet": parquet_bytes(columns)}
+    document = described(recordings__patterns=["*.csv", "*.gz", "*.parquet"])
+    dataset = load(tmp_path, document, **tables)
+    assert [recording.name for recording in dataset.recordings] == ["a", "b", "c"]
+    for recording in dataset.recordings[1:]:
+        np.testing.assert_array_equal(recording.angle.value, dataset.recordings[0].angle.value)
+        np.testing.assert_array_equal(recording.torque.value, dataset.recordings[0].torque.value)
+        np.testing.assert_array_equal(recording.angle.time, dataset.recordings[0].angle.time)
+
+
+def test_integers_of_a_parquet_file_are_numbers(tmp_path):
+    columns = {"time": [0, 1, 2], "q1": [1, 2, 3], "q2": [0, 0, 1], "u2": [5, 6, 7]}
+    dataset = load(
+        tmp_path, described(recordings__patterns=["*.parquet"]), a_parquet=parquet_bytes(columns)
+    )
+    np.testing.assert_array_equal(dataset.recordings[0].torque.value[:, 1], [5.0, 6.0, 7.0])
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit"), [(key, unit) for key, units in UNITS.items() for unit in units]
+)
+def test_every_unit_describes_the_same_motion(tmp_path, quantity, unit):
+    columns, scale = motion(), UNITS[quantity][unit]
+    names = {"time": ["time"], "angle": ["q1", "q2"], "velocity": ["w1", "w2"], "torque": ["u2"]}
+    in_unit = columns | {name: columns[name] / scale for name in names[quantity]}
+    document = described(columns__velocity=["w1", "w2"])
+    reference = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    document["units"] = {quantity: unit}
+    recording = load(tmp_path, document, a_csv=csv_bytes(in_unit)).recordings[0]
+    assert_same(recording, reference)
+    np.testing.assert_allclose(recording.velocity.value, reference.velocity.value, rtol=1e-12)
+
+
+def test_units_are_what_they_are_called(tmp_path):
+    columns = motion() | {"q1": np.full(9, 180.0), "u2": np.full(9, 250.0), "w1": np.full(9, 60.0)}
+    units = {"angle": "deg", "torque": "mN m", "velocity": "rpm"}
+    document = described(units=units, columns__velocity=["w1", "w2"])
+    recording = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    np.testing.assert_allclose(recording.angle.value[:, 0], np.pi)
+    np.testing.assert_allclose(recording.torque.value[:, 1], 0.25)
+    np.testing.assert_allclose(recording.velocity.value[:, 0], 2 * np.pi)
+
+
+def test_sigma_is_in_the_unit_of_the_table_and_per_joint(tmp_path):
+    document = described(units={"angle": "deg"}, sigma={"angle": 0.1, "torque": [0.01, 0.02]})
+    recording = load(tmp_path, document).recordings[0]
+    np.testing.assert_allclose(recording.angle.sigma, np.deg2rad([0.1, 0.1]))
+    np.testing.assert_allclose(recording.torque.sigma, [0.01, 0.02])
+
+
+def test_a_joint_without_motor_has_zero_torque(tmp_path):
+    recording = load(tmp_path).recordings[0]
+    np.testing.assert_array_equal(recording.torque.value[:, 0], 0.0)
+
+
+def test_without_any_motor_the_torque_is_zero_on_the_clock_of_the_angles(tmp_path):
+    document = described(
+        columns__torque=["", ""], columns__time={"angle": "time", "torque": "there_is_none"}
+    )
+    recording = load(tmp_path, document).recordings[0]
+    np.testing.assert_array_equal(recording.torque.time, recording.angle.time)
+    np.testing.assert_array_equal(recording.torque.value, 0.0)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_two_clocks_stand_in_one_table(tmp_path, ending):
+    """Seven samples of the camera beside ten of the drive; empty cells fill the shorter ones."""
+    camera, drive = motion(7, seed=1), motion(10, seed=2)
+    columns = {"t_camera": camera["time"], "q1": camera["q1"], "q2": camera["q2"]}
+    columns = {name: [*column, None, None, None] for name, column in columns.items()}
+    columns |= {"t_drive": drive["time"], "u2": drive["u2"]}
+    content = csv_bytes(columns) if ending == "csv" else parquet_bytes(columns)
+    document = described(
+        columns__time={"angle": "t_camera", "torque": "t_drive"},
+        recordings__patterns=[f"*.{ending}"],
+    )
+    recording = load(tmp_path, document, **{f"a_{ending}": content}).recordings[0]
+    np.testing.assert_array_equal(recording.angle.time, camera["time"])
+    np.testing.assert_array_equal(recording.angle.value[:, 1], camera["q2"])
+    np.testing.assert_array_equal(recording.torque.time, drive["time"])
+    np.testing.assert_array_equal(recording.torque.value[:, 1], drive["u2"])
+
+
+def test_velocity_truth_and_covariates_are_read_where_they_are_named(tmp_path):
+    columns = motion()
+    document = described(
+        columns__velocity=["w1", "w2"],
+        columns__truth={"angle": ["q2", "q1"], "velocity": ["w2", "w1"]},
+        columns__covariates={"temperature": "temp"},
+        sigma={"angle": 0.1},
+    )
+    recording = load(tmp_path, document).recordings[0]
+    np.testing.assert_array_equal(recording.velocity.value[:, 0], columns["w1"])
+    np.testing.assert_array_equal(recording.truth.angle.value[:, 0], columns["q2"])
+    np.testing.assert_array_equal(recording.truth.velocity.value[:, 1], columns["w1"])
+    assert recording.truth.angle.sigma is None
+    np.testing.assert_array_equal(recording.covariates["temperature"].value[:, 0], columns["temp"])
+
+
+def test_parameters_of_one_recording_stay_with_it(tmp_path):
+    document = described(recordings__parameters={"b.csv": {"m4": 0}})
+    dataset = load(tmp_path, document, a_csv=csv_bytes(motion()), b_csv=csv_bytes(motion()))
+    assert [dict(recording.parameters) for recording in dataset.recordings] == [{}, {"m4": 0.0}]
+
+
+def test_a_file_is_read_once_however_many_patterns_match_it(tmp_path):
+    document = described(recordings__patterns=["b*.csv", "*.csv"])
+    dataset = load(tmp_path, document, b_csv=csv_bytes(motion()), a_csv=csv_bytes(motion(5)))
+    assert [recording.name for recording in dataset.recordings] == ["a", "b"]
+
+
+def test_tables_in_folders_keep_the_folder_in_their_name(tmp_path):
+    (tmp_path / "monday").mkdir()
+    (tmp_path / "monday" / "01.csv").write_bytes(csv_bytes(motion()))
+    dataset = load(tmp_path, described(recordings__patterns=["*/*.csv"]))
+    assert dataset.recordings[0].name == "monday/01"
+    assert set(dataset.hashes) == {"monday/01.csv"}
+
+
+def test_blanks_in_header_and_cells_and_blank_lines_do_no_harm(tmp_path):
+    plain = b"time,q1,q2,u2\n0.0,1,2,3\n0.1,4,5,6\n"
+    blanks = b"\xef\xbb\xbftime, q1 ,q2,u2\r\n\r\n0.0, 1,2 ,3\r\n0.1,4,5, 6\r\n\r\n"
+    assert_same(
+        load(tmp_path, a_csv=plain).recordings[0], load(tmp_path, a_csv=blanks).recordings[0]
+    )
+
+
+# --- Spans ---------------------------------------------------------------------------------------
+
+
+def test_start_and_stop_count_from_the_first_sample(tmp_path):
+    columns = motion(40)
+    begin = columns["time"][0]
+    recording = load(
+        tmp_path, described(recordings__start=0.1, recordings__stop=0.3), a_csv=csv_bytes(columns)
+    ).recordings[0]
+    inside = (columns["time"] >= begin + 0.1) & (columns["time"] <= begin + 0.3)
+    assert 2 < inside.sum() < 40
+    for signal in (recording.angle, recording.torque):
+        np.testing.assert_array_equal(signal.time, columns["time"][inside])
+
+
+@pytest.mark.parametrize("hold", ["linear", "previous"])
+def test_a_span_does_not_change_the_torque_inside_it(tmp_path, hold):
+    """The slow clock of the torque has no sample at the ends of the span."""
+    time = np.linspace(0.0, 1.0, 41)
+    columns = {"t": time, "q1": np.sin(time), "q2": np.cos(time)}
+    columns |= {"t_drive": np.linspace(0.0, 2.0, 41), "u2": time**2}
+    document = described(columns__time={"angle": "t", "torque": "t_drive"}, hold={"torque": hold})
+    whole = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    document["recordings"] |= {"start": 0.33, "stop": 0.71}
+    part = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    assert len(part.torque.time) < len(whole.torque.time)
+    inside = np.linspace(part.angle.time[0], part.angle.time[-1], 100)
+    np.testing.assert_allclose(sample(part.torque, inside), sample(whole.torque, inside))
+
+
+def test_a_span_cuts_velocity_truth_and_covariates_alike(tmp_path):
+    document = described(
+        columns__velocity=["w1", "w2"],
+        columns__truth={"angle": ["q1", "q2"], "velocity": ["w1", "w2"]},
+        columns__covariates={"temperature": "temp"},
+        recordings__stop=0.05,
+    )
+    recording = load(tmp_path, document).recordings[0]
+    truth, others = recording.truth, (recording.velocity, recording.covariates["temperature"])
+    for signal in (*others, truth.angle, truth.velocity):
+        np.testing.assert_array_equal(signal.time, recording.angle.time)
+
+
+# --- Where the tables are ------------------------------------------------------------------------
+
+
+def test_a_collection_is_found_by_folder_and_by_variable(tmp_path, monkeypatch):
+    described_in, tables = tmp_path / "here", tmp_path / "there" / "arms"
+    described_in.mkdir()
+    tables.mkdir(parents=True)
+    (tables / "a.csv").write_bytes(csv_bytes(motion()))
+    (described_in / "dataset.toml").write_text(tomli_w.dumps(described(collection="arms")))
+    monkeypatch.delenv("FRICTIONID_DATA", raising=False)
+    with pytest.raises(InputError, match="'arms'.*--data FOLDER.*FRICTIONID_DATA"):
+        load_dataset(described_in)
+    by_folder = load_dataset(described_in, data=tables)
+    monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path / "there"))
+    assert load_dataset(described_in).hashes == by_folder.hashes
+    monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path / "elsewhere"))
+    with pytest.raises(InputError, match="elsewhere.arms, does not exist"):
+        load_dataset(described_in)
+
+
+def test_a_hash_is_compared_and_both_are_printed(tmp_path):
+    content = csv_bytes(motion())
+    found, other = hashlib.sha256(content).hexdigest(), hashlib.sha256(b"").hexdigest()
+    assert (
+        load(tmp_path, described(sha256={"a.csv": found}), a_csv=content).hashes["a.csv"] == found
+    )
+    with pytest.raises(InputError, match=rf"a\.csv.*{found}.*{other}"):
+        load(tmp_path, described(sha256={"a.csv": other}), a_csv=content)
+
+
+# --- Mistakes in dataset.toml --------------------------------------------------------------------
+
+
+MISTAKES = {
+    "unknown key": ({"colums": {}}, "unknown key 'colums'; did you mean 'columns'"),
+    "unknown inner key": ({"columns__angel": ["q1"]}, "columns: unknown key 'angel'; .*'angle'"),
+    "unknown quantity": ({"units__force": "N"}, "units: unknown key 'force'.*'torque'"),
+    "missing key": ({"mechanism__kind": None}, "'mechanism.kind' is missing"),
+    "missing table": ({"recordings": None}, "'recordings' is missing"),
+    "not a list": ({"columns__angle": "q1"}, r"columns\.angle: .*list, not 'q1'"),
+    "not a name": ({"columns__angle": ["q1", 2]}, r"columns\.angle\[1\]: .*string, not 2"),
+    "not a number": ({"mechanism__parameters": {"m4": "x"}}, r"parameters\.m4: .*number, not 'x'"),
+    "a truth value": ({"mechanism__parameters": {"m4": True}}, r"m4: .*number, not True"),
+    "not finite": ({"mechanism__parameters": {"m4": float("nan")}}, r"m4: .*finite.*, not nan"),
+    "unknown unit": ({"units__angle": "grad"}, "unknown unit 'grad'; known: 'rad', 'mrad', 'deg'"),
+    "unknown hold": ({"hold__torque": "next"}, r"hold\.torque: .*'previous' or 'linear'.*'next'"),
+    "joints disagree": ({"columns__torque": ["u2"]}, "torque names 1 columns and angle names 2"),
+    "nameless angle": ({"columns__angle": ["q1", ""]}, "only torque may have"),
+    "column twice": ({"columns__angle": ["q1", "q1"]}, "column 'q1' is named twice"),
+    "torque is angle": ({"columns__torque": ["", "q2"]}, "column 'q2' is named twice"),
+    "nameless clock": ({"columns__time": ""}, r"columns\.time\.angle: .*at least 1 char"),
+    "no joint": ({"columns__angle": []}, r"columns\.angle: .*at least 1"),
+    "half a clock": ({"columns__time": {"angle": "time"}}, r"'columns\.time\.torque' is missing"),
+    "no sigma": ({"sigma__angle": 0.0}, r"sigma\.angle.*greater than 0, not 0\.0"),
+    "sigmas disagree": ({"sigma__angle": [0.1, 0.1, 0.1]}, "sigma.angle has 3 numbers for 2"),
+    "start behind stop": ({"recordings__start": 2.0, "recordings__stop": 1.0}, "before stop"),
+    "start too late": ({"recordings__start": 99.0}, "'a'.*no sample lies between"),
+    "a single sample": ({"recordings__stop": 0.001}, "'a': angle needs at least 2 samples"),
+    "no match": ({"recordings__patterns": ["*.csv", "b*"]}, r"patterns: 'b\*' matches no file"),
+    "no pattern": ({"recordings__patterns": [""]}, "'' is no relative pattern"),
+    "absolute pattern": ({"recordings__patterns": ["/*"]}, r"'/\*' is no relative pattern"),
+    "foreign folder": ({"recordings__patterns": ["../*"]}, "leaves the folder"),
+    "no table": ({"recordings__patterns": ["*"]}, r"dataset\.toml: tables end with \.csv"),
+    "foreign override": ({"recordings__parameters": {"c.csv": {}}}, "'c.csv' is no file.*'a.csv'"),
+    "foreign hash": ({"sha256": {"A.csv": "0" * 64}}, "sha256: 'A.csv' is no file.*'a.csv'"),
+    "no hash": ({"sha256": {"a.csv": "12"}}, r"sha256\.a\.csv: .*not '12'"),
+    "missing column": (
+        {"columns__angle": ["q1", "q3"]},
+        r"a\.csv has no column 'q3'; it has 'time'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, changes, words):
+    with pytest.raises(InputError, match=words) as caught:
+        load(tmp_path, described(**changes))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", [b"name = ", b"\xff\xfe", b"a = " + b"[" * 9999, b"a = " + b"9" * 9999], ids=repr
+)
+def test_what_is_no_toml_is_refused(tmp_path, text):
+    with pytest.raises(InputError, match=r"dataset\.toml is no TOML"):
+        load(tmp_path, text)
+
+
+def test_a_missing_description_or_folder_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere does not exist; name a folder"):
+        load_dataset(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"dataset\.toml does not exist"):
+        load_dataset(tmp_path)
+    with pytest.raises(InputError, match="folder of its tables, .*nowhere, does not exist"):
+        load_dataset(write(tmp_path), data=tmp_path / "nowhere")
+
+
+def test_two_tables_of_one_name_are_refused(tmp_path):
+    text = csv_bytes(motion())
+    document = described(recordings__patterns=["a.*"])
+    with pytest.raises(InputError, match="two recordings are called 'a'"):
+        load(tmp_path, document, a_csv=text, a_csv_gz=gzip.compress(text))
+
+
+def test_the_readmes_description_is_valid():
+    """Only the layout: its tables are nowhere."""
+    _, _, rest = (ROOT / "data" / "README.md").read_text().partition("```toml\n")
+    text, end, _ = rest.partition("```")
+    assert end
+    assert check_layout(tomllib.loads(text), "README").columns.two_clocks is False
+
+
+# --- Mistakes in tables --------------------------------------------------------------------------
+
+
+def table(*rows):
+    return "\n".join(["time,q1,q2,u2", *rows]).encode()
+
+
+DAMAGES = {
+    "empty file": (b"", r"a\.csv is empty"),
+    "empty table": (table(), "has no rows"),
+    "binary": (bytes(range(256)), "no CSV text in UTF-8"),
+    "no header": (b"0,1,2,3\n1,1,2,3\n", "no column 'time'; it has '0', '1'"),
+    "other separator": (b"time;q1;q2;u2\n0;1;2;3\n", "no column 'time'; it has 'time;q1;q2;u2'"),
+    "same name twice": (b"time,q1,q1,q2,u2\n0,1,2,3,4\n", "2 columns called 'q1'"),
+    "short row": (table("0,1,2,3", "1,1,2"), "row 3: 3 cells under 4 column names"),
+    "stray quotes": (table('0,1,"2,3', '1,1,2,3"', "2,1,2,3"), "row 2: a quote is left open"),
+    "open quote": (table("0,1,2,3", '1,1,2,"3'), "no CSV text.*unexpected end"),
+    "text": (table("0,1,2,3", "1,1,abc,3"), "row 3: column 'q2' holds 'abc', which is no number"),
+    "decimal comma": (b'time,q1,q2,u2\n"0,5",1,2,3\n', "row 2: column 'time' holds '0,5'"),
+    "empty cell": (table("0,1,2,3", "1,1,,3"), "row 3: 'q2' is empty or nan"),
+    "empty time": (table("0,1,2,3", ",1,2,3"), "row 3: 'time' is empty or nan"),
+    "nan": (table("0,1,2,3", "", "1,nan,2,3"), "row 4: 'q1' is empty or nan"),
+    "infinite": (table("0,1,2,3", "1,1,2,-inf"), "row 3: 'u2' is -inf"),
+    "time back": (table("0,1,2,3", "2,1,2,3", "1,1,2,3"), "row 4: time must increase: .*1 after 2"),
+    "time twice": (table("0,1,2,3", "0,1,2,3"), "row 3: time must increase: 'time' is 0 after 0"),
+    "one row": (table("0,1,2,3"), "angle needs at least 2 samples"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), DAMAGES.values(), ids=DAMAGES.keys())
+def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
+    with pytest.raises(InputError, match=words) as caught:
+        load(tmp_path, a_csv=content)
+    assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a_csv_gz", csv_bytes(motion()), r"a\.csv\.gz is no whole gzip file"),
+        ("a_csv_gz", gzip.compress(csv_bytes(motion()))[:-9], "no whole gzip file"),
+        ("a_parquet", b"PAR1 and so on", r"a\.parquet is no whole Parquet file"),
+        ("a_parquet", parquet_bytes(motion()).replace(b"temp", b"te\x80p"), "no whole.*utf-8"),
+        ("a_parquet", parquet_bytes(motion())[:-20], "no whole Parquet file"),
+        ("a_parquet", parquet_bytes({"time": [0.0, 1.0]}), "has no column 'q1'; it has 'time'"),
+        (
+            "a_parquet",
+            parquet_bytes({"time": [0.0], "q1": ["x"], "q2": [1.0], "u2": [1.0]}),
+            "column 'q1' holds no numbers",
+        ),
+        (
+            "a_parquet",
+            parquet_bytes({"time": [0.0], "q1": [[1.0]], "q2": [1.0], "u2": [1.0]}),
+            "column 'q1' holds no numbers",
+        ),
+        (
+            "a_parquet",
+            parquet_bytes({"time": [0, 1, 1], "q1": [1] * 3, "q2": [2] * 3, "u2": [3] * 3}),
+            "row 4: time must increase",
+        ),
+    ],
+)
+def test_a_damaged_gzip_or_parquet_file_is_one_clear_line(tmp_path, name, content, words):
+    with pytest.raises(InputError, match=words):
+        load(tmp_path, described(recordings__patterns=["a.*"]), **{name: content})
+
+
+def test_clocks_must_run_in_the_same_time(tmp_path):
+    document = described(columns__time={"angle": "time", "torque": "t_drive"})
+    columns = motion() | {"t_drive": motion()["time"] + 1.7e9}
+    with pytest.raises(InputError, match="share no moment; both clocks must count"):
+        load(tmp_path, document, a_csv=csv_bytes(columns))
+    with pytest.raises(InputError, match="the column 't_drive' is empty"):
+        load(tmp_path, document, a_csv=csv_bytes(columns | {"t_drive": [None] * 9}))
+
+
+def test_a_number_too_large_for_its_unit_is_refused(tmp_path):
+    columns = motion() | {"q1": np.full(9, 1e308)}
+    with pytest.raises(InputError, match="'a', angle, sample 0.*column 0' is inf"):
+        load(tmp_path, described(units={"angle": "rev"}), a_csv=csv_bytes(columns))
+
+
+# --- Objects made without files ------------------------------------------------------------------
+
+
+def still(samples=5, joints=2):
+    return Signal(np.arange(float(samples)), np.zeros((samples, joints)))
+
+
+def late(signal):
+    return signal._replace(time=signal.time + 1e6)
+
+
+IMPOSSIBLE = {
+    "shape": (
+        {"angle": still()._replace(time=np.arange(4.0))},
+        r"shape \(T,\).*\(4,\) and \(5, 2\)",
+    ),
+    "flat": ({"torque": still()._replace(value=np.zeros(5))}, r"torque: time must have shape"),
+    "empty": ({"angle": still(0)}, "T, n > 0"),
+    "nan": ({"torque": still()._replace(value=np.full((5, 2), np.nan))}, "torque, sample 0"),
+    "time": ({"velocity": still()._replace(time=np.zeros(5))}, "velocity, sample 1.*must increase"),
+    "hold": ({"torque": still()._replace(hold="next")}, "torque: hold must be"),
+    "joints": ({"torque": still(joints=1)}, "torque has 1 columns and angle has 2"),
+    "truth": ({"truth": Motion(still(), still(joints=3))}, "true velocity has 3 columns"),
+    "covariate": ({"covariates": {"temp": still()._replace(hold="?")}}, "covariate 'temp': hold"),
+    "sigma": ({"angle": still()._replace(sigma=np.zeros(2))}, "sigma must be positive"),
+    "sigma shape": ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(2,\), not \(3,\)"),
+    "parameter": ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
+    "late": ({"torque": late(still())}, "share no moment"),
+    "early": ({"angle": late(still())}, "share no moment"),
+    "one": ({"angle": still(1), "torque": still(1)}, "at least 2 samples"),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), IMPOSSIBLE.values(), ids=IMPOSSIBLE.keys())
+def test_an_impossible_recording_cannot_be_made(changes, words):
+    with pytest.raises(InputError, match=words) as caught:
+        Recording(**({"name": "push", "angle": still(), "torque": still()} | changes))
+    assert "'push'" in str(caught.value)
+
+
+def test_a_held_torque_may_end_before_the_angles_begin():
+    command = Signal(np.zeros(1), np.ones((1, 2)), "previous")
+    recording = Recording("push", late(still()), command)
+    assert recording.torque is command
+
+
+def test_a_data_set_needs_recordings_of_one_mechanism():
+    one = Recording("one", still(), still())
+    with pytest.raises(InputError, match="'rig' needs at least one recording"):
+        Dataset("rig", {"kind": "pendulum"}, ())
+    with pytest.raises(InputError, match="two recordings are called 'one'"):
+        Dataset("rig", {"kind": "pendulum"}, (one, one))
+    other = Recording("other", still(joints=1), still(joints=1))
+    with pytest.raises(InputError, match="'other' has 1 joints, the first one has 2"):
+        Dataset("rig", {"kind": "pendulum"}, (one, other))
+
+
+# --- Whatever comes: success or an InputError -----------------------------------------------------
+
+
+def try_to_load(document=None, **tables):
+    """True where a data set was read, False where it was refused in one line."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            dataset = load(Path(folder), document, **tables)
+        except InputError as error:
+            assert len(str(error).splitlines()) == 1
+            return False
+    assert all(np.isfinite(recording.angle.value).all() for recording in dataset.recordings)
+    return True
+
+
+CELLS = st.sampled_from(["", "nan", "NaN", "inf", "-1e999", "abc", "1_0", "\x00", "0x1", "١"])
+
+
+@patient
+@given(st.data())
+def test_damaged_cells_are_refused_or_harmless(data):
+    rows = [line.split(",") for line in csv_bytes(motion()).decode().splitlines()]
+    for _ in range(data.draw(st.integers(1, 3))):
+        row = rows[data.draw(st.integers(0, len(rows) - 1))]
+        row[data.draw(st.integers(0, len(row) - 1))] = data.draw(CELLS)
+    used = [row[k] for row in rows[1:] for k in (0, 1, 2, 6)]
+    loaded = try_to_load(a_csv="\n".join(",".join(row) for row in rows).encode())
+    assert not (loaded and {"", "nan", "inf", "abc"} & set(used))
+
+
+@patient
+@given(st.permutations(range(9)))
+def test_shuffled_rows_are_refused(order):
+    columns = {name: column[list(order)] for name, column in motion().items()}
+    assert try_to_load(a_csv=csv_bytes(columns)) == (list(order) == sorted(order))
+
+
+@patient
+@given(st.sets(st.sampled_from(COLUMNS)))
+def test_a_table_is_refused_without_a_column_that_is_read(deleted):
+    columns = {name: column for name, column in motion().items() if name not in deleted}
+    needed = {"time", "q1", "q2", "u2"}
+    assert try_to_load(a_csv=csv_bytes(columns)) == needed.issubset(columns)
+
+
+@pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])
+@patient
+@given(data=st.data())
+def test_damaged_bytes_are_refused_or_harmless(ending, data):
+    text = csv_bytes(motion())
+    make = {"csv": bytes, "csv_gz": lambda text: gzip.compress(text, mtime=0)}
+    content = make[ending](text) if ending in make else parquet_bytes(motion())
+    content = damaged(data, content)
+    try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
+
+
+@patient
+@given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
+def test_junk_is_refused(content, ending):
+    assert not try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
+
+
+@patient
+@given(st.data())
+def test_damaged_toml_is_refused_or_harmless(data):
+    try_to_load(damaged(data, tomli_w.dumps(full_description()).encode()))
+
+
+VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**400), 10**400)
+    | st.floats()
+    | st.text(max_size=5)
+    | st.sampled_from(["q1", "time", "*.csv", "**", "*/", "a.csv", "deg", "\x00", "../a.csv"]),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+@patient
+@given(st.data())
+def test_any_value_in_any_place_of_the_description_is_refused_or_harmless(data):
+    document = full_description()
+    at = document
+    while True:
+        key = data.draw(st.sampled_from(sorted(at)))
+        if not isinstance(at[key], dict) or data.draw(st.integers(0, 3)) == 0:
+            break
+        at = at[key]
+    at[key] = data.draw(VALUES.filter(lambda value: value is not None))
+    try:
+        text = tomli_w.dumps(document).encode()
+    except (TypeError, UnicodeEncodeError):
+        return
+    try_to_load(text)
+
+
+def full_description():
+    """A description with every table in it."""
+    return described(
+        columns__velocity=["w1", "w2"],
+        columns__truth={"angle": ["q1", "q2"], "velocity": ["w1", "w2"]},
+        columns__covariates={"temperature": "temp"},
+        units={"time": "s", "angle": "deg", "velocity": "deg/s", "torque": "mN m"},
+        hold={"torque": "linear"},
+        sigma={"angle": 0.1, "torque": [0.1, 0.2]},
+        recordings__start=0.0,
+        recordings__stop=1.0,
+        recordings__parameters={"a.csv": {"m4": 0.0}},
+        sha256={"a.csv": hashlib.sha256(csv_bytes(motion())).hexdigest()},
+        truth={"law": "none"},
+    )
+
+
+def damaged(data, content):
+    """Content with a few bytes replaced, deleted or inserted."""
+    content = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        length = data.draw(st.integers(0, 3))
+        content[at : at + length] = data.draw(st.binary(max_size=3))
+    return bytes(content)
