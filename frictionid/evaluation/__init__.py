@@ -1,0 +1,34 @@
+"""Judging friction: folds, one-step and rollout scores, curves, statistics."""
+
+from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
+from frictionid.evaluation.folds import Folds, Split, make_folds
+from frictionid.evaluation.one_step import held_out_residual, one_step_rows
+from frictionid.evaluation.rollouts import (
+    Starts,
+    make_starts,
+    predict,
+    rollout_rows,
+    start_folds,
+)
+from frictionid.evaluation.rows import Row
+from frictionid.evaluation.truth import steady_state, true_friction
+
+__all__ = [
+    "Folds",
+    "Row",
+    "Split",
+    "Starts",
+    "curve_error",
+    "curve_rows",
+    "curves",
+    "held_out_residual",
+    "make_folds",
+    "make_starts",
+    "one_step_rows",
+    "predict",
+    "rollout_rows",
+    "start_folds",
+    "steady_state",
+    "true_friction",
+    "velocity_grid",
+]

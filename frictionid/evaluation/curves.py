@@ -1,0 +1,49 @@
+"""Friction curves over velocity, and their error where the truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.evaluation.rows import Row
+from frictionid.friction import Friction
+
+POINTS = 401
+SLOW = 0.05  # [rad/s]: below it the smoothing of sgn(w) is compared, not friction
+
+
+def velocity_grid(w: Array) -> Array:
+    """401 uniform velocities on +-q95 of |w| for each joint, shape (401, n); w is (K, n) [rad/s]."""
+    q95 = np.quantile(np.abs(w), 0.95, axis=0)
+    return np.linspace(-q95, q95, POINTS)
+
+
+def curves(friction: Friction, grid: Array) -> Array:
+    """Steady-state torque of each joint on its own velocity grid (V, n): (..., V, n) [N m]."""
+    joints = [friction.curve(grid[:, j])[..., j] for j in range(friction.n)]
+    return np.stack(joints, axis=-1)
+
+
+def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:
+    """RMS(estimate - truth)/RMS(truth) of each joint, shape (..., n), without |w| < 0.05 rad/s.
+
+    estimate (..., V, n), truth and grid (V, n).
+
+    >>> grid = velocity_grid(np.linspace(-5, 5, 100)[:, None])
+    >>> curve_error(1.1 * grid, grid, grid).round(3)
+    array([0.1])
+    """
+    use = (np.abs(grid) >= SLOW).astype(float)
+    off = (((estimate - truth) ** 2) * use).sum(-2)
+    return np.sqrt(off / ((truth**2) * use).sum(-2))
+
+
+def curve_rows(errors: Array, overall: Array) -> Iterator[Row]:
+    """Rows of curve errors: (F, n) of the folds, and (n,) of the friction fitted to all data."""
+    for f, error in enumerate(errors):
+        for j, value in enumerate(error):
+            yield Row(str(f), "curve_error", "rms", None, str(j + 1), float(value), "1")
+    for j, value in enumerate(overall):
+        yield Row("all", "curve_error", "rms", None, str(j + 1), float(value), "1")

@@ -1,0 +1,153 @@
+"""Folds: which samples are held out when, made once and the same for every identifier."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.recordings import Recording
+
+KINDS = ("recordings", "blocks", "shuffled")
+
+
+@dataclass(frozen=True)
+class Split:
+    """How to split: `count` folds of whole "recordings", of contiguous "blocks", or of "shuffled" samples.
+
+    Whole recordings are right where there are enough of them. With fewer recordings than folds,
+    blocks: `gap` [s] around a held-out block is left out of its training, at least the smoother's
+    support plus the models' memory. Shuffled samples are what the study did [DeMeester2020]: held-out
+    samples then have neighbours in the training set, which flatters models that interpolate; rollouts
+    cannot be held out at all.
+    """
+
+    count: int = 10
+    kind: str = "recordings"
+    gap: float = 0.25
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"folds: kind = {self.kind!r} is unknown; known are {', '.join(KINDS)}")
+        if self.count < 2:
+            raise InputError(f"folds: count = {self.count} must be at least 2")
+
+
+@dataclass(frozen=True, eq=False)
+class Folds:
+    """Held-out fold of each sample interval: `labels` has an array (T_i,) for each recording.
+
+    The interval between samples k and k + 1 of recording i is held out in fold labels[i][k].
+    """
+
+    count: int
+    times: tuple[Array, ...]
+    labels: tuple[Array, ...]
+    gap: float = 0.0
+    contiguous: bool = True
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the assignment: equal hashes mean equal folds."""
+        digest = hashlib.sha256(f"{self.count} {self.gap}".encode())
+        for time, label in zip(self.times, self.labels, strict=True):
+            digest.update(np.ascontiguousarray(time, dtype="<f8").tobytes())
+            digest.update(np.ascontiguousarray(label, dtype="<i4").tobytes())
+        return digest.hexdigest()
+
+    def held_out(self, recording: Array, time: Array) -> Array:
+        """Fold that holds out the rows (K,) starting at `time` in `recording`, shape (K,)."""
+        out = np.empty(len(recording), dtype=int)
+        for i, (clock, label) in enumerate(zip(self.times, self.labels, strict=True)):
+            rows = recording == i
+            out[rows] = label[np.searchsorted(clock, time[rows] + 1e-9, side="right") - 1]
+        return out
+
+    def training(self, recording: Array, time: Array) -> Array:
+        """Training weights (F, K), 1 or 0: rows not held out and not within the gap of such rows."""
+        held = self.held_out(recording, time)
+        weights = (held[None] != np.arange(self.count)[:, None]).astype(float)
+        if self.gap <= 0:
+            return weights
+        for i, (clock, label) in enumerate(zip(self.times, self.labels, strict=True)):
+            rows = np.flatnonzero(recording == i)
+            for fold in np.unique(label):
+                own = clock[label == fold]
+                nearest = np.abs(_nearest(own, time[rows]) - time[rows])
+                weights[fold, rows[nearest < self.gap]] = 0.0
+        return weights
+
+    def whole(self, recording: int, start: float, stop: float) -> int | None:
+        """Fold that holds out all of [start, stop] of a recording, or None where none does.
+
+        Shuffled folds hold out no stretch of time: there the fold of the start is returned, and what
+        follows has been seen in training.
+        """
+        clock, label = self.times[recording], self.labels[recording]
+        first, last = np.searchsorted(clock, [start + 1e-9, stop - 1e-9], side="right") - 1
+        fold = int(label[first])
+        if self.contiguous and not (label[first : last + 1] == fold).all():
+            return None
+        return fold
+
+
+def _nearest(sorted_: Array, at: Array) -> Array:
+    index = np.clip(np.searchsorted(sorted_, at), 1, max(len(sorted_) - 1, 1))
+    low = sorted_[index - 1]
+    high = sorted_[np.minimum(index, len(sorted_) - 1)]
+    return np.where(at - low < high - at, low, high)
+
+
+def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
+    """Folds of the recordings, of nearly equal numbers of samples.
+
+    Raises
+    ------
+    InputError
+        With more folds than recordings for kind "recordings", or than samples.
+
+    Examples
+    --------
+    >>> from frictionid.signals import Signal
+    >>> time = np.arange(5.0)
+    >>> still = Signal(time, np.zeros((5, 1)))
+    >>> recordings = [Recording(name, still, still) for name in "abcd"]
+    >>> sorted(int(label[0]) for label in make_folds(recordings, Split(count=4)).labels)
+    [0, 1, 2, 3]
+    """
+    times = tuple(np.asarray(r.angle.time, dtype=float) for r in recordings)
+    sizes = np.array([len(t) for t in times])
+    if split.kind == "recordings":
+        if len(recordings) < split.count:
+            raise InputError(
+                f"{len(recordings)} recordings cannot make {split.count} folds of whole recordings: "
+                f'lower folds.count, or set folds.kind = "blocks"'
+            )
+        owner = _balanced(sizes, split)
+        labels = [np.full(size, fold) for size, fold in zip(sizes, owner, strict=True)]
+        return Folds(split.count, times, tuple(labels))
+    total = int(sizes.sum())
+    if total < split.count:
+        raise InputError(f"{total} samples cannot make {split.count} folds")
+    every = np.arange(total) * split.count // total
+    if split.kind == "shuffled":
+        every = np.random.default_rng(split.seed).permutation(every)
+    parts = tuple(np.split(every, np.cumsum(sizes)[:-1]))
+    blocks = split.kind == "blocks"
+    return Folds(split.count, times, parts, split.gap if blocks else 0.0, contiguous=blocks)
+
+
+def _balanced(sizes: Array, split: Split) -> Array:
+    """Fold of each recording: in random order, longest first, each to the smallest fold so far."""
+    order = np.random.default_rng(split.seed).permutation(len(sizes))
+    order = order[np.argsort(-sizes[order], kind="stable")]
+    load, owner = np.zeros(split.count), np.empty(len(sizes), dtype=int)
+    for i in order:
+        owner[i] = int(np.argmin(load))
+        load[owner[i]] += sizes[i]
+    return owner

@@ -1,0 +1,31 @@
+"""One-step scores: the velocity error one sample ahead, on held-out rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.evaluation.rows import Row, summarise
+from frictionid.friction import Friction, along
+from frictionid.problem import Problem
+
+
+def held_out_residual(friction: Friction, problem: Problem, fold: Array) -> Array:
+    """Residuals (K, n) [rad/s], each row judged by the friction of the fold that holds it out.
+
+    friction : batch of F frictions; fold : (K,) fold of each row.
+    """
+    residual = problem.residual(along(friction, problem.nodes))
+    return residual[fold, np.arange(len(fold))]
+
+
+def one_step_rows(residual: Array, fold: Array, score: str) -> Iterator[Row]:
+    """Rows of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled."""
+    norm = np.linalg.norm(residual, axis=-1)
+    for f in np.unique(fold):
+        yield from summarise(norm[fold == f], str(f), score, "all", "rad/s")
+    yield from summarise(norm, "all", score, "all", "rad/s")
+    for j in range(residual.shape[-1]):
+        yield from summarise(np.abs(residual[:, j]), "all", score, str(j + 1), "rad/s")

@@ -1,0 +1,55 @@
+"""Rows of a table of scores, and the statistics that summarise errors into them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+
+DIVERGED = 1.0  # [rad]: a prediction further off than this, or not finite, has diverged
+
+
+class Row(NamedTuple):
+    """One score of one friction: fold is "0", "1", ... or "all", joint "1", "2", ... or "all"."""
+
+    fold: str
+    score: str
+    statistic: str
+    horizon_s: float | None
+    joint: str
+    value: float
+    unit: str
+
+
+def summarise(
+    errors: Array, fold: str, score: str, joint: str, unit: str, horizon: float | None = None
+) -> Iterator[Row]:
+    """Rows of mean, rms, median and 90 % quantile of absolute errors (N,), all finite."""
+    statistics = {
+        "mean": np.mean(errors),
+        "rms": np.sqrt(np.mean(errors**2)),
+        "median": np.median(errors),
+        "q90": np.quantile(errors, 0.9),
+    }
+    for name, value in statistics.items():
+        yield Row(fold, score, name, horizon, joint, float(value), unit)
+
+
+def summarise_rollouts(
+    errors: Array, fold: str, score: str, joint: str, horizon: float
+) -> Iterator[Row]:
+    """Rows of median, 90 % quantile and diverged share of rollout errors (N,) [rad].
+
+    Diverged predictions stay in the quantiles, at infinity when they are not finite.
+
+    >>> [r.value for r in summarise_rollouts(np.array([0.1, 0.2, np.nan]), "0", "x", "all", 1.0)]
+    [0.2, inf, 0.3333333333333333]
+    """
+    errors = np.where(np.isfinite(errors), errors, np.inf)
+    for name, level in (("median", 0.5), ("q90", 0.9)):
+        value = np.quantile(errors, level, method="higher")
+        yield Row(fold, score, name, horizon, joint, float(value), "rad")
+    yield Row(fold, score, "diverged", horizon, joint, float(np.mean(errors > DIVERGED)), "1")

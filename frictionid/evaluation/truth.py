@@ -1,0 +1,31 @@
+"""The true friction of simulated recordings, from the [truth] table of their data set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.laws import AsymmetricStribeck
+
+MEMORY_FREE = "stribeck"
+
+
+def steady_state(truth: Mapping[str, Any], width: float = 1e-6) -> Friction:
+    """True steady-state friction: the curve that every kind of truth follows at constant speed."""
+    law = AsymmetricStribeck(width=width)
+    missing = [name for name in law.names if name not in truth]
+    if missing:
+        raise InputError(f"[truth] lacks {', '.join(missing)}")
+    columns = [np.asarray(truth[name], dtype=float) for name in law.names]
+    return Friction(law, np.stack(columns, axis=-1), provenance={"source": "truth"})
+
+
+def true_friction(truth: Mapping[str, Any]) -> Friction | None:
+    """True friction as a model that can be scored; None for a truth with memory."""
+    if truth.get("kind") != MEMORY_FREE:
+        return None
+    return steady_state(truth, AsymmetricStribeck().width)
