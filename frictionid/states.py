@@ -131,6 +131,22 @@ class Causal:
         return _states(angles, series, filtered(series, likeliest(series)).mean)
 
 
+def thin(states: States, sample_time: float) -> States:
+    """States at samples at least `sample_time` [s] apart, on their own time stamps.
+
+    >>> t = np.arange(5) * 0.01
+    >>> thin(States(t, t[:, None], t[:, None]), 0.02).time.tolist()
+    [0.0, 0.02, 0.04]
+    """
+    slack = 0.25 * float(np.median(np.diff(states.time)))
+    keep = [0]
+    for k, time in enumerate(states.time):
+        if time >= states.time[keep[-1]] + sample_time - slack:
+            keep.append(k)
+    index = np.unique(keep)
+    return States(states.time[index], states.q[index], states.w[index])
+
+
 def _states(angles: Sequence[Signal], series: Series, mean: Array) -> tuple[States, ...]:
     out = []
     for angle, rows in zip(angles, series.rows, strict=True):

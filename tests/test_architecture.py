@@ -24,7 +24,7 @@ LAYERS = (
     *("mechanics",),
     *("friction", "laws"),
     *("kinematic", "states", "step"),
-    *("rollout", "problem"),
+    *("rollout", "problem", "recipe"),
     *("identifiers", "shooting"),
     *("check", "evaluation"),
     *("store", "compare"),

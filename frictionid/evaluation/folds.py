@@ -33,7 +33,9 @@ class Split:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise InputError(f"folds: kind = {self.kind!r} is unknown; known are {', '.join(KINDS)}")
+            raise InputError(
+                f"folds: kind = {self.kind!r} is unknown; known are {', '.join(KINDS)}"
+            )
         if self.count < 2:
             raise InputError(f"folds: count = {self.count} must be at least 2")
 

@@ -39,7 +39,7 @@ class LeastSquares:
     iterations: int = 60
     tolerance: float = 1e-9
 
-    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:  # noqa: ARG002
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = np.asarray(weights, dtype=float)
         _check(problem, weights)
         metric = np.einsum("kij,kil->kjl", problem.G, problem.G)
@@ -100,7 +100,9 @@ class _Normal(NamedTuple):
         return np.tile([b[1] for b in self.law.bounds], self.joints)
 
     def friction(self, theta: Array) -> Friction:
-        return Friction(self.law, theta.reshape(*theta.shape[:-1], self.joints, len(self.law.names)))
+        return Friction(
+            self.law, theta.reshape(*theta.shape[:-1], self.joints, len(self.law.names))
+        )
 
     def residual(self, theta: Array) -> Array:
         return self.problem.residual(along(self.friction(theta), self.problem.nodes))
@@ -112,7 +114,10 @@ class _Normal(NamedTuple):
         """Downhill direction (F, N) and Gauss-Newton curvature (F, N, N) at thetas (F, N)."""
         A = self.problem_mean(theta)  # (F, K, n, P)
         F, K, n, P = A.shape
-        pull = times(np.swapaxes(self.problem.G, -1, -2), self.residual(theta)) * self.weights[..., None]
+        pull = (
+            times(np.swapaxes(self.problem.G, -1, -2), self.residual(theta))
+            * self.weights[..., None]
+        )
         downhill = np.einsum("fkj,fkjp->fjp", pull, A).reshape(F, n * P)
         curvature = np.empty((F, n, P, n, P))
         for j in range(n):

@@ -16,5 +16,5 @@ from frictionid.problem import Problem
 class Nothing:
     """Identifier `none`: friction is zero."""
 
-    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:  # noqa: ARG002
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         return Friction(NoFriction(), np.zeros((len(weights), problem.r.shape[-1], 0)))

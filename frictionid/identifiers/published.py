@@ -21,7 +21,7 @@ class Published:
 
     friction: Friction
 
-    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:  # noqa: ARG002
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         theta = self.friction.theta
         if theta.ndim != 2 or theta.shape[0] != problem.r.shape[-1]:
             raise InputError(

@@ -27,10 +27,10 @@ class CoulombViscous:
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
 
-    def start(self, theta: Array, x: Inputs) -> Memory:  # noqa: ARG002
+    def start(self, theta: Array, x: Inputs) -> Memory:
         return ()
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG002
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] * smooth_sign(x.w, self.width, self.shape) + theta[..., 1] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
@@ -39,7 +39,7 @@ class CoulombViscous:
         sign = smooth_sign(x.w, self.width, self.shape)
         return xp.stack([sign + zero, x.w + zero], axis=-1)
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:  # noqa: ARG002
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
     def limit(self, theta: Array, x: Inputs) -> Array:

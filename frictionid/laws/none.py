@@ -20,16 +20,16 @@ class NoFriction:
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
 
-    def start(self, theta: Array, x: Inputs) -> Memory:  # noqa: ARG002
+    def start(self, theta: Array, x: Inputs) -> Memory:
         return ()
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG002
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * x.w + theta.sum(-1)  # the empty sum is zero and carries theta's batch axes
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         return (0.0 * x.w)[..., None] + theta
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:  # noqa: ARG002
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
     def limit(self, theta: Array, x: Inputs) -> Array:

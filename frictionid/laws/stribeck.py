@@ -34,10 +34,10 @@ class Stribeck:
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
 
-    def start(self, theta: Array, x: Inputs) -> Memory:  # noqa: ARG002
+    def start(self, theta: Array, x: Inputs) -> Memory:
         return ()
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG002
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         dip = _dip(x.w, theta[..., 2])
         sign = smooth_sign(x.w, self.width, self.shape)
         return (theta[..., 0] + theta[..., 1] * dip) * sign + theta[..., 3] * x.w
@@ -51,7 +51,7 @@ class Stribeck:
         zero = 0.0 * by_ws
         return xp.stack([sign + zero, sign * dip, by_ws, x.w + zero], axis=-1)
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:  # noqa: ARG002
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
     def limit(self, theta: Array, x: Inputs) -> Array:
@@ -84,10 +84,10 @@ class AsymmetricStribeck:
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
 
-    def start(self, theta: Array, x: Inputs) -> Memory:  # noqa: ARG002
+    def start(self, theta: Array, x: Inputs) -> Memory:
         return ()
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:  # noqa: ARG002
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         up, down = self._directions(x.w)
         dip = _dip(x.w, theta[..., 4])
         positive = theta[..., 0] + theta[..., 2] * dip
@@ -104,7 +104,7 @@ class AsymmetricStribeck:
         columns = [up + zero, down + zero, up * dip, down * dip, by_ws, x.w + zero]
         return xp.stack(columns, axis=-1)
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:  # noqa: ARG002
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
     def limit(self, theta: Array, x: Inputs) -> Array:

@@ -1,0 +1,79 @@
+"""Recipes: how a one-step problem is made of a data set.
+
+A recipe names the state estimator and the scheme; the study's and ours stand here by name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.errors import InputError
+from frictionid.mechanics import Plant
+from frictionid.problem import Problem, euler_problem, integral_problem
+from frictionid.recordings import Dataset
+from frictionid.signals import Signal
+from frictionid.states import RTS, Backward, Estimator, States, thin
+
+SCHEMES = ("euler", "integral")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a one-step problem is made: estimated states and a scheme, "euler" or "integral"."""
+
+    name: str
+    states: Estimator
+    scheme: str
+
+    def __post_init__(self) -> None:
+        if self.scheme not in SCHEMES:
+            raise InputError(
+                f"recipe {self.name!r}: scheme = {self.scheme!r} is unknown; "
+                f"known are {', '.join(SCHEMES)}"
+            )
+        if self.scheme == "integral" and isinstance(self.states, Backward):
+            raise InputError(
+                f"recipe {self.name!r}: backward differences lag half a sample, which makes the "
+                '"integral" scheme worse than "euler": choose the states "rts" or "savgol"'
+            )
+
+
+STUDY = Recipe("study", Backward(), "euler")
+INTEGRAL = Recipe("integral", RTS(), "integral")
+
+
+def states_of(
+    dataset: Dataset, estimator: Estimator, sample_time: float | None
+) -> tuple[States, ...]:
+    """Estimated states of all recordings, at samples at least `sample_time` apart."""
+    angles = [r.angle for r in dataset.recordings]
+    if sample_time is None:
+        return estimator(angles)
+    if isinstance(estimator, Backward):  # differences need the samples they are used at
+        return estimator([_thinned(a, sample_time) for a in angles])
+    return tuple(thin(s, sample_time) for s in estimator(angles))
+
+
+def _thinned(angle: Signal, sample_time: float) -> Signal:
+    s = thin(States(angle.time, angle.value, angle.value), sample_time)
+    return angle._replace(time=s.time, value=s.q)
+
+
+def problem_of(
+    dataset: Dataset,
+    plant: Plant,
+    recipe: Recipe,
+    sample_time: float | None = None,
+    history: float = 0.0,
+) -> Problem:
+    """One-step problem of a data set by a recipe.
+
+    sample_time : [s] between the samples used, None for all
+    history : [s] of each recording before its first row
+    """
+    states = states_of(dataset, recipe.states, sample_time)
+    make = euler_problem if recipe.scheme == "euler" else integral_problem
+    interval = float(np.median(np.concatenate([np.diff(s.time) for s in states])))
+    return make(plant, dataset.recordings, states, round(history / interval))

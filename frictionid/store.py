@@ -1,0 +1,201 @@
+"""Files of fitted models and results: JSON, written atomically, never pickled.
+
+A model file holds the law by name, theta, the parameters in words with units and, where given, the
+mechanism's parameters. It never names code: a law outside this package needs its class at hand.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+
+FORMAT = "frictionid model 1"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file as a whole or not at all; its folder is made.
+
+    Raises
+    ------
+    InputError
+        Where the place cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}): choose another place"
+        ) from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except OSError as error:
+        Path(name).unlink(missing_ok=True)
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}): choose another place"
+        ) from None
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a document as JSON; infinities become the strings "inf" and "-inf", NaN null."""
+    write_text(path, json.dumps(_plain(document), indent=1, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Document of a JSON file.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or holds something else.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is no JSON ({error})") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: must hold a JSON object, it holds a {type(document).__name__}")
+    return document
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None if np.isnan(value) else ("inf" if value > 0 else "-inf")
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, Any]:
+    """JSON document of a friction whose law's class is named in `laws`.
+
+    The means of a batch stand in `joints`, in words and units, for the reader; `theta` is what counts.
+    """
+    names = [name for name, law in laws.items() if type(friction.law) is law]
+    if not names:
+        raise InputError(
+            f"{type(friction.law).__name__} cannot be saved under a name: pass laws={{'name': class}}"
+        )
+    theta = np.asarray(friction.theta, dtype=float)
+    mean = theta.reshape(-1, *theta.shape[-2:]).mean(axis=0)
+    words = [
+        {
+            name: {"value": float(mean[j, i]), "unit": unit}
+            for i, (name, unit) in enumerate(
+                zip(friction.law.names, friction.law.units, strict=True)
+            )
+        }
+        for j in range(friction.n)
+    ]
+    return {
+        "format": FORMAT,
+        "law": {"kind": names[0], **asdict(friction.law)},
+        "joints": words,
+        "theta": theta,
+        "shape": list(theta.shape),
+        "parameters": dict(friction.parameters),
+        "provenance": dict(friction.provenance),
+    }
+
+
+def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:
+    """Write a friction as a JSON model file."""
+    write_json(path, model_document(friction, laws))
+
+
+def load_model(path: Path, laws: Mapping[str, type]) -> Friction:
+    """Friction of a model file; its law must be named in `laws`.
+
+    A file written by hand may leave out `theta` and give `joints` only.
+
+    Raises
+    ------
+    InputError
+        With the file, the rule and the value.
+    """
+    return read_model(read_json(path), laws, str(path))
+
+
+def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str) -> Friction:
+    """Friction of a model document; `where` is named in errors."""
+    if document.get("format") != FORMAT:
+        raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}"')
+    law = _law(document.get("law"), laws, where)
+    try:
+        theta = _theta(document, law, where)
+        parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
+        friction = Friction(law, theta, parameters, document.get("provenance", {}))
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{where}: {error}") from None
+    if not np.isfinite(theta).all():
+        raise InputError(f"{where}: theta must be finite")
+    return friction
+
+
+def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
+    if not isinstance(table, Mapping) or "kind" not in table:
+        raise InputError(f'{where}: "law" must be an object with a "kind"')
+    kind = str(table["kind"])
+    if kind not in laws:
+        near = get_close_matches(kind, list(laws), n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise InputError(f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}")
+    settings = {k: v for k, v in table.items() if k != "kind"}
+    known = {f.name for f in fields(laws[kind])}
+    for name in settings:
+        if name not in known:
+            raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(known)}")
+    return laws[kind](**settings)
+
+
+def _list(known: set[str]) -> str:
+    return f"known are {', '.join(sorted(known))}" if known else "it has none"
+
+
+def _theta(document: Mapping[str, Any], law: Any, where: str) -> np.ndarray:
+    if "theta" in document:
+        shape = document.get("shape")
+        theta = np.asarray(document["theta"], dtype=float)
+        return theta.reshape(shape) if shape is not None else theta
+    joints = document.get("joints")
+    if not isinstance(joints, list) or not joints:
+        raise InputError(f'{where}: needs "theta", or "joints" with the parameters of each')
+    rows = []
+    for j, joint in enumerate(joints):
+        given, wanted = set(joint), set(law.names)
+        if given != wanted:
+            raise InputError(
+                f"{where}: joint {j + 1} must have the parameters {', '.join(law.names)}; "
+                f"it has {', '.join(sorted(given)) or 'none'}"
+            )
+        rows.append([float(joint[name]["value"]) for name in law.names])
+    return np.array(rows)
