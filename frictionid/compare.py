@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,3 +108,8 @@ def compare(
         for recipe in recipes
         for name, identifier in identifiers.items()
     }
+
+
+def with_provenance(friction: Friction, entries: Mapping[str, Any]) -> Friction:
+    """The friction, saying also where it comes from."""
+    return replace(friction, provenance={**friction.provenance, **entries})

@@ -10,7 +10,7 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -53,9 +53,9 @@ def write_text(path: Path, text: str) -> None:
         raise
 
 
-def write_json(path: Path, document: Mapping[str, Any]) -> None:
+def write_json(path: Path, document: Mapping[str, Any], indent: int | None = 1) -> None:
     """Write a document as JSON; infinities become the strings "inf" and "-inf", NaN null."""
-    write_text(path, json.dumps(_plain(document), indent=1, allow_nan=False) + "\n")
+    write_text(path, json.dumps(_plain(document), indent=indent, allow_nan=False) + "\n")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -96,17 +96,14 @@ def _plain(value: Any) -> Any:
 
 
 def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, Any]:
-    """JSON document of a friction whose law's class is named in `laws`.
+    """JSON document of a friction; its law stands under its name in `laws`, else its class's.
 
-    The means of a batch stand in `joints`, in words and units, for the reader; `theta` is what counts.
+    The means of a batch stand in `joints`, in words and units, for people; `theta` is what counts.
     """
     names = [name for name, law in laws.items() if type(friction.law) is law]
-    if not names:
-        raise InputError(
-            f"{type(friction.law).__name__} cannot be saved under a name: pass laws={{'name': class}}"
-        )
+    kind = names[0] if names else type(friction.law).__name__
     theta = np.asarray(friction.theta, dtype=float)
-    mean = theta.reshape(-1, *theta.shape[-2:]).mean(axis=0)
+    mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
     words = [
         {
             name: {"value": float(mean[j, i]), "unit": unit}
@@ -118,7 +115,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     ]
     return {
         "format": FORMAT,
-        "law": {"kind": names[0], **asdict(friction.law)},
+        "law": {"kind": kind, **(asdict(friction.law) if is_dataclass(friction.law) else {})},
         "joints": words,
         "theta": theta,
         "shape": list(theta.shape),
@@ -170,7 +167,7 @@ def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InputError(f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}")
     settings = {k: v for k, v in table.items() if k != "kind"}
-    known = {f.name for f in fields(laws[kind])}
+    known = {f.name for f in fields(laws[kind])} if is_dataclass(laws[kind]) else set()
     for name in settings:
         if name not in known:
             raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(known)}")

@@ -27,7 +27,7 @@ LAYERS = (
     *("rollout", "problem", "recipe"),
     *("identifiers", "shooting"),
     *("check", "evaluation"),
-    *("store", "compare"),
+    *("store", "compare", "tasks", "results"),
     *("simulate", "acquire"),
     *("report", "export", "use"),
     *("suite", "cli"),

@@ -83,11 +83,11 @@ def prepare(
         integral=integral,
         causal=causal,
         starts=starts,
-        grid=velocity_grid(_speeds(dataset, integral)),
+        grid=velocity_grid(speeds(dataset, integral)),
     )
 
 
-def _speeds(dataset: Dataset, problem: Problem) -> Array:
+def speeds(dataset: Dataset, problem: Problem) -> Array:
     """True velocities where they are known, else smoothed ones, (K, n)."""
     true = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
     return np.concatenate(true) if true else problem.nodes.inputs.w

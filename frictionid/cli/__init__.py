@@ -1,0 +1,48 @@
+"""The command line: one command per file, everything heavy imported when a command runs."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from frictionid.cli.compare import compare
+from frictionid.cli.evaluate import evaluate
+from frictionid.cli.fit import fit
+from frictionid.cli.report import report
+from frictionid.cli.simulate import simulate
+from frictionid.errors import InputError
+
+app = typer.Typer(
+    name="frictionid",
+    help="Identify friction in robot joints from recorded motion, and compare the models fairly.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for command in (compare, fit, evaluate, report, simulate):
+    app.command()(command)
+
+
+def main() -> int:
+    """Run the command line; a user's mistake ends in one line and exit status 2."""
+    try:
+        return int(app(standalone_mode=False) or 0)
+    except InputError as error:
+        return _complain(str(error), 2)
+    except typer.Exit as stop:
+        return int(stop.exit_code)
+    except KeyboardInterrupt:
+        return _complain("interrupted", 130)
+    except typer.Abort:
+        return _complain("interrupted", 130)
+    except Exception as error:
+        shown = getattr(error, "format_message", None)  # click's complaints about arguments
+        if shown is None:
+            raise
+        return _complain(f"{shown()} (see frictionid --help)", 2)
+
+
+def _complain(message: str, status: int) -> int:
+    print(f"frictionid: {' '.join(message.split())}", file=sys.stderr)
+    return status

@@ -1,0 +1,58 @@
+"""frictionid evaluate: score model files on a data set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def evaluate(
+    files: Annotated[list[Path], typer.Argument(help="MODEL.json ... DATASET")],
+    out: Annotated[Path, typer.Option(help="Table of scores to write (CSV).")],
+    horizons: Annotated[
+        str, typer.Option(help="Rollout horizons in seconds, with commas.")
+    ] = "0.1,0.25,0.5,1.0",
+    data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
+    sample_time: Annotated[
+        float | None, typer.Option(help="Use samples at least this far apart [s].")
+    ] = None,
+) -> None:
+    """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
+    from frictionid.cli.progress import counted
+    from frictionid.errors import InputError
+    from frictionid.evaluation import Protocol, judge, prepare
+    from frictionid.readers.dataset import load_dataset
+    from frictionid.report import show_scores
+    from frictionid.results import model_scores
+    from frictionid.store import write_text
+    from frictionid.suite import friction_of
+
+    if len(files) < 2:
+        raise InputError("evaluate needs at least one model file and, last, a data set")
+    *models, place = files
+    dataset = load_dataset(place, data)
+    protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time)
+    rows = {}
+    with counted(len(models), f"evaluating ({dataset.name})", str(out)) as done:
+        for path in models:
+            friction = friction_of(path)
+            rows[path.stem] = judge(friction, prepare(dataset, protocol, friction.parameters))
+            done(path.stem)
+    table = model_scores(dataset.name, rows)
+    write_text(out, table.to_csv(index=False, float_format="%.9g"))
+    show_scores(table)
+    print(f"written to {out}")
+
+
+def _seconds(text: str) -> tuple[float, ...]:
+    from frictionid.errors import InputError
+
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or min(values) <= 0:
+        raise InputError(f"--horizons {text!r} must be positive seconds with commas, e.g. 0.25,0.5")
+    return values

@@ -1,0 +1,65 @@
+"""frictionid fit: friction of one data set, written as a model file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def fit(
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml, or that file.")],
+    identifier: Annotated[str, typer.Option(help="Kind of identifier, e.g. stribeck.")],
+    out: Annotated[Path, typer.Option(help="Model file to write.")],
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="A setting, e.g. symmetric=false; repeatable.")
+    ] = None,
+    recipe: Annotated[str, typer.Option(help="Recipe: integral, or the study's.")] = "integral",
+    data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
+    sample_time: Annotated[
+        float | None, typer.Option(help="Use samples at least this far apart [s].")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the fit.")] = 0,
+) -> None:
+    """Fit friction to all recordings of a data set."""
+    import numpy as np
+
+    from frictionid.compare import with_provenance
+    from frictionid.mechanics import plant_of
+    from frictionid.readers.dataset import load_dataset
+    from frictionid.recipe import problem_of
+    from frictionid.store import save_model
+    from frictionid.suite import LAWS, RecipeEntry, identifier_named, recipe_of
+
+    chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
+    recordings = load_dataset(dataset, data)
+    made = recipe_of(RecipeEntry(name=recipe))
+    problem = problem_of(recordings, plant_of(recordings), made, sample_time)
+    friction = chosen.fit(problem, np.ones((1, len(problem.r))), seed)[0]
+    source: dict[str, Any] = {
+        "dataset": recordings.name,
+        "data": dict(recordings.hashes),
+        "identifier": repr(chosen),
+        "recipe": repr(made),
+        "sample_time": sample_time,
+        "seed": seed,
+    }
+    save_model(with_provenance(friction, source), out, LAWS)
+    print(friction)
+    print(f"written to {out}")
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    """Key and value of a setting, the value read as TOML where it is, else as text."""
+    import tomllib
+
+    from frictionid.errors import InputError
+
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise InputError(f"--set {text!r} must be key=value, e.g. --set symmetric=false")
+    try:
+        return key.strip(), tomllib.loads(f"x = {value}")["x"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value

@@ -1,0 +1,32 @@
+"""A progress bar for long work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def counted(total: int, title: str, folder: str) -> Iterator[Callable[[str], None]]:
+    """A bar of `total` steps; call what it gives with the name of each finished step.
+
+    When the work is interrupted, the bar says how to go on.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("[dim]{task.fields[last]}"),
+    )
+    with Progress(*columns, console=console, transient=not console.is_terminal) as bar:
+        task = bar.add_task(title, total=total, last="")
+        try:
+            yield lambda name: bar.update(task, advance=1, last=name)
+        except KeyboardInterrupt:
+            console.print(f"interrupted; what is done stays in {folder}: finish it with --resume")
+            raise

@@ -1,0 +1,20 @@
+"""frictionid report: make tables and figures of a result folder anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Result folder of a comparison.")],
+) -> None:
+    """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
+    from frictionid.report import build, show
+    from frictionid.tasks import lock
+
+    with lock(folder):
+        build(folder)
+    show(folder)

@@ -1,0 +1,157 @@
+"""The result folder of a comparison: its tables are a reduction of the tasks' files.
+
+    tasks/*.json      one file for each task, all that is needed below
+    datasets.json     velocities, true curves and origin of the data sets
+    provenance.json   versions, hashes of data and folds, settings
+    scores.csv        all scores, one per line
+    timings.csv       seconds of each task (no part of reproducibility)
+    models/*.json     friction fitted to all data by each task
+    summary.md, tables/, figures/   for people, see frictionid.report
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from frictionid.errors import InputError
+from frictionid.evaluation import curves, steady_state, velocity_grid
+from frictionid.evaluation.judge import speeds
+from frictionid.mechanics import mechanism_of, plant_of
+from frictionid.recipe import INTEGRAL, problem_of
+from frictionid.recordings import Dataset
+from frictionid.store import read_json, write_json, write_text
+from frictionid.tasks import Task
+
+COLUMNS = (
+    "suite",
+    "dataset",
+    "identifier",
+    "fit",
+    "fold",
+    "score",
+    "statistic",
+    "horizon_s",
+    "joint",
+    "value",
+    "unit",
+    "seed",
+)
+_PACKAGES = ("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pydantic")
+
+
+def describe(folder: Path, suite: str, title: str, settings: Any, tasks: Sequence[Task]) -> None:
+    """Write provenance.json and datasets.json of a comparison."""
+    contests = list({id(t.contest): t.contest for t in tasks}.values())
+    everything = {d.name: d for c in contests for d in (c.dataset, *c.tests)}
+    tested = {test.name: c.dataset.name for c in contests for test in c.tests}
+    about = {
+        name: {**_about(d, contests[0].protocol.sample_time), "tests": tested.get(name)}
+        for name, d in everything.items()
+    }
+    write_json(folder / "datasets.json", about, None)
+    document = {
+        "suite": suite,
+        "title": title,
+        "settings": settings,
+        "tasks": [task.file for task in tasks],
+        "versions": {"python": platform.python_version(), **{p: version(p) for p in _PACKAGES}},
+        "data": {name: dict(d.hashes) for name, d in everything.items()},
+        "origin": {name: dict(d.origin) for name, d in everything.items()},
+        "folds": {c.dataset.name: c.folds.hash for c in contests},
+    }
+    write_json(folder / "provenance.json", document)
+
+
+def _about(dataset: Dataset, sample_time: float | None) -> dict[str, Any]:
+    problem = problem_of(dataset, plant_of(dataset), INTEGRAL, sample_time)
+    w = speeds(dataset, problem)
+    grid = velocity_grid(w)
+    truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
+    density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
+    d = mechanism_of(dataset.mechanism).description
+    return {
+        "joints": list(d.joints),
+        "torque_unit": d.torque_unit,
+        "angle_unit": d.angle_unit,
+        "recordings": len(dataset.recordings),
+        "samples": sum(len(r.angle.time) for r in dataset.recordings),
+        "seconds": sum(float(r.angle.time[-1] - r.angle.time[0]) for r in dataset.recordings),
+        "velocity": grid,
+        "truth": truth,
+        "density": density,
+    }
+
+
+def task_documents(folder: Path) -> list[dict[str, Any]]:
+    """Documents of the finished tasks, in the order of the suite.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds no comparison, or none of its tasks is finished.
+    """
+    order = read_json(folder / "provenance.json").get("tasks", [])
+    found = [folder / "tasks" / name for name in order]
+    documents = [read_json(path) for path in found if path.exists()]
+    if not documents:
+        raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
+    return documents
+
+
+def scores(folder: Path) -> pd.DataFrame:
+    """All scores of a result folder as one long table with the columns of scores.csv."""
+    suite = read_json(folder / "provenance.json")["suite"]
+    lines = [
+        (suite, dataset, task["identifier"], task["fit"], *_values(row), task["seed"])
+        for task in task_documents(folder)
+        for dataset, rows in task["rows"].items()
+        for row in rows
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS))
+
+
+def _values(row: Sequence[Any]) -> tuple[Any, ...]:
+    fold, score, statistic, horizon, joint, value, unit = row
+    number = float("nan") if value is None else float(value)
+    return fold, score, statistic, horizon, joint, number, unit
+
+
+def reduce(folder: Path) -> pd.DataFrame:
+    """Write scores.csv, timings.csv and models/*.json from the tasks' files; the scores are returned."""
+    table = scores(folder)
+    write_text(folder / "scores.csv", table.to_csv(index=False, float_format="%.9g"))
+    lines, models = [], {}
+    for task in task_documents(folder):
+        key = (task["dataset"], task["identifier"], task["fit"], task["seed"])
+        lines += [(*key, part, seconds) for part, seconds in task["seconds"].items()]
+        models["--".join(map(str, key)) + ".json"] = _model(task)
+    columns = ["dataset", "identifier", "fit", "seed", "part", "seconds"]
+    timings = pd.DataFrame(lines, columns=columns)
+    write_text(folder / "timings.csv", timings.to_csv(index=False, float_format="%.3f"))
+    for path in (folder / "models").glob("*.json"):
+        if path.name not in models:
+            path.unlink()
+    for name, document in models.items():
+        write_json(folder / "models" / name, document)
+    return table
+
+
+def _model(task: Mapping[str, Any]) -> dict[str, Any]:
+    source = {key: task[key] for key in ("dataset", "identifier", "fit", "seed", "settings")}
+    model = dict(task["model"])
+    return {**model, "provenance": {**model.get("provenance", {}), **source}}
+
+
+def model_scores(dataset: str, rows: Mapping[str, Sequence[Any]]) -> pd.DataFrame:
+    """Scores of given models on one data set, in the columns of scores.csv; `fit` is "given"."""
+    lines = [
+        ("", dataset, name, "given", *_values(row), 0) for name, own in rows.items() for row in own
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS))
