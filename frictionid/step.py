@@ -2,12 +2,12 @@
 
     M(q) dw/dt = h(q, w) + B u - Tf
 
-integrated by RK4 on the smooth friction law, in substeps that its slope needs. A smoothed law cannot
-hold a joint at rest: it creeps under load, or chatters. So each substep ends with the *hold*: joints
-about to stop under a load below the break-away level get w = 0 exactly (the projection keeps the
-momentum of the free joints, so it never adds energy), and joints at rest stay there, as constraints,
-until their load exceeds that level. The loads of joints that stick together are found by projected
-Gauss-Seidel [Stewart2000].
+integrated by RK4 on the smooth friction law, in substeps that its slope needs. A smoothed law
+cannot hold a joint at rest: it creeps under load, or chatters. So friction *grips* slow joints:
+those with a load below the break-away level feel that level as long as they move, stop where their
+velocity crosses zero (the projection keeps the momentum of the free joints, so it never adds
+energy), and then rest with w = 0 exactly, as constraints, until their load exceeds the level. The
+loads of joints that stick together are found by projected Gauss-Seidel [Stewart2000].
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory, at_rest
 from frictionid.mechanics import Plant
 
+_SLOW = 0.1  # [rad/s], five widths of the laws: below it their smoothing shows
 _SWEEPS = 50
+_SETTLED = 1e-12  # [N m]
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
 _LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
 _MOST = 2000
@@ -35,8 +37,10 @@ class State(NamedTuple):
     memory: Memory = ()
 
 
-def step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array, substeps: int) -> State:
-    """State after dt under held motor torques u, by RK4 and the hold.
+def step(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, substeps: int
+) -> State:
+    """State after dt under held motor torques u, by RK4 and the grip at rest.
 
     Parameters
     ----------
@@ -53,7 +57,7 @@ def step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array, su
     >>> from frictionid.mechanics import pendulum
     >>> plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
     >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
-    >>> raised = State(np.array([0.4]), np.array([0.0]))       # gravity 0.076 N m, break-away 0.1 N m
+    >>> raised = State(np.array([0.4]), np.array([0.0]))       # gravity 0.076, break-away 0.1 N m
     >>> step(plant, tf, raised, np.zeros(1), np.array([1.0]), 200).q
     array([0.4])
     """
@@ -64,35 +68,52 @@ def step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array, su
 
 
 def _substep(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
-    held = _held(plant, friction, state, u)
+    grip = _grip(plant, friction, state, u)
     memory = _advanced(plant, friction, state, u, dt / 2)
-    q, w = _rk4(plant, friction, State(state.q, state.w, memory), u, dt, held)
+    q, w = _rk4(plant, friction, State(state.q, state.w, memory), u, dt, grip)
     memory = _advanced(plant, friction, State(q, w, memory), u, dt / 2)
-    return _stop(plant, friction, state.w, State(q, w, memory), u, dt)
+    return _stop(plant, friction, state, State(q, w, memory), u, dt, grip)
+
+
+class _Grip(NamedTuple):
+    """What friction does beyond the smooth law: joints held at rest, and the least it brakes with.
+
+    held (..., n), true or false; brakes (..., n) [N m] has the sign of the velocity, and is zero
+    for joints that are left to the smooth law.
+    """
+
+    held: Array
+    brakes: Array
 
 
 def _rk4(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, held: Array | None
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, grip: _Grip | None
 ) -> tuple[Array, Array]:
     q, w, memory = state
-    a1 = acceleration(plant, friction, state, u, held)
+    a1 = acceleration(plant, friction, state, u, grip)
     w2 = w + dt / 2 * a1
-    a2 = acceleration(plant, friction, State(q + dt / 2 * w, w2, memory), u, held)
+    a2 = acceleration(plant, friction, State(q + dt / 2 * w, w2, memory), u, grip)
     w3 = w + dt / 2 * a2
-    a3 = acceleration(plant, friction, State(q + dt / 2 * w2, w3, memory), u, held)
+    a3 = acceleration(plant, friction, State(q + dt / 2 * w2, w3, memory), u, grip)
     w4 = w + dt * a3
-    a4 = acceleration(plant, friction, State(q + dt * w3, w4, memory), u, held)
+    a4 = acceleration(plant, friction, State(q + dt * w3, w4, memory), u, grip)
     return q + dt / 6 * (w + 2 * w2 + 2 * w3 + w4), w + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
 def acceleration(
-    plant: Plant, friction: Friction, state: State, u: Array, held: Array | None = None
+    plant: Plant, friction: Friction, state: State, u: Array, grip: _Grip | None = None
 ) -> Array:
-    """Joint accelerations dw/dt (..., n) [rad/s^2]; joints where `held` is true do not move."""
+    """Joint accelerations dw/dt (..., n) [rad/s^2]."""
     M, h = plant.dynamics(state.q, state.w)
-    driven = _driven(plant, u)
-    f = h + driven - friction.torque(inputs(plant, friction, state, u), state.memory)
-    return solve(M, f) if held is None else _constrained(M, f, held)
+    f = h + _driven(plant, u)
+    Tf = friction.torque(inputs(plant, friction, state, u), state.memory)
+    return solve(M, f - Tf) if grip is None else _constrained(M, f - _braked(Tf, grip), grip.held)
+
+
+def _braked(Tf: Array, grip: _Grip) -> Array:
+    xp = namespace(Tf)
+    most = xp.where(grip.brakes < 0, xp.minimum(Tf, grip.brakes), Tf)
+    return xp.where(grip.brakes > 0, xp.maximum(Tf, grip.brakes), most)
 
 
 def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
@@ -126,84 +147,105 @@ def _advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Arra
     return law.advance(friction.theta, inputs(plant, friction, state, u), state.memory, dt)
 
 
-def _held(plant: Plant, friction: Friction, state: State, u: Array) -> Array | None:
-    """Joints at rest (w = 0 exactly) whose load is below break-away, or None where none rests."""
-    resting = state.w == 0.0
-    if not bool(resting.any()):
+def _grip(plant: Plant, friction: Friction, state: State, u: Array) -> _Grip | None:
+    """Grip of friction on joints that are slow or at rest (w = 0 exactly), None where none is.
+
+    Slow joints whose load is below break-away feel that level: under the smoothed law they would
+    creep where the two balance, at 1.5 widths under 0.9 of the level. Joints at rest are held
+    while their load is below it.
+    """
+    xp = namespace(state.w)
+    slow = xp.abs(state.w) <= _SLOW
+    if not bool(slow.any()):
         return None
-    return _below_break_away(plant, friction, state, u, resting)[0]
+    now = _balance(plant, friction, state, u)
+    held = _below_break_away(now, slow)
+    resting = state.w == 0.0
+    level = xp.where(state.w > 0, now.high, -now.low)
+    grip = _Grip(held & resting, xp.where(held & ~resting, level, 0.0 * level))
+    if not bool(resting.any()) or not bool((held & ~resting).any()):
+        return grip
+    # a joint at rest feels that the others still slide
+    now = now._replace(sliding=_braked(now.sliding, grip))
+    return grip._replace(held=_below_break_away(now, resting))
 
 
 def _stop(
-    plant: Plant, friction: Friction, before: Array, state: State, u: Array, dt: Array
-) -> State:
-    """State with w = 0 for the joints that friction stops within this substep and then holds.
-
-    A joint stops when it crosses zero, or when friction beyond its load would bring it to rest in
-    less than another substep: without that it would creep at a fraction of the law's width.
-    """
-    xp = namespace(state.w)
-    M, h = plant.dynamics(state.q, state.w)
-    A = inverse(M)
-    ease = xp.linalg.diagonal(A) * dt
-    low, high = _limits(plant, friction, state, u)
-    reach = ease * xp.maximum(low, high)
-    moving = before != 0.0
-    near = moving & ((before * state.w <= 0.0) | (xp.abs(state.w) <= reach))
-    if not bool(near.any()):
-        return state
-    stuck, Tf = _below_break_away(plant, friction, state, u, near, (A, h, low, high))
-    spare = xp.where(state.w > 0, high - Tf, Tf + low)
-    stops = stuck & ((before * state.w <= 0.0) | (xp.abs(state.w) <= ease * spare))
-    free = 1.0 - xp.astype(stops, M.dtype)
-    both = free[..., :, None] * free[..., None, :]
-    w = solve(M * both + _diagonal(1.0 - free), free * times(M, state.w)) * free
-    return State(state.q, xp.where(stops.any(-1)[..., None], w, state.w), state.memory)
-
-
-def _limits(plant: Plant, friction: Friction, state: State, u: Array) -> tuple[Array, Array]:
-    """Break-away levels against negative and positive impending motion, both positive."""
-    x = inputs(plant, friction, state, u)
-    one = 0.0 * state.w + 1.0
-    limit = friction.law.limit
-    return limit(friction.theta, x._replace(w=-one)), limit(friction.theta, x._replace(w=one))
-
-
-def _below_break_away(
     plant: Plant,
     friction: Friction,
+    before: State,
     state: State,
     u: Array,
-    candidates: Array,
-    known: tuple[Array, Array, Array, Array] | None = None,
-) -> tuple[Array, Array]:
-    """Which candidates friction can keep from accelerating, and the friction torques that do.
+    dt: Array,
+    grip: _Grip | None,
+) -> State:
+    """State with w = 0 for the joints that crossed zero under a load below break-away.
 
-    Projected Gauss-Seidel on a_j = 0 with -low <= Tf_j <= high; the other joints' friction is that
-    of the smooth law. One candidate needs one sweep, coupled ones converge geometrically.
+    Their angle is that of the crossing: behind it friction would have pushed them back.
     """
     xp = namespace(state.w)
-    if known is None:
-        M, h = plant.dynamics(state.q, state.w)
-        known = (inverse(M), h, *_limits(plant, friction, state, u))
-    A, h, low, high = known
-    smooth = friction.torque(inputs(plant, friction, state, u), state.memory)
-    Tf = xp.where(candidates, 0.0 * (smooth + low), smooth + 0.0 * low)
-    f = h + _driven(plant, u)
-    columns = [Tf[..., j] + 0.0 * f[..., j] for j in range(plant.n)]
+    crossed = (before.w != 0.0) & (before.w * state.w <= 0.0)
+    if not bool(crossed.any()):
+        return state
+    now = _balance(plant, friction, state, u)
+    held = xp.zeros_like(crossed)
+    if grip is not None:
+        now, held = now._replace(sliding=_braked(now.sliding, grip)), grip.held
+    stops = crossed & _below_break_away(now, crossed | held)
+    share = before.w / xp.where(stops, before.w - state.w, 1.0)  # of the substep, until it stops
+    q = xp.where(stops, before.q + share * dt / 2 * before.w, state.q)
+    # joints at rest or stopping take any impulse, the others keep their momentum
+    w = _constrained(now.M, times(now.M, state.w), stops | held)
+    return State(q, xp.where(stops.any(-1)[..., None], w, state.w), state.memory)
+
+
+class _Balance(NamedTuple):
+    """What acts on the joints: M, f = h + B u, friction while sliding, and break-away levels."""
+
+    M: Array
+    f: Array
+    sliding: Array
+    low: Array
+    high: Array
+
+
+def _balance(plant: Plant, friction: Friction, state: State, u: Array) -> _Balance:
+    """Torques at a state; `low` and `high` limit negative and positive friction, both positive."""
+    M, h = plant.dynamics(state.q, state.w)
+    x = inputs(plant, friction, state, u)
+    one = 0.0 * state.w + 1.0
+    low, high = (friction.law.limit(friction.theta, x._replace(w=s * one)) for s in (-1.0, 1.0))
+    smooth = friction.torque(x, state.memory)
+    return _Balance(M, h + _driven(plant, u), smooth, low + 0.0 * smooth, high + 0.0 * smooth)
+
+
+def _below_break_away(now: _Balance, candidates: Array) -> Array:
+    """Which of the candidates friction can keep from accelerating, shape (..., n).
+
+    Projected Gauss-Seidel on a_j = 0 with -low <= Tf_j <= high. It starts from the torques that
+    hold all candidates: where the levels allow these, they are the answer.
+    """
+    M, f, sliding, low, high = now
+    xp = namespace(M)
+    A = inverse(M)
+    holding = f - times(M, _constrained(M, f - sliding, candidates))
+    clipped = xp.minimum(xp.maximum(holding, -low), high)
+    Tf = xp.where(candidates, clipped, sliding)
+    columns = [Tf[..., j] for j in range(M.shape[-1])]
     for _ in range(_SWEEPS):
-        change = 0.0
-        for j in range(plant.n):
-            others = sum(A[..., j, i] * (f[..., i] - columns[i]) for i in range(plant.n))
-            wanted = xp.maximum(columns[j] + others / A[..., j, j], -low[..., j])
+        moved = False
+        for j in range(len(columns)):
+            a = sum(A[..., j, i] * (f[..., i] - columns[i]) for i in range(len(columns)))
+            wanted = xp.maximum(columns[j] + a / A[..., j, j], -low[..., j])
             wanted = xp.minimum(wanted, high[..., j])
             new = xp.where(candidates[..., j], wanted, columns[j])
-            change = max(change, float(xp.abs(new - columns[j]).max()))
+            # NaN (a motion that has diverged) counts as settled, whatever the others do
+            moved = moved or bool((xp.abs(new - columns[j]) > _SETTLED).any())
             columns[j] = new
-        if change < 1e-12:
+        if not moved:
             break
     Tf = xp.stack(columns, axis=-1)
-    return candidates & (Tf > -low) & (Tf < high), Tf
+    return candidates & (Tf > -low) & (Tf < high)
 
 
 def euler_step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
@@ -216,7 +258,7 @@ def euler_step(plant: Plant, friction: Friction, state: State, u: Array, dt: Arr
 def semi_implicit_step(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array
 ) -> State:
-    """State after dt by semi-implicit Euler, q' = q + w' dt, the step that backward differences imply."""
+    """State after dt by semi-implicit Euler, q' = q + w' dt: what backward differences imply."""
     a = acceleration(plant, friction, state, u)
     memory = _advanced(plant, friction, state, u, dt)
     w = state.w + dt * a
@@ -224,7 +266,7 @@ def semi_implicit_step(
 
 
 def substeps(plant: Plant, friction: Friction, dt: float) -> int:
-    """Substeps that RK4 needs for steps of at most dt [s]: law slope times largest eigenvalue of 1/M.
+    """Substeps that RK4 needs in dt [s]: law slope times largest eigenvalue of 1/M sets them.
 
     Raises
     ------
@@ -255,7 +297,7 @@ def stiffness(plant: Plant, friction: Friction) -> float:
 
 
 def slopes(friction: Friction) -> Array:
-    """Largest slope dTf/dw of each joint over all batches, at least zero, shape (n,) [N m s/rad]."""
+    """Largest slope dTf/dw of each joint over all batches, or zero, shape (n,) [N m s/rad]."""
     w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])
     columns = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
     theta = friction.theta[..., None, :, :]
