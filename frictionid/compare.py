@@ -27,7 +27,7 @@ from frictionid.evaluation import (
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.mechanics import plant_of
-from frictionid.recipe import INTEGRAL, Recipe, problem_of
+from frictionid.recipe import INTEGRAL, Recipe, training_problem
 from frictionid.recordings import Dataset
 
 
@@ -63,7 +63,9 @@ def run(contest: Contest, identifier: Identifier, recipe: Recipe, seed: int = 0)
     """
     dataset, folds, protocol = contest.dataset, contest.folds, contest.protocol
     clock = time.perf_counter()
-    problem = problem_of(dataset, plant_of(dataset), recipe, protocol.sample_time, protocol.history)
+    problem = training_problem(
+        dataset, plant_of(dataset), recipe, protocol.sample_time, protocol.history
+    )
     training = folds.training(problem.recording, problem.time)
     weights = np.concatenate([training, np.ones((1, len(problem.r)))])
     seconds = {"prepare": time.perf_counter() - clock}

@@ -11,7 +11,7 @@ import numpy as np
 
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
-from frictionid.problem import Problem, euler_problem, integral_problem
+from frictionid.problem import Problem, euler_problem, integral_problem, sliding
 from frictionid.recordings import Dataset
 from frictionid.signals import Signal
 from frictionid.states import RTS, Backward, Estimator, States, thin
@@ -21,11 +21,16 @@ SCHEMES = ("euler", "integral")
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a one-step problem is made: estimated states and a scheme, "euler" or "integral"."""
+    """How a one-step problem is made: estimated states and a scheme, "euler" or "integral".
+
+    rest : [rad/s] below which a joint's friction is left open in a fit (see `sliding`); 0 fits all
+    rows alike, as the study did. It should be about twice the noise of the estimated velocities.
+    """
 
     name: str
     states: Estimator
     scheme: str
+    rest: float = 0.0
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -33,6 +38,8 @@ class Recipe:
                 f"recipe {self.name!r}: scheme = {self.scheme!r} is unknown; "
                 f"known are {', '.join(SCHEMES)}"
             )
+        if self.rest < 0:
+            raise InputError(f"recipe {self.name!r}: rest = {self.rest} must not be negative")
         if self.scheme == "integral" and isinstance(self.states, Backward):
             raise InputError(
                 f"recipe {self.name!r}: backward differences lag half a sample, which makes the "
@@ -41,7 +48,7 @@ class Recipe:
 
 
 STUDY = Recipe("study", Backward(), "euler")
-INTEGRAL = Recipe("integral", RTS(), "integral")
+INTEGRAL = Recipe("integral", RTS(), "integral", rest=0.2)
 
 
 def states_of(
@@ -68,7 +75,7 @@ def problem_of(
     sample_time: float | None = None,
     history: float = 0.0,
 ) -> Problem:
-    """One-step problem of a data set by a recipe.
+    """One-step problem of a data set by a recipe, all rows alike: what scores are computed on.
 
     sample_time : [s] between the samples used, None for all
     history : [s] of each recording before its first row
@@ -77,3 +84,15 @@ def problem_of(
     make = euler_problem if recipe.scheme == "euler" else integral_problem
     interval = float(np.median(np.concatenate([np.diff(s.time) for s in states])))
     return make(plant, dataset.recordings, states, round(history / interval))
+
+
+def training_problem(
+    dataset: Dataset,
+    plant: Plant,
+    recipe: Recipe,
+    sample_time: float | None = None,
+    history: float = 0.0,
+) -> Problem:
+    """One-step problem that identifiers fit: blind to the friction of joints at rest."""
+    problem = problem_of(dataset, plant, recipe, sample_time, history)
+    return sliding(problem, recipe.rest) if recipe.rest > 0 else problem

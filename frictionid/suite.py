@@ -90,6 +90,7 @@ class RecipeEntry(_Strict):
     name: str
     states: dict[str, Any] | None = None
     scheme: str | None = None
+    rest: float = 0.0
 
 
 class Suite(_Strict):
@@ -189,7 +190,7 @@ def recipe_of(entry: RecipeEntry) -> Recipe:
     if entry.states is None or entry.scheme is None:
         raise InputError(f"recipe {entry.name!r} needs both states and scheme")
     where = f"recipe {entry.name!r}, states"
-    return Recipe(entry.name, _build(entry.states, ESTIMATORS, where), entry.scheme)
+    return Recipe(entry.name, _build(entry.states, ESTIMATORS, where), entry.scheme, entry.rest)
 
 
 def identifier_of(

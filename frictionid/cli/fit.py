@@ -28,14 +28,14 @@ def fit(
     from frictionid.compare import with_provenance
     from frictionid.mechanics import plant_of
     from frictionid.readers.dataset import load_dataset
-    from frictionid.recipe import problem_of
+    from frictionid.recipe import training_problem
     from frictionid.store import save_model
     from frictionid.suite import LAWS, RecipeEntry, identifier_named, recipe_of
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
     recordings = load_dataset(dataset, data)
     made = recipe_of(RecipeEntry(name=recipe))
-    problem = problem_of(recordings, plant_of(recordings), made, sample_time)
+    problem = training_problem(recordings, plant_of(recordings), made, sample_time)
     friction = chosen.fit(problem, np.ones((1, len(problem.r))), seed)[0]
     source: dict[str, Any] = {
         "dataset": recordings.name,
