@@ -13,7 +13,8 @@ from frictionid.friction import Inputs, Memory
 from frictionid.laws.sign import smooth_sign
 
 _LEVEL = (0.0, float("inf"))
-_VELOCITY = (0.1, 30.0)  # below 0.1 rad/s the dip hides in the smoothing, above 30 it is a level
+# slower dips hide where joints come to rest and are never seen, faster ones are a level of their own
+_VELOCITY = (0.3, 30.0)
 _STARTS = (0.5, 1.5, 4.0)
 
 
