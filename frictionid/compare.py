@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.evaluation import (
     Folds,
     Protocol,
@@ -41,6 +42,22 @@ class Result(NamedTuple):
     motions: tuple[dict[str, Any], ...]
     tests: Mapping[str, tuple[Row, ...]]
     seconds: Mapping[str, float]
+
+    def value(
+        self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
+    ) -> float:
+        """One held-out score, pooled over the folds.
+
+        Raises
+        ------
+        InputError
+            Where there is no such score.
+        """
+        for row in self.rows:
+            found = (row.score, row.statistic, row.horizon_s, row.joint)
+            if row.fold == "all" and found == (score, statistic, horizon, joint):
+                return row.value
+        raise InputError(f"no score {score!r}, {statistic!r} at {horizon} s for joint {joint}")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,140 @@
+"""Speed and accuracy of the parts, as ratios measured in one run: `make bench`.
+
+Times are the best of a few repetitions on one thread; each ratio compares two ways to the same answer.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits
+
+from frictionid.evaluation import (
+    Protocol,
+    Split,
+    curve_error,
+    curves,
+    make_folds,
+    predict,
+    prepare,
+    steady_state,
+)
+from frictionid.friction import Friction, along
+from frictionid.identifiers import LeastSquares
+from frictionid.laws import AsymmetricStribeck, Stribeck
+from frictionid.mechanics import plant_of
+from frictionid.readers.dataset import load_dataset
+from frictionid.recipe import INTEGRAL, STUDY, training_problem
+from frictionid.simulate import load_rig, noise_free, simulate
+
+DATA = Path(__file__).parent.parent / "data"
+
+
+def best(call: Callable[[], Any], repetitions: int = 3) -> tuple[float, Any]:
+    """Shortest time [s] of a call, and its result."""
+    times = []
+    for _ in range(repetitions):
+        begin = time.perf_counter()
+        result = call()
+        times.append(time.perf_counter() - begin)
+    return min(times), result
+
+
+def fits(dataset: Any) -> list[tuple[str, str]]:
+    """Ten folds at once against SciPy fold by fold, same cost function."""
+    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+    folds = make_folds(dataset.recordings, Split(count=10))
+    weights = folds.training(problem.recording, problem.time)
+    identifier = LeastSquares(Stribeck())
+    ours, friction = best(lambda: identifier.fit(problem, weights, 0))
+    low, high = (np.tile([b[i] for b in Stribeck().bounds], 2) for i in (0, 1))
+
+    def residual(theta: Any, root: Any) -> Any:
+        torque = along(Friction(Stribeck(), theta.reshape(2, -1)), problem.nodes)
+        return (problem.residual(torque) * root).ravel()
+
+    def fold_by_fold() -> float:
+        cost = 0.0
+        for weight in weights:
+            root = np.sqrt(weight)[:, None]
+            start = np.tile([0.05, 0.01, 1.5, 0.001], 2)
+            cost += 2 * least_squares(residual, start, bounds=(low, high), args=(root,)).cost
+        return cost
+
+    theirs, cost = best(fold_by_fold, 1)
+    torque = along(friction, problem.nodes)
+    own = float(np.einsum("fk,fki->", weights, problem.residual(torque) ** 2))
+    return [
+        ("stribeck, ten folds at once", f"{ours:.2f} s"),
+        ("  against SciPy's least_squares, fold by fold", f"{theirs / ours:.0f} x faster"),
+        ("  its cost over theirs", f"{own / cost:.6f}"),
+    ]
+
+
+def rollouts(dataset: Any) -> list[tuple[str, str]]:
+    """All rollouts side by side against one after the other."""
+    ready = prepare(dataset, Protocol(horizons=(1.0,)))
+    truth = steady_state(dataset.truth, 0.02)
+    starts = ready.starts
+    S = len(starts.recording)
+    everyone = np.zeros(S, dtype=int)
+    together, _ = best(lambda: predict(ready.plant, truth[None][everyone], starts))
+
+    def alone(s: int) -> Any:
+        one = starts._replace(
+            recording=starts.recording[s : s + 1],
+            q=starts.q[s : s + 1],
+            w=starts.w[s : s + 1],
+            u=starts.u[:, s : s + 1],
+            dt=starts.dt[:, s : s + 1],
+        )
+        return predict(ready.plant, truth[None][everyone[:1]], one)
+
+    few = range(0, S, max(S // 5, 1))
+    single, _ = best(lambda: [alone(s) for s in few], 1)
+    ratio = single / len(few) * S / together
+    return [
+        (f"{S} rollouts of 1 s, side by side", f"{together:.2f} s"),
+        ("  against one after the other", f"{ratio:.0f} x faster"),
+    ]
+
+
+def accuracy(name: str, dataset: Any) -> list[tuple[str, str]]:
+    """Curve errors of the study's recipe and ours, fitted to all data."""
+    grid = prepare(dataset, Protocol(horizons=(0.1,))).grid
+    true = curves(steady_state(dataset.truth), grid)
+    rows, errors = [], []
+    for recipe in (STUDY, INTEGRAL):
+        problem = training_problem(dataset, plant_of(dataset), recipe)
+        weights = np.ones((1, len(problem.r)))
+        friction = LeastSquares(AsymmetricStribeck()).fit(problem, weights, 0)[0]
+        errors.append(curve_error(curves(friction, grid), true, grid))
+        shown = " / ".join(f"{100 * e:.1f} %" for e in errors[-1])
+        rows.append((f"{name}: curve error, {recipe.name} (joint 1 / 2)", shown))
+    ratio = " / ".join(f"{b / a:.2f}" for a, b in zip(*errors, strict=True))
+    return [*rows, ("  integral over study", ratio)]
+
+
+def main() -> None:
+    """Measure and print."""
+    clean = load_dataset(DATA / "acrobot_clean")
+    twin = simulate(noise_free(load_rig(DATA / "acrobot_clean" / "rig.toml")))
+    with threadpool_limits(1):
+        rows = fits(clean) + rollouts(clean)
+        rows += accuracy("acrobot_clean", clean) + accuracy("noise-free twin", twin)
+        rows += accuracy("acrobot_sim", load_dataset(DATA / "acrobot_sim"))
+    table = Table("what", "figure", title="frictionid, one thread")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
