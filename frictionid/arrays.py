@@ -22,6 +22,15 @@ def namespace(*arrays: Array) -> Any:
     return array_namespace(*found) if found else array_namespace(np.empty(0))
 
 
+def plain(array: Array) -> Any:
+    """Values of an array as NumPy, without the gradient that a torch tensor carries.
+
+    >>> plain([1.0, 2.0])
+    array([1., 2.])
+    """
+    return np.asarray(array.detach() if hasattr(array, "detach") else array)
+
+
 def solve(M: Array, b: Array) -> Array:
     """Solution x of M x = b for a stack of small systems.
 

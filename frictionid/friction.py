@@ -1,8 +1,8 @@
 """Friction: a law and its numbers, and its torque along recorded motion.
 
-A *law* holds no numbers. A *friction* is a law with parameters theta of shape (..., n, P), P per joint;
-the leading axes are batches (folds, seeds, bootstrap draws), so that picking, stacking and averaging
-are plain indexing. Friction torques are positive when they oppose positive velocity.
+A *law* holds no numbers. A *friction* is a law with parameters theta of shape (..., n, P), P per
+joint; the leading axes are batches (folds, seeds, bootstrap draws), so that picking, stacking and
+averaging are plain indexing. Friction torques are positive when they oppose positive velocity.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from frictionid.arrays import Array, namespace
+from frictionid.arrays import Array, namespace, plain
 
 Memory = tuple[Array, ...]
 
@@ -33,10 +33,10 @@ class Inputs(NamedTuple):
 class Law(Protocol):
     """A friction law, the form of Tf; all numbers are in theta (..., n, P), P = len(names).
 
-    `names`, `units`, `bounds` (lower, upper) describe the parameters of one joint and `initial` lists
-    values to start a fit from, one tuple for each start. `sample_time` is None where the memory
-    advances with each substep, or the time [s] of the samples at which it does. `uses_load` says
-    whether the law reads the bearing load, which costs time to compute.
+    `names`, `units`, `bounds` (lower, upper) describe the parameters of one joint and `initial`
+    lists values to start a fit from, one tuple for each start. `sample_time` is None where the
+    memory advances with each substep, or the time [s] of the samples at which it does. `uses_load`
+    says whether the law reads the bearing load, which costs time to compute.
 
     The batch axes of theta and of the inputs broadcast against each other.
     """
@@ -135,18 +135,21 @@ class Friction:
 
         Laws with memory are held at each velocity for `settle` seconds before they are read.
         """
-        x = at_rest(np.repeat(np.asarray(w, dtype=float)[:, None], self.n, axis=1))
         theta = self.theta[..., None, :, :]
+        xp = namespace(theta)
+        columns = np.repeat(np.asarray(w, dtype=float)[:, None], self.n, axis=1)
+        x = at_rest(xp.asarray(columns, dtype=theta.dtype))
         memory = self.law.start(theta, x)
         if memory:
-            dt = np.full((1, 1), self.law.sample_time or 0.005)
-            for _ in range(int(np.ceil(settle / dt[0, 0]))):
+            step = self.law.sample_time or 0.005
+            dt = xp.asarray([[step]], dtype=theta.dtype)
+            for _ in range(int(np.ceil(settle / step))):
                 memory = self.law.advance(theta, x, memory, dt)
         return self.law.torque(theta, x, memory)
 
     def __str__(self) -> str:
         """Law and parameters with units; mean and spread over a batch."""
-        theta = np.asarray(self.theta).reshape(-1, self.n, len(self.law.names))
+        theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
         lines = [str(self.law)]
         for j in range(self.n):
             values = (
@@ -221,11 +224,13 @@ def _take(x: Inputs, index: Array) -> Inputs:
 
 def _middle(a: Inputs, b: Inputs, sample_time: float | None) -> Inputs:
     # continuous memories see the mean of both ends; sampled ones the newest sample
-    return b if sample_time is not None else Inputs(*((x + y) / 2 for x, y in zip(a, b, strict=True)))
+    return (
+        b if sample_time is not None else Inputs(*((x + y) / 2 for x, y in zip(a, b, strict=True)))
+    )
 
 
 def _padded(nodes: Nodes) -> Array:
-    """Node index of each recording at each step, shape (R, longest); ended ones repeat their last."""
+    """Node of each recording at each step, shape (R, longest); those that ended keep their last."""
     first, last = nodes.first[:-1, None], nodes.first[1:, None] - 1
     return np.minimum(first + np.arange(int((last - first).max()) + 1)[None], last)
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, inverse, namespace, solve, times
+from frictionid.arrays import Array, inverse, namespace, plain, solve, times
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory, at_rest
 from frictionid.mechanics import Plant
@@ -124,7 +124,8 @@ def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
 
 def _driven(plant: Plant, u: Array) -> Array:
     xp = namespace(u)
-    return u * xp.asarray(np.diag(plant.mechanism.B), dtype=u.dtype)
+    driven = [float(d) for d in plant.mechanism.description.driven]
+    return u * xp.asarray(driven, dtype=u.dtype)
 
 
 def _constrained(M: Array, f: Array, held: Array) -> Array:
@@ -290,7 +291,7 @@ def stiffness(plant: Plant, friction: Friction) -> float:
     """
     grid = np.linspace(-np.pi, np.pi, 9)
     q = np.stack(np.meshgrid(*[grid] * plant.n, indexing="ij"), axis=-1).reshape(-1, plant.n)
-    p = np.unique(np.asarray(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
+    p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
     A = inverse(plant.mechanism.inertia(p[:, None], q))
     root = np.sqrt(slopes(friction))
     return float(np.linalg.eigvalsh(root[:, None] * A * root).max())
@@ -299,13 +300,14 @@ def stiffness(plant: Plant, friction: Friction) -> float:
 def slopes(friction: Friction) -> Array:
     """Largest slope dTf/dw of each joint over all batches, or zero, shape (n,) [N m s/rad]."""
     w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])
-    columns = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
     theta = friction.theta[..., None, :, :]
+    grid = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
+    columns = namespace(theta).asarray(grid, dtype=theta.dtype)
     width = 1e-5
 
     def torque(w: Array) -> Array:
         x = at_rest(w)
-        return np.asarray(friction.law.torque(theta, x, friction.law.start(theta, x)))
+        return plain(friction.law.torque(theta, x, friction.law.start(theta, x)))
 
     rise = (torque(columns + width) - torque(columns - width)) / (2 * width)
     return np.maximum(rise.reshape(-1, friction.n).max(axis=0), 0.0)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, namespace
 from frictionid.mechanics.lagrange import Mechanism, Terms
 from frictionid.mechanics.table import mechanism_of, parameters_of
 from frictionid.recordings import Dataset
@@ -34,7 +34,14 @@ class Plant:
     def of(mechanism: Mechanism, parameters: Mapping[str, Any]) -> Plant:
         """Plant of physical parameters, missing ones at their defaults; SI units."""
         values = {**mechanism.defaults, **parameters}
-        arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in values.values()))
+        xp = namespace(*values.values())
+        # not asarray on tensors, which would cut off their gradient
+        arrays = xp.broadcast_arrays(
+            *(
+                v if hasattr(v, "detach") else xp.asarray(v, dtype=xp.float64)
+                for v in values.values()
+            )
+        )
         full = dict(zip(values, arrays, strict=True))
         return Plant(mechanism, full, mechanism.base(full))
 
