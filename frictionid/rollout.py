@@ -37,8 +37,9 @@ def rollout(
     Parameters
     ----------
     plant, friction
-        Batch axes broadcast against those of the start: one friction for all, or one for each start.
+        Batch axes broadcast against those of the start: one for all, or one for each start.
     start : State, arrays of shape (..., n)
+        Without memory, that of a law which remembers begins with the motion.
     u : array, shape (T, ..., n) [N m], mean motor torque of each interval
     dt : array, shape (T, ...) [s], length of each interval
     method : "rk4" (the physics step, with its hold), "euler" or "semi_implicit" (one step a sample)
@@ -63,18 +64,32 @@ def rollout(
     """
     xp = namespace(start.q, u)
     count = refine * substeps(plant, friction, float(dt.max())) if method == "rk4" else 1
-    state, alive = start, None
-    q, w = [start.q], [start.w]
+    state, alive = _begin(plant, friction, start, u, dt), None
+    q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
             state = _one(method, plant, friction, state, u[k], dt[k][..., None], count)
         wild = ~(xp.abs(state.w).sum(-1) < _RUNAWAY)
         if bool(wild.any()):
             state, alive = _freeze(state, wild, alive)
-        state = _sampled(plant, friction, state, u[k], dt[k][..., None])
+        # the newest sample of a law that remembers samples has the torque logged with it
+        newest = u[min(k + 1, u.shape[0] - 1)]
+        state = _sampled(plant, friction, state, newest, dt[k][..., None])
         q.append(_masked(state.q, alive))
         w.append(_masked(state.w, alive))
     return Rollout(xp.stack(q), xp.stack(w))
+
+
+def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:
+    """Start state with the batch axes of everything that takes part, and with a memory."""
+    xp = namespace(start.q)
+    others = (u.shape[1:], friction.theta.shape[:-1], (*dt.shape[1:], 1), (*plant.p.shape[:-1], 1))
+    shape = np.broadcast_shapes(start.q.shape, *others)
+    state = State(xp.broadcast_to(start.q, shape), xp.broadcast_to(start.w, shape), start.memory)
+    if state.memory:
+        return state
+    x = inputs(plant, friction, state, u[0])
+    return state._replace(memory=friction.law.start(friction.theta, x))
 
 
 def _one(
