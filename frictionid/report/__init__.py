@@ -1,0 +1,15 @@
+"""What a person reads of a comparison: tables, pictures and a summary in words.
+
+evidence    results of the tasks, sorted by data set, identifier and recipe
+scoreboard  the numbers of the summary tables; parameters: those of the fitted models
+pairs       differences between models against the scatter over the folds
+tables      tables as Markdown, LaTeX and for the terminal
+findings    sentences that the numbers support; summary: the page that holds all of it
+boxplots, curves, motion, horizons: one kind of picture each; style: their common looks
+build       writes everything; terminal: prints the summary table
+"""
+
+from frictionid.report.build import build
+from frictionid.report.terminal import show, show_scores
+
+__all__ = ["build", "show", "show_scores"]

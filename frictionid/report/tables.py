@@ -1,0 +1,220 @@
+"""Tables for people: one layout, written as Markdown, as LaTeX and for the terminal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any, NamedTuple
+
+from frictionid.report.numbers import INFINITE, NOTHING
+
+
+class Cell(NamedTuple):
+    """Text of a cell; the best of a column stands out."""
+
+    text: str
+    best: bool = False
+
+
+class Column(NamedTuple):
+    """Heading of a column, and of the group of columns that it belongs to."""
+
+    name: str
+    group: str = ""
+    words: bool = False
+
+
+class Line(NamedTuple):
+    """Cells of a line; a rule separates blocks, whose title heads them where there is one."""
+
+    cells: tuple[Cell, ...]
+    block: str = ""
+    title: str = ""
+
+
+class Table(NamedTuple):
+    """A table; `caption` is one sentence or two in plain text, `label` names it in LaTeX."""
+
+    caption: str
+    label: str
+    columns: tuple[Column, ...]
+    lines: tuple[Line, ...]
+
+
+def blocks(table: Table) -> list[list[Line]]:
+    """Lines of each block."""
+    return [list(lines) for _, lines in groupby(table.lines, key=lambda line: line.block)]
+
+
+# --- Markdown ---------------------------------------------------------------------------------
+
+
+def markdown(table: Table) -> str:
+    """A table in GitHub's Markdown, its caption below."""
+    head = [_joined(column, escape_markdown) for column in table.columns]
+    rule = [":---" if column.words else "---:" for column in table.columns]
+    body = [[_markdown_cell(cell) for cell in line.cells] for line in table.lines]
+    lines = ["| " + " | ".join(row) + " |" for row in (head, rule, *body)]
+    return "\n".join([*lines, "", f"*{escape_markdown(table.caption)}*", ""])
+
+
+def _markdown_cell(cell: Cell) -> str:
+    text = escape_markdown(cell.text)
+    return f"**{text}**" if cell.best else text
+
+
+def escape_markdown(text: str) -> str:
+    r"""Text whose characters stand for themselves, also inside a table.
+
+    >>> print(escape_markdown("a|b _c_ snake_case <i> *"))
+    a\|b \_c\_ snake_case \<i> \*
+    """
+    text = re.sub(r"([\\|*`<~$]|\](?=[(\[:]))", r"\\\1", " ".join(text.split()))
+    return re.sub(r"(?<![^\W_])_|_(?![^\W_])", r"\\_", text)  # within a word it means nothing
+
+
+def code(name: str) -> str:
+    """A name as it stands in code, in Markdown.
+
+    >>> code("stribeck"), code("a`b")
+    ('`stribeck`', '`` a`b ``')
+    """
+    name = " ".join(name.split())
+    return f"`` {name} ``" if "`" in name else f"`{name}`"
+
+
+def _joined(column: Column, escape: Any) -> str:
+    return escape(f"{column.group}, {column.name}" if column.group else column.name)
+
+
+# --- LaTeX ------------------------------------------------------------------------------------
+
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    "±": r"$\pm$",
+    "≈": r"$\approx$",
+    "−": r"$-$",
+    INFINITE: r"$\infty$",
+    NOTHING: "--",
+    **{c: "\\" + c for c in "&%$#_{}"},
+}
+
+
+def escape_latex(text: str) -> str:
+    r"""Text whose characters stand for themselves in LaTeX.
+
+    >>> print(escape_latex("a_b & 5 % ± ∞"))
+    a\_b \& 5 \% $\pm$ $\infty$
+    """
+    return "".join(_LATEX.get(c, c) for c in " ".join(text.split()))
+
+
+def latex(table: Table) -> str:
+    """A table for a LaTeX document that uses the package booktabs."""
+    shape = "".join("l" if column.words else "r" for column in table.columns)
+    head = [escape_latex(column.name) for column in table.columns]
+    body = [
+        "\n".join(" & ".join(map(_latex_cell, line.cells)) + r" \\" for line in lines)
+        for lines in blocks(table)
+    ]
+    return "\n".join(
+        [
+            "% needs \\usepackage{booktabs}",
+            r"\begin{table}",
+            r"  \centering",
+            rf"  \caption{{{escape_latex(table.caption)}}}",
+            rf"  \label{{tab:{re.sub(r'[^A-Za-z0-9.-]+', '-', table.label)}}}",
+            rf"  \begin{{tabular}}{{{shape}}}",
+            r"\toprule",
+            *_latex_groups(table.columns),
+            " & ".join(head) + r" \\",
+            r"\midrule",
+            "\n\\midrule\n".join(body),
+            r"\bottomrule",
+            r"  \end{tabular}",
+            r"\end{table}",
+            "",
+        ]
+    )
+
+
+def _latex_cell(cell: Cell) -> str:
+    text = escape_latex(cell.text)
+    return rf"\textbf{{{text}}}" if cell.best else text
+
+
+def _latex_groups(columns: Sequence[Column]) -> list[str]:
+    """Line of the groups' headings with a rule under each."""
+    heads, rules, at = [], [], 1
+    for group, members in groupby(columns, key=lambda column: column.group):
+        width = len(list(members))
+        heads.append(rf"\multicolumn{{{width}}}{{c}}{{{escape_latex(group)}}}")
+        if group:
+            rules.append(rf"\cmidrule(lr){{{at}-{at + width - 1}}}")
+        at += width
+    return [" & ".join(heads) + r" \\", "".join(rules)] if rules else []
+
+
+# --- Terminal ---------------------------------------------------------------------------------
+
+GAP = 2
+
+
+def for_terminal(table: Table) -> list[Any]:
+    """Lines of the table as rich texts: groups head their columns, titles their blocks."""
+    from rich.cells import cell_len
+    from rich.text import Text
+
+    several = len({title for line in table.lines if (title := line.title)}) > 0
+    widths = [
+        max(map(cell_len, [column.name, *(line.cells[i].text for line in table.lines)]))
+        for i, column in enumerate(table.columns)
+    ]
+    indent = " " * (1 + several)
+    out = [*_heads(table.columns, widths, len(indent) - 1)]
+    total = max(len(line.plain) for line in out)
+    for lines in blocks(table):
+        if lines[0].title:
+            out.append(Text(f" {lines[0].title}", style="italic"))
+        for line in lines:
+            row = Text(indent)
+            for cell, width, column in zip(line.cells, widths, table.columns, strict=True):
+                space = " " * (width - cell_len(cell.text))
+                before, after = ("", space) if column.words else (space, "")
+                row.append(before).append(cell.text, "bold" if cell.best else "")
+                row.append(after + " " * GAP)
+            row.rstrip()
+            out.append(row)
+        out.append(Text("─" * total, style="dim"))
+    return out
+
+
+def _heads(columns: Sequence[Column], widths: list[int], shift: int) -> list[Any]:
+    """Headings of groups and columns; a group wider than its columns widens the last of them."""
+    from rich.text import Text
+
+    top, at = Text(" " * (1 + shift)), 0
+    for group, members in groupby(columns, key=lambda column: column.group):
+        count = len(list(members))
+        own = sum(widths[at : at + count]) + GAP * (count - 1)
+        widths[at + count - 1] += max(0, len(group) - own)
+        own = max(own, len(group))
+        at += count
+        line = (
+            f" {group} ".center(own, "─") if group and own > len(group) + 3 else group.center(own)
+        )
+        top.append(line + " " * GAP, "dim" if group else "")
+    names = Text(" " * (1 + shift))
+    for column, width in zip(columns, widths, strict=True):
+        name = column.name.ljust(width) if column.words else column.name.rjust(width)
+        names.append(name + " " * GAP)
+    for line in (top, names):
+        line.rstrip()
+    rule = Text("─" * max(len(top.plain), len(names.plain)), style="dim")
+    return ([top] if top.plain else []) + [names, rule]
