@@ -149,6 +149,8 @@ class Friction:
 
     def __str__(self) -> str:
         """Law and parameters with units; mean and spread over a batch."""
+        if not self.law.names:
+            return str(self.law)
         theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
         lines = [str(self.law)]
         for j in range(self.n):
