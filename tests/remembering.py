@@ -1,4 +1,4 @@
-"""Laws with memory that the tests of the core need: one continuous, one sampled."""
+"""Laws with memory that the tests of the core need: continuous ones and a sampled one."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -60,6 +60,28 @@ class Sampled:
 
     def advance(self, theta, x, memory, dt):
         return (*memory[1:], x.w + x.u + 0.0 * theta[..., 0] + 0.0 * dt)
+
+    def limit(self, theta, x):
+        return 0.0 * (theta[..., 0] + x.w)
+
+
+@dataclass(frozen=True)
+class Follower:
+    """Tf = gain z with dz/dt = (w - z)/0.1 s from z = 0: a poor law, but its steps are known."""
+
+    names: ClassVar[tuple[str, ...]] = ("gain",)
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+
+    def start(self, theta, x):
+        return (0.0 * (theta[..., 0] + x.w),)
+
+    def torque(self, theta, x, memory):
+        return memory[0] * theta[..., 0] + 0.0 * x.w
+
+    def advance(self, theta, x, memory, dt):
+        share = namespace(dt).exp(-dt / 0.1)
+        return (x.w + (memory[0] - x.w) * share + 0.0 * theta[..., 0],)
 
     def limit(self, theta, x):
         return 0.0 * (theta[..., 0] + x.w)
