@@ -1,0 +1,83 @@
+"""Laws of the small array algebra: the same answers as numpy.linalg, alike on NumPy and torch."""
+
+import numpy as np
+import pytest
+import torch
+
+from frictionid.arrays import inverse, namespace, solve, times
+
+SIZES = (1, 2, 3)
+
+
+def well_conditioned(rng, shape, n):
+    """Non-symmetric matrices, so that a transposed formula is found out."""
+    return rng.normal(size=(*shape, n, n)) + 4.0 * np.eye(n)
+
+
+@pytest.mark.parametrize("n", SIZES)
+@pytest.mark.parametrize("shape", [(), (7,), (3, 4)])
+def test_solve_and_inverse_agree_with_numpy_linalg(n, shape):
+    rng = np.random.default_rng(1)
+    M, b = well_conditioned(rng, shape, n), rng.normal(size=(*shape, n))
+    expected = np.linalg.solve(M, b[..., None])[..., 0]
+    np.testing.assert_allclose(solve(M, b), expected, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(inverse(M), np.linalg.inv(M), rtol=1e-12, atol=1e-14)
+    assert solve(M, b).shape == b.shape
+    assert inverse(M).shape == M.shape
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_times_undoes_solve(n):
+    rng = np.random.default_rng(2)
+    M, b = well_conditioned(rng, (50,), n), rng.normal(size=(50, n))
+    np.testing.assert_allclose(times(M, solve(M, b)), b, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(times(inverse(M), b), solve(M, b), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_one_matrix_serves_many_right_hand_sides(n):
+    rng = np.random.default_rng(3)
+    M, b = well_conditioned(rng, (), n), rng.normal(size=(5, n))
+    np.testing.assert_allclose(solve(M, b), b @ np.linalg.inv(M).T, rtol=1e-12)
+    np.testing.assert_allclose(times(M, b), b @ M.T, rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_many_matrices_serve_one_right_hand_side(n):
+    rng = np.random.default_rng(4)
+    M, b = well_conditioned(rng, (5,), n), rng.normal(size=n)
+    np.testing.assert_allclose(solve(M, b), np.linalg.inv(M) @ b, rtol=1e-12)
+    np.testing.assert_allclose(times(M, b), M @ b, rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_torch_gives_what_numpy_gives(n):
+    rng = np.random.default_rng(5)
+    M, b = well_conditioned(rng, (6,), n), rng.normal(size=(6, n))
+    both = torch.from_numpy(M), torch.from_numpy(b)
+    for function, arguments in ((solve, both), (times, both), (inverse, both[:1])):
+        out = function(*arguments)
+        assert isinstance(out, torch.Tensor)
+        expected = function(*(a.numpy() for a in arguments))
+        np.testing.assert_allclose(out.numpy(), expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_torch_differentiates_solve_and_inverse(n):
+    rng = np.random.default_rng(6)
+    M = torch.from_numpy(well_conditioned(rng, (2,), n)).requires_grad_()
+    b = torch.from_numpy(rng.normal(size=(2, n))).requires_grad_()
+    assert torch.autograd.gradcheck(solve, (M, b))
+    assert torch.autograd.gradcheck(inverse, (M,))
+
+
+def test_namespace_follows_the_arguments():
+    assert namespace().__name__ == "array_api_compat.numpy"
+    assert namespace(1.0, 2).__name__ == "array_api_compat.numpy"
+    assert namespace(1.0, np.float64(2.0)).__name__ == "array_api_compat.numpy"
+    assert namespace(1.0, torch.zeros(2)).__name__ == "array_api_compat.torch"
+
+
+def test_numpy_and_torch_do_not_mix():
+    with pytest.raises(TypeError, match="[Mm]ultiple namespaces"):
+        namespace(np.zeros(2), torch.zeros(2))

@@ -1,0 +1,200 @@
+"""[mechanism] tables, own descriptions of a machine, and the flat code that is made of them."""
+
+import numpy as np
+import pytest
+import sympy as sp
+import torch
+
+from frictionid.errors import InputError
+from frictionid.mechanics import (
+    Base,
+    Body,
+    Description,
+    Mechanism,
+    Parameter,
+    acrobot,
+    double_pendulum,
+    mechanism_of,
+    parameters_of,
+    pendulum,
+)
+from frictionid.mechanics.lagrange import derive, flat_code
+
+# ---------------------------------------------------------------- [mechanism] tables
+
+
+def test_table_builds_the_mechanism_with_its_options():
+    assert mechanism_of({"kind": "acrobot"}) is acrobot()
+    relative = mechanism_of({"kind": "acrobot", "link2_rate": "relative"})
+    assert relative == acrobot(link2_rate="relative")
+    driven = mechanism_of({"kind": "double_pendulum", "driven": [False, True]})
+    assert driven.description.driven == (False, True)
+    assert mechanism_of({"kind": "pendulum", "driven": False}).description.driven == (False,)
+
+
+def test_table_parameters_go_before_defaults_and_overrides_before_both():
+    table = {"kind": "acrobot", "parameters": {"m4": 0.1, "m3": 0.2}}
+    p = parameters_of(table, {"m4": 0})
+    assert p == acrobot().defaults | {"m3": 0.2, "m4": 0}
+    assert table["parameters"] == {"m4": 0.1, "m3": 0.2}
+    assert parameters_of({"kind": "pendulum"}, {}) == pendulum().defaults
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({}, r"kind = '' is unknown; known are acrobot, double_pendulum, pendulum"),
+        ({"kind": "acrobott"}, r"kind = 'acrobott' is unknown; did you mean 'acrobot'\?"),
+        ({"kind": 3}, r"kind = '3' is unknown"),
+        (
+            {"kind": "acrobot", "inertia": "printed"},
+            r"no option 'inertia'; did you mean 'inertias'",
+        ),
+        ({"kind": "pendulum", "colour": "red"}, r"no option 'colour'; known are driven"),
+        ({"kind": "acrobot", "inertias": "cad"}, r"option 'cad' must be one of printed, shapes"),
+        ({"kind": "acrobot", "link2_rate": ""}, r"option '' must be one of absolute, relative"),
+        ({"kind": "acrobot", "inertias": {"J": 1}}, r"inertias = .* a value or a list of values"),
+        ({"kind": "double_pendulum", "driven": True}, r"driven = True must be a pair of true and"),
+        ({"kind": "double_pendulum", "driven": [True]}, r"driven = \(True,\) must be a pair"),
+        ({"kind": "double_pendulum", "driven": ["no", "yes"]}, r"must be a pair of true and false"),
+        ({"kind": "double_pendulum", "driven": [[True]]}, r"must be a value or a list of values"),
+        ({"kind": "pendulum", "driven": "yes"}, r"driven = 'yes' must be true or false"),
+        ({"kind": "acrobot", "parameters": 3}, r"parameters = 3 must be a table: name = number"),
+        (
+            {"kind": "pendulum", "parameters": {"lenght": 1.0}},
+            r"pendulum has no parameter 'lenght'; did you mean 'length'\? known are mass, length",
+        ),
+        ({"kind": "pendulum", "parameters": {"mass": "1"}}, r"mass = '1' must be a finite number"),
+        ({"kind": "pendulum", "parameters": {"mass": True}}, r"mass = True must be a finite num"),
+        ({"kind": "pendulum", "parameters": {"mass": np.nan}}, r"mass = nan must be a finite num"),
+        ({"kind": "pendulum", "parameters": {"g": np.inf}}, r"g = inf must be a finite number"),
+    ],
+)
+def test_a_wrong_table_is_told_what_is_wrong(table, message):
+    with pytest.raises(InputError, match=message):
+        mechanism_of(table)
+    with pytest.raises(InputError, match=message):
+        parameters_of(table, {})
+
+
+def test_a_wrong_override_is_told_what_is_wrong():
+    table = {"kind": "acrobot"}
+    with pytest.raises(InputError, match="no parameter 'rotr'; did you mean 'rotor'"):
+        parameters_of(table, {"rotr": 1.0})
+    with pytest.raises(InputError, match="m4 = None must be a finite number"):
+        parameters_of(table, {"m4": None})
+
+
+def test_wrong_options_are_refused_by_the_mechanisms_themselves():
+    with pytest.raises(ValueError, match="must be one of printed, shapes"):
+        acrobot("CAD")
+    with pytest.raises(ValueError, match="must be a pair of true and false"):
+        double_pendulum((True, True, True))
+    with pytest.raises(ValueError, match="must be true or false"):
+        pendulum(driven=2)
+
+
+# ---------------------------------------------------------------- flat code and derivation
+
+
+def test_flat_code_of_constants_needs_no_functions():
+    x = sp.Symbol("x")
+    numbers = [sp.Integer(3), 2, sp.Rational(1, 3), sp.pi, sp.sqrt(2), sp.sin(1), 0.1]
+    out = flat_code([x], numbers)(np, np.zeros(4))
+    assert out == (3.0, 2.0, 1 / 3, np.pi, 2.0**0.5, np.sin(1.0), 0.1)
+
+
+@pytest.mark.parametrize("xp", [np, torch], ids=["numpy", "torch"])
+def test_flat_code_of_powers_roots_and_functions(xp):
+    x, y = sp.symbols("x y")
+    outputs = [
+        sp.sqrt(x),
+        1 / sp.sqrt(x),
+        sp.sqrt(2) * x,
+        x ** sp.Rational(3, 2),
+        x**-2,
+        sp.Integer(2) ** 3 * x,
+        sp.exp(-((y / x) ** 2)),
+        sp.atan(y) + sp.tanh(x) * sp.sin(y) ** 2,
+        (x + y) * sp.cos(x + y) + sp.log(x + y),
+    ]
+    a, b = np.array([0.5, 2.0, 7.0]), np.array([0.1, 1.0, 3.0])
+    s = a + b
+    expected = [
+        np.sqrt(a),
+        1 / np.sqrt(a),
+        np.sqrt(2) * a,
+        a**1.5,
+        a**-2.0,
+        8 * a,
+        np.exp(-((b / a) ** 2)),
+        np.arctan(b) + np.tanh(a) * np.sin(b) ** 2,
+        s * np.cos(s) + np.log(s),
+    ]
+    arguments = (a, b) if xp is np else (torch.from_numpy(a), torch.from_numpy(b))
+    out = flat_code([x, y], outputs)(xp, *arguments)
+    assert len(out) == len(expected)
+    for actual, wanted in zip(out, expected, strict=True):
+        np.testing.assert_allclose(np.asarray(actual), wanted, rtol=1e-14)
+
+
+def test_flat_code_of_one_output_is_a_tuple():
+    x = sp.Symbol("x")
+    assert flat_code([x], [x])(np, 2.0) == (2.0,)
+
+
+def test_flat_code_keeps_every_digit_of_a_constant():
+    x = sp.Symbol("x")
+    value = 0.1 + 0.2
+    assert flat_code([x], [value * x])(np, 1.0) == (value,)
+
+
+def test_flat_code_shares_what_repeats():
+    """A counting namespace: sin of the same angle is computed once."""
+    calls = []
+
+    class Counting:
+        @staticmethod
+        def sin(x):
+            calls.append(x)
+            return np.sin(x)
+
+    x, y = sp.symbols("x y")
+    out = flat_code([x, y], [sp.sin(x + y) * x, sp.sin(x + y) * y])(Counting, 1.0, 2.0)
+    assert calls == [3.0]
+    assert out == (np.sin(3.0), 2.0 * np.sin(3.0))
+
+
+def description(base):
+    """A wheel on a spring-less axle, hung up off its centre, with the base parameters given."""
+    q, w, m, r, J, g = sp.symbols("q w m r J g")
+    table = ((m, 1.0, "kg"), (r, 1.0, "m"), (J, 1.0, "kg m^2"), (g, 9.81, "m/s^2"))
+    return Description(
+        kind="wheel",
+        joints=("axle",),
+        q=(q,),
+        w=(w,),
+        gravity=g,
+        parameters=tuple(Parameter(s, d, unit, str(s)) for s, d, unit in table),
+        bodies=(Body(m, r * sp.sin(q), -r * sp.cos(q), J, w, 0),),
+        rotors=(),
+        driven=(True,),
+        base=base,
+    )
+
+
+def test_a_mechanism_of_ones_own_needs_only_a_description():
+    m, r, J, g = sp.symbols("m r J g")
+    base = (Base("inertia", 2 * (J + m * r**2), "kg m^2"), Base("gravity", -m * g * r, "N m"))
+    wheel = Mechanism(description(base))
+    t = wheel.terms(wheel.base({"J": 0.5}), np.array([0.3]), np.array([2.0]))
+    assert t.M[0, 0] == pytest.approx(1.5)  # factors of a base parameter are taken care of
+    assert t.h[0] == pytest.approx(-9.81 * np.sin(0.3))
+    assert t.energy == pytest.approx(0.5 * 1.5 * 4.0 - 9.81 * np.cos(0.3))
+
+
+def test_a_description_whose_base_parameters_do_not_suffice_is_refused():
+    m, r, J = sp.symbols("m r J")
+    base = (Base("inertia", J + m * r**2, "kg m^2"),)
+    with pytest.raises(ValueError, match=r"wheel: the coefficient .* \(inertia\): add one to"):
+        derive(description(base))
