@@ -83,7 +83,7 @@ def run(contest: Contest, identifier: Identifier, recipe: Recipe, seed: int = 0)
     problem = training_problem(
         dataset, plant_of(dataset), recipe, protocol.sample_time, protocol.history
     )
-    training = folds.training(problem.recording, problem.time)
+    training = folds.training(problem.recording, problem.time, problem.dt)
     weights = np.concatenate([training, np.ones((1, len(problem.r)))])
     seconds = {"prepare": time.perf_counter() - clock}
     clock = time.perf_counter()

@@ -77,13 +77,24 @@ def problem_of(
 ) -> Problem:
     """One-step problem of a data set by a recipe, all rows alike: what scores are computed on.
 
+    The rows are the same for every recipe: each recording's first interval, where backward
+    differences know no velocity yet, is none of them.
+
     sample_time : [s] between the samples used, None for all
     history : [s] of each recording before its first row
     """
     states = states_of(dataset, recipe.states, sample_time)
     make = euler_problem if recipe.scheme == "euler" else integral_problem
-    interval = float(np.median(np.concatenate([np.diff(s.time) for s in states])))
-    return make(plant, dataset.recordings, states, round(history / interval))
+    steps = np.concatenate([np.diff(s.time) for s in states])
+    if not len(steps):
+        raise InputError(
+            f"data set {dataset.name!r}: samples {sample_time} s apart leave no interval of any "
+            "recording: lower sample_time"
+        )
+    interval = float(np.median(steps))
+    before = max(round(history / interval), 1)
+    lost = 1 if isinstance(recipe.states, Backward) else 0
+    return make(plant, dataset.recordings, states, before - lost)
 
 
 def training_problem(

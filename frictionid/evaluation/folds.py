@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,6 +39,10 @@ class Split:
             )
         if self.count < 2:
             raise InputError(f"folds: count = {self.count} must be at least 2")
+        if not (math.isfinite(self.gap) and self.gap >= 0):
+            raise InputError(f"folds: gap = {self.gap} s must be finite and not negative")
+        if self.seed < 0:
+            raise InputError(f"folds: seed = {self.seed} must not be negative")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +57,14 @@ class Folds:
     labels: tuple[Array, ...]
     gap: float = 0.0
     contiguous: bool = True
+    names: tuple[str, ...] = ()
 
     @property
     def hash(self) -> str:
         """SHA-256 of the assignment: equal hashes mean equal folds."""
-        digest = hashlib.sha256(f"{self.count} {self.gap}".encode())
+        sizes = [len(label) for label in self.labels]
+        head = f"{self.count} {self.gap!r} {self.contiguous} {sizes} {self.names!r}"
+        digest = hashlib.sha256(head.encode())
         for time, label in zip(self.times, self.labels, strict=True):
             digest.update(np.ascontiguousarray(time, dtype="<f8").tobytes())
             digest.update(np.ascontiguousarray(label, dtype="<i4").tobytes())
@@ -70,18 +78,23 @@ class Folds:
             out[rows] = label[np.searchsorted(clock, time[rows] + 1e-9, side="right") - 1]
         return out
 
-    def training(self, recording: Array, time: Array) -> Array:
-        """Training weights (F, K), 1 or 0: rows not held out and not within the gap of such rows."""
+    def training(self, recording: Array, time: Array, dt: Array | float = 0.0) -> Array:
+        """Training weights (F, K), 1 or 0, of rows from `time` to `time + dt` [s] of `recording`.
+
+        A row trains the folds that neither hold it out nor hold out anything within the gap of it,
+        before or after, in the same recording.
+        """
         held = self.held_out(recording, time)
         weights = (held[None] != np.arange(self.count)[:, None]).astype(float)
         if self.gap <= 0:
             return weights
+        stop = time + dt
         for i, (clock, label) in enumerate(zip(self.times, self.labels, strict=True)):
             rows = np.flatnonzero(recording == i)
             for fold in np.unique(label):
-                own = clock[label == fold]
-                nearest = np.abs(_nearest(own, time[rows]) - time[rows])
-                weights[fold, rows[nearest < self.gap]] = 0.0
+                own = np.flatnonzero(label == fold)
+                near = _distance(clock, own, time[rows], stop[rows]) < self.gap - 1e-9
+                weights[fold, rows[near]] = 0.0
         return weights
 
     def whole(self, recording: int, start: float, stop: float) -> int | None:
@@ -98,11 +111,12 @@ class Folds:
         return fold
 
 
-def _nearest(sorted_: Array, at: Array) -> Array:
-    index = np.clip(np.searchsorted(sorted_, at), 1, max(len(sorted_) - 1, 1))
-    low = sorted_[index - 1]
-    high = sorted_[np.minimum(index, len(sorted_) - 1)]
-    return np.where(at - low < high - at, low, high)
+def _distance(clock: Array, own: Array, start: Array, stop: Array) -> Array:
+    """Time (K,) [s] between rows [start, stop] and the intervals `own` of a clock, 0 if they touch."""
+    begins = np.concatenate([clock[own], [np.inf]])
+    ends = np.concatenate([[-np.inf], clock[np.minimum(own + 1, len(clock) - 1)]])
+    place = np.searchsorted(begins[:-1], start + 1e-9, side="right")
+    return np.maximum(np.minimum(begins[place] - stop, start - ends[place]), 0.0)
 
 
 def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
@@ -123,6 +137,7 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
     [0, 1, 2, 3]
     """
     times = tuple(np.asarray(r.angle.time, dtype=float) for r in recordings)
+    names = tuple(r.name for r in recordings)
     sizes = np.array([len(t) for t in times])
     if split.kind == "recordings":
         if len(recordings) < split.count:
@@ -132,7 +147,7 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
             )
         owner = _balanced(sizes, split)
         labels = [np.full(size, fold) for size, fold in zip(sizes, owner, strict=True)]
-        return Folds(split.count, times, tuple(labels))
+        return Folds(split.count, times, tuple(labels), names=names)
     total = int(sizes.sum())
     if total < split.count:
         raise InputError(f"{total} samples cannot make {split.count} folds")
@@ -141,7 +156,7 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
         every = np.random.default_rng(split.seed).permutation(every)
     parts = tuple(np.split(every, np.cumsum(sizes)[:-1]))
     blocks = split.kind == "blocks"
-    return Folds(split.count, times, parts, split.gap if blocks else 0.0, contiguous=blocks)
+    return Folds(split.count, times, parts, split.gap if blocks else 0.0, blocks, names)
 
 
 def _balanced(sizes: Array, split: Split) -> Array:

@@ -50,6 +50,15 @@ def summarise_rollouts(
     """
     errors = np.where(np.isfinite(errors), errors, np.inf)
     for name, level in (("median", 0.5), ("q90", 0.9)):
-        value = np.quantile(errors, level, method="higher")
-        yield Row(fold, score, name, horizon, joint, float(value), "rad")
+        yield Row(fold, score, name, horizon, joint, _quantile(errors, level), "rad")
     yield Row(fold, score, "diverged", horizon, joint, float(np.mean(errors > DIVERGED)), "1")
+
+
+def _quantile(values: Array, level: float) -> float:
+    """Quantile between the two nearest of the values, some of them infinite (NumPy's turns NaN)."""
+    ordered = np.sort(values)
+    at = round(level * (len(ordered) - 1), 9)
+    low, part = int(at), at - int(at)
+    if part == 0.0:
+        return float(ordered[low])
+    return float((1.0 - part) * ordered[low] + part * ordered[low + 1])
