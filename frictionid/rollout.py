@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, namespace
+from frictionid.arrays import Array, namespace, plain
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
@@ -63,12 +63,12 @@ def rollout(
     True
     """
     xp = namespace(start.q, u)
-    count = refine * substeps(plant, friction, float(dt.max())) if method == "rk4" else 1
+    counts = _substeps(plant, friction, dt, refine) if method == "rk4" else [1] * len(u)
     state, alive = _begin(plant, friction, start, u, dt), None
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
-            state = _one(method, plant, friction, state, u[k], dt[k][..., None], count)
+            state = _one(method, plant, friction, state, u[k], dt[k][..., None], counts[k])
         wild = ~(xp.abs(state.w).sum(-1) < _RUNAWAY)
         if bool(wild.any()):
             state, alive = _freeze(state, wild, alive)
@@ -90,6 +90,13 @@ def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) 
         return state
     x = inputs(plant, friction, state, u[0])
     return state._replace(memory=friction.law.start(friction.theta, x))
+
+
+def _substeps(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[int]:
+    """Substeps of each interval: a gap in the recording must not refine all the others."""
+    longest = plain(dt).reshape(len(dt), -1).max(axis=1)
+    most = substeps(plant, friction, float(longest.max()))
+    return [refine * int(np.ceil(most * share - 1e-9)) for share in longest / longest.max()]
 
 
 def _one(

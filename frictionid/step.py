@@ -26,7 +26,7 @@ _SWEEPS = 50
 _SETTLED = 1e-12  # [N m]
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
 _LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
-_MOST = 2000
+_FASTEST = 2e5  # [1/s], 1700 substeps in a sample of 1/60 s
 
 
 class State(NamedTuple):
@@ -276,10 +276,11 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
     """
     rate = stiffness(plant, friction)
     count = int(np.ceil(max(dt / _LONGEST, dt * rate / _STABLE, 1.0)))
-    if count > _MOST:
+    if rate > _FASTEST:
         raise InputError(
-            f"{friction.law}: slopes of {slopes(friction)} N m s/rad need {count} substeps in "
-            f"{dt:.3g} s (at most {_MOST}): widen the law's smoothing, or check its parameters"
+            f"{friction.law}: slopes of {slopes(friction)} N m s/rad slow a joint down within "
+            f"{1 / rate:.1g} s and need {count} substeps in {dt:.3g} s: widen the law's "
+            "smoothing, or check its parameters"
         )
     return count
 
