@@ -68,7 +68,7 @@ def pad(angles: Sequence[Signal]) -> Series:
 
 
 def filtered(series: Series, rho: Array) -> Filtered:
-    """Kalman filter of all series at jerk ratios rho (..., S); batch axes of rho lead in S's place."""
+    """Kalman filter of all series at jerk ratios rho (..., S), whose batch axes stand before S."""
     T, shape = len(series.dt), np.broadcast_shapes(np.shape(rho), series.value.shape[1:])
     mean, gain = np.empty((T, 3, *shape)), np.empty((T, 3, *shape))
     covariance, variance = np.empty((T, 6, *shape)), np.empty((T, *shape))
@@ -81,7 +81,11 @@ def filtered(series: Series, rho: Array) -> Filtered:
     for t in range(T):
         if t:
             x, P = _predict(x, P, series.dt[t], rho)
-        e, s, K = series.value[t] - x[0], P[0] + 1.0, np.where(series.valid[t], P[:3] / (P[0] + 1.0), 0)
+        e, s, K = (
+            series.value[t] - x[0],
+            P[0] + 1.0,
+            np.where(series.valid[t], P[:3] / (P[0] + 1.0), 0),
+        )
         x = x + K * e
         P = _update(P, K, s)
         mean[t], covariance[t], gain[t], innovation[t], variance[t] = x, P, K, e, s
@@ -150,6 +154,21 @@ def likeliest(series: Series, decades: tuple[float, float] = (2.0, 20.0)) -> Arr
     near = best + np.linspace(-step, step, 13)[:, None]
     score = _likelihood(series, 10.0**near)
     return 10.0 ** np.take_along_axis(near, np.argmax(score, axis=0)[None], axis=0)[0]
+
+
+def followed(series: Series, decades: tuple[float, float] = (2.0, 20.0)) -> Array:
+    """Filtered states (T, S, 3), each at the jerk ratio that its past samples make likeliest."""
+    rho = 10.0 ** np.linspace(*decades, 19)[:, None]
+    f = filtered(series, np.broadcast_to(rho, (len(rho), series.value.shape[1])))
+    use = series.valid.copy()
+    use[:3] = False  # three samples fix the state, see `_likelihood`
+    use = use[:, None]
+    count = np.maximum(np.cumsum(use, axis=0), 1)
+    squares = np.cumsum(np.where(use, f.innovation**2 / f.variance, 0.0), axis=0)
+    logs = np.cumsum(np.where(use, np.log(f.variance), 0.0), axis=0)
+    score = -0.5 * (count * np.log(np.maximum(squares / count, 1e-24)) + logs)
+    best = np.argmax(score, axis=1)[:, None, :, None]
+    return np.take_along_axis(f.mean, best, axis=1)[:, 0]
 
 
 def _likelihood(series: Series, rho: Array) -> Array:

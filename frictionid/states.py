@@ -14,7 +14,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.kinematic import Series, filtered, likeliest, pad, smoothed
+from frictionid.kinematic import Series, followed, likeliest, pad, smoothed
 from frictionid.signals import Signal
 
 
@@ -121,14 +121,14 @@ class RTS:
 class Causal:
     """The filter of `RTS`: each state depends on samples up to its own time only.
 
-    Rollouts start from it. The two noise intensities are those of the whole recording.
+    So does the noise ratio it is filtered with, the likeliest so far. Rollouts start from it.
     """
 
     support: int = 0
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
         series = pad(angles)
-        return _states(angles, series, filtered(series, likeliest(series)).mean)
+        return _states(angles, series, followed(series))
 
 
 def thin(states: States, sample_time: float) -> States:

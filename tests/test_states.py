@@ -121,7 +121,28 @@ def test_the_public_estimators_use_the_likeliest_ratio():
     series = pad([angle])
     rho = likeliest(series)
     np.testing.assert_array_equal(RTS()([angle])[0].w, smoothed(series, rho)[..., 1])
-    np.testing.assert_array_equal(Causal()([angle])[0].w, filtered(series, rho).mean[..., 1])
+
+
+def test_the_causal_estimator_sees_nothing_of_what_comes_later():
+    rng = np.random.default_rng(5)
+    time = even()
+    angle = one(time, wave(time, rng))
+    for stop in (3, 10, 31):
+        noisy = angle.value + 0.3 * (time >= time[stop])[:, None] * rng.normal(size=(len(time), 1))
+        before, other = (Causal()([angle._replace(value=v)])[0] for v in (angle.value, noisy))
+        np.testing.assert_array_equal(before.w[:stop], other.w[:stop])
+        np.testing.assert_array_equal(before.q[:stop], other.q[:stop])
+        assert np.abs(before.w - other.w)[stop:].max() > 0.1
+
+
+def test_the_causal_estimator_ends_with_the_ratio_that_all_samples_make_likeliest():
+    time = even()
+    angle = one(time, wave(time, np.random.default_rng(5)))
+    series = pad([angle])
+    rho = likeliest(series)
+    # it tries whole decades, so it ends within half a decade
+    low, high = (filtered(series, rho * 10.0**shift).mean[-1, 0, 1] for shift in (-0.6, 0.6))
+    assert min(low, high) <= Causal()([angle])[0].w[-1, 0] <= max(low, high)
 
 
 @pytest.mark.parametrize("exponent", [5.0, 8.0, 10.0])
