@@ -1,0 +1,33 @@
+"""The simulated rig: set-valued friction, finely integrated, recorded by a drive and a camera.
+
+It shares the mechanics with what is identified, and nothing else: neither step nor laws.
+"""
+
+from frictionid.simulate.friction import Curve, FilmLag, LuGre, Stribeck, Truth
+from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
+from frictionid.simulate.settings import load_rig
+from frictionid.simulate.simulation import simulate
+from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, Steps
+from frictionid.simulate.write import write
+
+__all__ = [
+    "Camera",
+    "Chirp",
+    "Command",
+    "Curve",
+    "Drive",
+    "FilmLag",
+    "LuGre",
+    "Multisine",
+    "Noise",
+    "Rig",
+    "Run",
+    "Sine",
+    "Steps",
+    "Stribeck",
+    "Truth",
+    "load_rig",
+    "noise_free",
+    "simulate",
+    "write",
+]

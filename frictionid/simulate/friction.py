@@ -1,0 +1,292 @@
+"""True friction of the simulated rig, with real stick: what the identified laws are judged against.
+
+Every truth has the same kind of steady-state curve, per joint
+
+Tf(w) = (coulomb + peak exp(-(w / ws)^2)) sgn(w) + viscous w,   levels per direction [Armstrong1994]
+
+and differs in what happens while w changes. Memory-free friction and film lag are set-valued at rest:
+a joint at w = 0 takes any torque up to the level. The integrator gives each joint a *mode*, +1 or -1
+where it slips that way, 0 where it sticks, within which everything below is smooth. LuGre's bristle
+makes friction single-valued, so that its joints never stick, but |w| still has a kink between modes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar, Literal, Protocol
+
+import numpy as np
+
+from frictionid.errors import InputError
+from frictionid.signals import Array
+
+Numbers = tuple[float, ...]
+
+
+class Truth(Protocol):
+    """Friction of all joints with one memory state z per joint; arrays have shape (..., n).
+
+    Attributes
+    ----------
+    curve : Curve
+    sticks : bool
+        Whether friction is set-valued at w = 0, so that modes have a meaning.
+    """
+
+    @property
+    def curve(self) -> Curve: ...
+
+    @property
+    def sticks(self) -> bool: ...
+
+    def start(self, w: Array) -> Array:
+        """Memory after a long time at the velocity w."""
+        ...
+
+    def torque(self, w: Array, z: Array, mode: Array) -> Array:
+        """Friction torque [N m] in a mode, continued smoothly to the wrong side of w = 0.
+
+        At w = 0 the modes +1 and -1 give the two ends of the break-away band.
+        """
+        ...
+
+    def rate(self, w: Array, z: Array, mode: Array) -> Array:
+        """dz/dt in a mode."""
+        ...
+
+    def table(self) -> dict[str, Any]:
+        """The [truth] table of a data set with this friction."""
+        ...
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Steady-state friction curve; one number per joint in each field.
+
+    Without a peak it is Coulomb and viscous friction.
+
+    Parameters
+    ----------
+    coulomb_positive, coulomb_negative : tuple of float [N m]
+        Sliding level for w > 0 and w < 0.
+    viscous : tuple of float [N m s/rad]
+    peak_positive, peak_negative : tuple of float [N m]
+        Break-away minus sliding level; zero by default.
+    stribeck_velocity : tuple of float [rad/s]
+
+    Examples
+    --------
+    >>> curve = Curve((0.05,), (0.05,), viscous=(0.001,), peak_positive=(0.03,))
+    >>> [round(float(curve.torque(np.array([w]), np.sign([w]))[0]), 4) for w in (1e-9, 10.0, -10.0)]
+    [0.08, 0.06, -0.06]
+    """
+
+    coulomb_positive: Numbers
+    coulomb_negative: Numbers
+    viscous: Numbers
+    peak_positive: Numbers = ()
+    peak_negative: Numbers = ()
+    stribeck_velocity: Numbers = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.coulomb_positive)
+        for name, default in (
+            ("peak_positive", 0.0),
+            ("peak_negative", 0.0),
+            ("stribeck_velocity", 1.0),
+        ):
+            if not getattr(self, name):
+                object.__setattr__(self, name, (default,) * n)
+        for field in fields(self):
+            _check(field.name, getattr(self, field.name), n)
+        if not all(v > 0 for v in self.stribeck_velocity):
+            raise InputError(f"stribeck_velocity must be positive, not {self.stribeck_velocity}")
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.coulomb_positive)
+
+    @cached_property
+    def _arrays(self) -> tuple[Array, ...]:
+        return tuple(np.array(getattr(self, field.name)) for field in fields(self))
+
+    def level(self, speed: Array, side: Array) -> Array:
+        """Friction level without the viscous term at a speed in the direction of `side` [N m]."""
+        positive, negative, _, peak_positive, peak_negative, width = self._arrays
+        forward = side >= 0
+        peak = np.where(forward, peak_positive, peak_negative)
+        level: Array = np.where(forward, positive, negative) + peak * np.exp(
+            -((speed / width) ** 2)
+        )
+        return level
+
+    def torque(self, w: Array, side: Array) -> Array:
+        """Friction torque [N m] at w for the direction `side` (+1, -1 or 0), shape (..., n)."""
+        torque: Array = side * self.level(w, side) + self._arrays[2] * w
+        return torque
+
+    def table(self) -> dict[str, Any]:
+        """Fields by name, as lists."""
+        return {field.name: list(getattr(self, field.name)) for field in fields(self)}
+
+
+@dataclass(frozen=True)
+class Stribeck:
+    """Memory-free friction: the steady-state curve, set-valued at rest.
+
+    Examples
+    --------
+    >>> Stribeck(Curve((0.1,), (0.1,), (0.0,))).sticks
+    True
+    """
+
+    curve: Curve
+    kind: Literal["stribeck"] = "stribeck"
+    sticks: ClassVar[bool] = True
+
+    def start(self, w: Array) -> Array:
+        return np.zeros_like(w)
+
+    def torque(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
+        return self.curve.torque(w, mode)
+
+    def rate(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
+        return np.zeros_like(w)
+
+    def table(self) -> dict[str, Any]:
+        return {"kind": self.kind, **self.curve.table()}
+
+
+@dataclass(frozen=True)
+class FilmLag:
+    """Frictional lag: the lubricating film, not the torque, follows the speed late.
+
+    dz/dt = (|w| - z) / lag,   Tf = level(z) sgn(w) + viscous w
+
+    Set-valued at rest with the level of the film's momentary z [Olsson1998].
+
+    Parameters
+    ----------
+    curve : Curve
+    lag : tuple of float [s]
+        One time constant per joint.
+    """
+
+    curve: Curve
+    lag: Numbers
+    kind: Literal["film_lag"] = "film_lag"
+    sticks: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        _check("lag", self.lag, self.curve.n)
+        if not all(v > 0 for v in self.lag):
+            raise InputError(
+                f'lag must be positive, not {self.lag}; without lag: kind = "stribeck"'
+            )
+
+    @cached_property
+    def _lag(self) -> Array:
+        return np.array(self.lag)
+
+    @cached_property
+    def _viscous(self) -> Array:
+        return np.array(self.curve.viscous)
+
+    def start(self, w: Array) -> Array:
+        return np.abs(w)
+
+    def torque(self, w: Array, z: Array, mode: Array) -> Array:
+        torque: Array = mode * self.curve.level(z, mode) + self._viscous * w
+        return torque
+
+    def rate(self, w: Array, z: Array, mode: Array) -> Array:
+        rate: Array = (mode * w - z) / self._lag
+        return rate
+
+    def table(self) -> dict[str, Any]:
+        return {"kind": self.kind, **self.curve.table(), "lag": list(self.lag)}
+
+
+@dataclass(frozen=True)
+class LuGre:
+    """LuGre friction: a bristle of stiffness s0 that bends by z and slides at the curve's level.
+
+    dz/dt = w - s0 |w| z / level(w),   Tf = s0 z + s1(w) dz/dt + viscous w [Canudas1995]
+
+    The damping s1(w) = bristle_damping exp(-(w / damping_velocity)^2) fades with the speed: with a
+    constant one LuGre feeds energy in. With x = s0 z and v = dz/dt,
+    w Tf - d(s0 z^2 / 2)/dt = |w|/level x^2 + s1 |w|/level x v + s1 v^2 + viscous w^2, which is never
+    negative if s1(w) |w| <= 4 level(w). The largest s1 |w| is bristle_damping damping_velocity /
+    sqrt(2 e), so that this is checked here once for all velocities.
+
+    Parameters
+    ----------
+    curve : Curve
+    bristle_stiffness : tuple of float [N m/rad]
+    bristle_damping : tuple of float [N m s/rad]
+    damping_velocity : tuple of float [rad/s]
+
+    Raises
+    ------
+    InputError
+        Where the damping is so large that the friction would not be passive.
+    """
+
+    curve: Curve
+    bristle_stiffness: Numbers
+    bristle_damping: Numbers
+    damping_velocity: Numbers
+    kind: Literal["lugre"] = "lugre"
+    sticks: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        for name in ("bristle_stiffness", "bristle_damping", "damping_velocity"):
+            _check(name, getattr(self, name), self.curve.n)
+        if not all(v > 0 for v in (*self.bristle_stiffness, *self.damping_velocity)):
+            raise InputError("bristle_stiffness and damping_velocity must be positive")
+        for joint in range(self.curve.n):
+            most = (
+                self.bristle_damping[joint] * self.damping_velocity[joint] / math.sqrt(2 * math.e)
+            )
+            least = min(self.curve.coulomb_positive[joint], self.curve.coulomb_negative[joint])
+            if not 0 < least or most > 4 * least:
+                raise InputError(
+                    f"joint {joint + 1}: LuGre is passive if bristle_damping * "
+                    f"damping_velocity / 2.33 = {most:.3g} N m is at most 4 coulomb = "
+                    f"{4 * least:.3g} N m; lower bristle_damping or damping_velocity"
+                )
+
+    @cached_property
+    def _arrays(self) -> tuple[Array, ...]:
+        names = (self.bristle_stiffness, self.bristle_damping, self.damping_velocity)
+        return *(np.array(v) for v in names), np.array(self.curve.viscous)
+
+    def start(self, w: Array) -> Array:
+        side = np.sign(w)
+        z: Array = side * self.curve.level(w, side) / self._arrays[0]
+        return z
+
+    def torque(self, w: Array, z: Array, mode: Array) -> Array:
+        stiffness, damping, width, viscous = self._arrays
+        fading = damping * np.exp(-((w / width) ** 2))
+        torque: Array = stiffness * z + fading * self.rate(w, z, mode) + viscous * w
+        return torque
+
+    def rate(self, w: Array, z: Array, mode: Array) -> Array:
+        rate: Array = w - self._arrays[0] * mode * w * z / self.curve.level(w, mode)
+        return rate
+
+    def table(self) -> dict[str, Any]:
+        own = ("bristle_stiffness", "bristle_damping", "damping_velocity")
+        lists = {name: list(getattr(self, name)) for name in own}
+        return {"kind": self.kind, **self.curve.table(), **lists}
+
+
+def _check(name: str, values: Numbers, n: int) -> None:
+    if len(values) != n or n == 0:
+        raise InputError(f"{name} = {list(values)} needs one number for each of {n} joints")
+    if not all(math.isfinite(v) and v >= 0 for v in values):
+        raise InputError(f"{name} = {list(values)}: all must be finite and not negative")

@@ -1,0 +1,127 @@
+"""Stick and slip of all joints at one instant: accelerations in a mode, and which mode comes next.
+
+M dw/dt = h + B u - Tf,   Tf in the break-away band where w = 0
+
+A mode has one entry per joint: +1 or -1 slips that way, 0 sticks. Arrays have a leading axis of
+recordings, shape (R, n).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from frictionid.arrays import solve
+from frictionid.mechanics import Mechanism
+from frictionid.signals import Array
+from frictionid.simulate.friction import Truth
+
+
+@dataclass(frozen=True)
+class World:
+    """What moves: a mechanism with its base parameters p, shape (nb,), and its true friction."""
+
+    mechanism: Mechanism
+    p: Array
+    friction: Truth
+
+    @cached_property
+    def combinations(self) -> Array:
+        """All modes, shape (3^n, n), or (2^n, n) without stick; sticking first: ties go to it."""
+        each = (0.0, 1.0, -1.0) if self.friction.sticks else (1.0, -1.0)
+        return np.array(list(product(each, repeat=self.mechanism.n)))
+
+
+def accelerations(M: Array, f: Array, Tf: Array, slips: Array) -> Array:
+    """dw/dt of slipping joints while the others stand still, shape (..., n) [rad/s^2].
+
+    Rows and columns of standing joints are replaced by those of the identity, which makes their
+    acceleration exactly zero; the torque that holds them is then f - M dw/dt.
+
+    Parameters
+    ----------
+    M : array, shape (..., n, n) [kg m^2]
+    f, Tf : array, shape (..., n) [N m]
+        All torques but friction, and friction of the slipping joints.
+    slips : array of bool, shape (..., n)
+
+    Examples
+    --------
+    >>> M, f = np.array([[2.0, 1.0], [1.0, 1.0]]), np.array([3.0, 0.5])
+    >>> accelerations(M, f, 0.0 * f, np.array([True, False]))
+    array([1.5, 0. ])
+    """
+    both = slips[..., :, None] & slips[..., None, :]
+    a: Array = solve(np.where(both, M, np.eye(M.shape[-1])), np.where(slips, f - Tf, 0.0))
+    return a
+
+
+def margins(world: World, y: Array, u: Array, mode: Array) -> Array:
+    """How far each joint is from leaving its mode, negative where it has left it; shape (R, n).
+
+    The velocity in the direction of slip [rad/s], or for a sticking joint what is left of the
+    break-away level [N m].
+
+    Parameters
+    ----------
+    y : array, shape (3, R, n)
+        Angles, velocities and friction memory.
+    u : array, shape (R, n) [N m]
+    mode : array, shape (R, n)
+    """
+    q, w, z = y
+    margin: Array = mode * w
+    stands = (mode == 0).any(axis=-1)
+    if stands.any():
+        held = _hold_margins(world, q[stands], w[stands], z[stands], u[stands], mode[stands])
+        margin[stands] = np.where(mode[stands] == 0, held, margin[stands])
+    return margin
+
+
+def next_modes(world: World, y: Array, u: Array) -> Array:
+    """Modes that the laws of motion allow at a state, shape (R, n).
+
+    A joint that moves slips in its direction. Those at rest try all combinations of sticking and
+    slipping: a joint may stick if its holding torque lies within the break-away band, and slip only
+    in the direction of its acceleration. Exactly one combination is consistent apart from ties,
+    because M is positive definite and break-away equals the level at the onset of slip; rounding is
+    forgiven by taking the combination with the smallest violation.
+
+    Parameters
+    ----------
+    y : array, shape (3, R, n)
+    u : array, shape (R, n) [N m]
+    """
+    q, w, z = y
+    M, h = world.mechanism.dynamics(world.p, q, w)
+    f = h + u
+    rests = w == 0
+    mode = np.where(rests, world.combinations[:, None, :], np.sign(w))
+    a = accelerations(M, f, world.friction.torque(w, z, mode), mode != 0)
+    hold = f - (M * a[..., None, :]).sum(-1)
+    sticking = -_within(world, z, hold)
+    # in torques, so that both kinds of violation compare
+    slipping = -mode * a * np.diagonal(M, axis1=-2, axis2=-1)
+    wrong = np.where(rests, np.where(mode == 0, sticking, slipping), 0.0)
+    best = np.maximum(wrong, 0.0).max(axis=-1).argmin(axis=0)
+    chosen: Array = mode[best, np.arange(len(best))]
+    return chosen
+
+
+def _hold_margins(world: World, q: Array, w: Array, z: Array, u: Array, mode: Array) -> Array:
+    M, h = world.mechanism.dynamics(world.p, q, w)
+    f = h + u
+    a = accelerations(M, f, world.friction.torque(w, z, mode), mode != 0)
+    return _within(world, z, f - (M * a[..., None, :]).sum(-1))
+
+
+def _within(world: World, z: Array, hold: Array) -> Array:
+    """Distance of a holding torque to the nearer end of the break-away band, negative outside."""
+    rest, one = np.zeros_like(z), np.ones_like(z)
+    upper = world.friction.torque(rest, z, one)
+    lower = world.friction.torque(rest, z, -one)
+    within: Array = np.minimum(upper - hold, hold - lower)
+    return within

@@ -1,0 +1,140 @@
+"""rig.toml: the settings of a rig as a file, with the same names as the dataclasses."""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from frictionid.errors import InputError
+from frictionid.readers.layout import nearest
+from frictionid.simulate.rig import Rig
+
+
+def load_rig(path: str | Path) -> Rig:
+    """Rig that a rig.toml describes.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
+    """
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "no UTF-8 text"
+        raise InputError(f"{file} cannot be read ({reason}); name a rig.toml") from None
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file} is no TOML ({error}); correct it") from None
+    return rig_of(document, str(file))
+
+
+def rig_of(document: dict[str, Any], file: str) -> Rig:
+    """Rig of a parsed rig.toml; `file` is its name in errors.
+
+    Examples
+    --------
+    >>> rig_of({"nane": "demo"}, "rig.toml")
+    Traceback (most recent call last):
+        ...
+    frictionid.errors.InputError: rig.toml: unknown key 'nane'; did you mean 'name'?
+    """
+    for place, key, known in _unknown_keys(document, Rig, ""):
+        raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")
+    for place, number in _infinite(document, ""):
+        raise InputError(f"{file}: {place} = {number}; every number must be finite")
+    try:
+        # Strict, as JSON: no conversion of types but from lists and tables to tuples and dataclasses.
+        rig: Rig = TypeAdapter(Rig).validate_json(json.dumps(document, default=str), strict=True)
+    except ValidationError as invalid:
+        # One mistake at a time: the first one often causes the others.
+        error = invalid.errors(include_url=False)[0]
+        raise InputError(f"{file}: {_sentence(error)}") from None
+    return rig
+
+
+def _sentence(error: Any) -> str:
+    # The tag of a union (the kind) is part of pydantic's place, but not of the file's.
+    loc = [key for key in error["loc"] if key not in _KINDS]
+    place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in loc).lstrip(".")
+    if error["type"] == "missing":
+        return f"the key {place!r} is missing; add it"
+    reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
+    reason = reason.replace("an object", "a table").replace("a valid array", "a list")
+    if error["type"] == "union_tag_not_found":
+        reason = 'the key "kind" is missing; add it'
+    elif error["type"] == "union_tag_invalid":
+        tags = [tag.strip(" '") for tag in error["ctx"]["expected_tags"].split(",")]
+        reason = f"unknown kind {error['ctx']['tag']!r}; {nearest(str(error['ctx']['tag']), tags)}"
+    elif error["type"] != "value_error":
+        reason += f", not {error['input']!r:.60}"
+    return f"{place}: {reason}" if place else reason
+
+
+def _unknown_keys(table: Any, kind: Any, place: str) -> Iterator[tuple[str, str, list[str]]]:
+    """Place, name and known names of each key that the dataclass `kind` does not have."""
+    if not (isinstance(table, dict) and is_dataclass(kind)):
+        return
+    hints = get_type_hints(kind)
+    known = [field.name for field in fields(kind)]
+    for key, value in table.items():
+        if key not in known:
+            yield f"{place}: " if place else "", key, known
+            continue
+        inner = f"{place}.{key}".lstrip(".")
+        if isinstance(value, list):
+            for i, entry in enumerate(value):
+                yield from _unknown_keys(entry, _chosen(hints[key], entry), f"{inner}[{i}]")
+        else:
+            yield from _unknown_keys(value, _chosen(hints[key], value), inner)
+
+
+def _chosen(hint: Any, table: Any) -> Any:
+    """The dataclass that a table stands for, among those of a type hint."""
+    found = [hint] if is_dataclass(hint) else list(_dataclasses(hint))
+    named = [d for d in found if isinstance(table, dict) and _kind(d) == table.get("kind")]
+    return named[0] if named else None
+
+
+def _dataclasses(hint: Any) -> Iterator[Any]:
+    for part in get_args(hint):
+        if is_dataclass(part):
+            yield part
+        else:
+            yield from _dataclasses(part)
+
+
+def _kind(cls: Any) -> Any:
+    return next((field.default for field in fields(cls) if field.name == "kind"), None)
+
+
+def _infinite(value: Any, place: str) -> Iterator[tuple[str, float]]:
+    """Place and value of each number that is infinite or nan."""
+    if isinstance(value, dict):
+        for key, entry in value.items():
+            yield from _infinite(entry, f"{place}.{key}".lstrip("."))
+    elif isinstance(value, list):
+        for i, entry in enumerate(value):
+            yield from _infinite(entry, f"{place}[{i}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield place, value
+
+
+def _all_kinds(hint: Any) -> Iterator[str]:
+    for cls in _dataclasses(hint):
+        if kind := _kind(cls):
+            yield kind
+        for inner in get_type_hints(cls, include_extras=True).values():
+            yield from _all_kinds(inner)
+
+
+_KINDS = frozenset(_all_kinds(tuple[Rig, ...]))

@@ -1,0 +1,113 @@
+"""From a rig to recordings: commands, motion, camera."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from frictionid.recordings import Dataset, Motion, Recording
+from frictionid.signals import Array, Signal, sample
+from frictionid.simulate.integrate import motion
+from frictionid.simulate.rig import Rig, Run, told_mechanism, world_of
+
+ORIGIN = "simulated by frictionid simulate"
+# The drive takes commands in steps of 1e-6 N m, so that the tables hold exactly what was felt.
+COMMAND_DECIMALS = 6
+
+
+def simulate(rig: Rig, seed: int | None = None) -> Dataset:
+    """Data set that the rig records, with its true motion and friction; the same for the same seed.
+
+    Parameters
+    ----------
+    rig : Rig
+    seed : int, optional
+        In place of the rig's own. Each recording draws from the seed and its name, so that it does
+        not depend on which others there are.
+
+    Examples
+    --------
+    >>> from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck
+    >>> rig = Rig("demo", {"kind": "pendulum"}, Stribeck(Curve((1.0,), (1.0,), (0.1,))),
+    ...           Camera(samples=4), (Run("fall", start_angle=(1.5,)),))
+    >>> simulate(rig).recordings[0].angle.value.ravel().round(4)
+    array([1.5   , 1.4988, 1.4951, 1.489 ])
+    """
+    seed = rig.seed if seed is None else seed
+    time = np.arange(rig.camera.samples) / rig.camera.rate
+    commands = [_command(rig, run, seed, time[-1]) for run in rig.recordings]
+    states = _states(rig, commands, time)
+    recordings = [
+        _recorded(rig, run, seed, command, time, states[:, :, r])
+        for r, (run, command) in enumerate(zip(rig.recordings, commands, strict=True))
+    ]
+    told = {"description": rig.description, "licence": rig.licence, "citation": rig.citation}
+    return Dataset(
+        name=rig.name,
+        mechanism=rig.mechanism,
+        recordings=tuple(recordings),
+        origin={"origin": ORIGIN, **{key: text for key, text in told.items() if text}},
+        truth={**rig.friction.table(), "rig": _rig_table(rig, seed)},
+    )
+
+
+def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
+    """Logged torque of all joints, held between its samples."""
+    count = int(np.floor(end * rig.drive.rate + 1e-9)) + 1
+    time = np.arange(count) / rig.drive.rate
+    driven = np.flatnonzero(told_mechanism(rig).description.driven)
+    value = np.zeros((count, told_mechanism(rig).n))
+    generator = _generator(seed, run, "torque")
+    for joint, torque in zip(driven, run.torques, strict=False):
+        value[:, joint] = torque.values(time, generator)
+    return Signal(time, np.round(value, COMMAND_DECIMALS), hold="previous")
+
+
+def _states(rig: Rig, commands: Sequence[Signal], time: Array) -> Array:
+    """True states at the camera's times, shape (K, 3, R, n)."""
+    edges = _merged(time, commands[0].time + rig.drive.delay)
+    middles = 0.5 * (edges[1:] + edges[:-1]) - rig.drive.delay
+    felt = np.stack([sample(command, middles) for command in commands], axis=1)
+    q = np.array([run.start_angle for run in rig.recordings], dtype=float)
+    w = np.array([run.start_velocity or (0.0,) * q.shape[1] for run in rig.recordings])
+    step = 1.0 / (rig.camera.rate * rig.substeps)
+    states = motion(world_of(rig), q, w, rig.drive.gain * felt, edges, step)
+    return states[np.searchsorted(edges, time)]
+
+
+def _merged(time: Array, changes: Array) -> Array:
+    """The camera's times and the instants at which the felt torque changes between them."""
+    inside = changes[(changes > time[0]) & (changes < time[-1])]
+    # one that falls on an image but for rounding would make an interval without length
+    at = np.clip(np.searchsorted(time, inside), 1, len(time) - 1)
+    gap = np.minimum(np.abs(inside - time[at]), np.abs(inside - time[at - 1]))
+    return np.union1d(time, inside[gap > 1e-9])
+
+
+def _recorded(
+    rig: Rig, run: Run, seed: int, command: Signal, time: Array, states: Array
+) -> Recording:
+    q, w = states[:, 0], states[:, 1]
+    noise = _generator(seed, run, "camera").standard_normal(q.shape)
+    return Recording(
+        name=run.name,
+        angle=Signal(time, q + rig.camera.angle_noise * noise),
+        torque=command,
+        truth=Motion(Signal(time, q), Signal(time, w)),
+    )
+
+
+def _generator(seed: int, run: Run, what: str) -> np.random.Generator:
+    return np.random.default_rng([seed, zlib.crc32(f"{run.name} {what}".encode())])
+
+
+def _rig_table(rig: Rig, seed: int) -> dict[str, object]:
+    return {
+        "torque_delay": rig.drive.delay,
+        "torque_gain": rig.drive.gain,
+        "parameters": dict(rig.true_parameters),
+        "angle_noise": rig.camera.angle_noise,
+        "seed": seed,
+    }

@@ -1,0 +1,178 @@
+"""A simulated data set as a folder: dataset.toml and one CSV table per recording."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from frictionid.errors import InputError
+from frictionid.mechanics import mechanism_of
+from frictionid.recordings import Dataset, Recording
+from frictionid.signals import Array
+from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
+
+# Of the tables: finer than the 1e-7 rad and rad/s that a noise-free twin has to keep.
+DECIMALS = 8
+
+
+def write(dataset: Dataset, folder: str | Path, beside: Mapping[str, bytes] | None = None) -> None:
+    """Folder of a simulated data set, complete or not there at all.
+
+    Parameters
+    ----------
+    dataset : Dataset, as `simulate` returns it
+    folder : str or Path
+        Made, or replaced as a whole where it is empty or holds a simulated data set.
+    beside : mapping of str to bytes, optional
+        Other files of the folder by name, such as the rig.toml that it was made from.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds something else, or cannot be written.
+    """
+    target = Path(folder).absolute()
+    _check_replaceable(target)
+    files = {**(beside or {}), **_files(dataset)}
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # Next to the target, because only within one file system is renaming a single action.
+        with _new_folder(target) as new:
+            for name, content in files.items():
+                (new / name).write_bytes(content)
+            _swap(new, target)
+    except OSError as error:
+        raise InputError(
+            f"{target} cannot be written ({error.strerror}); name another folder"
+        ) from None
+
+
+def _files(dataset: Dataset) -> dict[str, bytes]:
+    """Content of each file by its name."""
+    driven = mechanism_of(dataset.mechanism).description.driven
+    tables = {f"{r.name}.csv": _table(r, driven) for r in dataset.recordings}
+    document = _document(dataset, driven)
+    document["sha256"] = {name: hashlib.sha256(text).hexdigest() for name, text in tables.items()}
+    document["truth"] = dict(dataset.truth or {})
+    return {**tables, "dataset.toml": tomli_w.dumps(document).encode()}
+
+
+def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
+    joints = range(1, len(driven) + 1)
+    return {
+        "name": dataset.name,
+        **dataset.origin,
+        "mechanism": dict(dataset.mechanism),
+        "columns": {
+            "time": "time" if _one_clock(dataset.recordings[0]) else _CLOCKS,
+            "angle": [f"q{j}" for j in joints],
+            "torque": [f"u{j}" if motor else "" for j, motor in zip(joints, driven, strict=True)],
+            "truth": {
+                "angle": [f"q{j}_true" for j in joints],
+                "velocity": [f"w{j}_true" for j in joints],
+            },
+        },
+        "recordings": {"patterns": ["*.csv"]},
+    }
+
+
+_CLOCKS = {"angle": "time_camera", "torque": "time_drive"}
+
+
+def _one_clock(recording: Recording) -> bool:
+    return np.array_equal(recording.angle.time, recording.torque.time)
+
+
+def _table(recording: Recording, driven: tuple[bool, ...]) -> bytes:
+    """CSV text of a recording; with two clocks, the drive's rows follow those of the camera."""
+    camera, drive = _columns(recording, driven)
+    if _one_clock(recording):
+        columns = {"time": camera.pop("time_camera"), **camera, **drive}
+        del columns["time_drive"]
+        return _csv(columns)
+    seen, logged = len(recording.angle.time), len(recording.torque.time)
+    columns = {name: cells + [""] * logged for name, cells in camera.items()}
+    columns |= {name: [""] * seen + cells for name, cells in drive.items()}
+    return _csv(columns)
+
+
+def _columns(
+    recording: Recording, driven: tuple[bool, ...]
+) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+    """Cells of the columns on the camera's and on the drive's clock."""
+    camera = {"time_camera": _exact(recording.angle.time)}
+    measured = [("q{}", recording.angle)]
+    if recording.truth:
+        measured += [("q{}_true", recording.truth.angle), ("w{}_true", recording.truth.velocity)]
+    for name, signal in measured:
+        for j, column in enumerate(signal.value.T, start=1):
+            camera[name.format(j)] = _cells(column, DECIMALS)
+    drive = {"time_drive": _exact(recording.torque.time)}
+    for j in np.flatnonzero(driven):
+        drive[f"u{j + 1}"] = _cells(recording.torque.value[:, j], COMMAND_DECIMALS)
+    return camera, drive
+
+
+def _cells(values: Array, decimals: int) -> list[str]:
+    # + 0.0 turns -0.0 into 0.0
+    return [f"{v:.{decimals}f}".rstrip("0").rstrip(".") for v in np.round(values, decimals) + 0.0]
+
+
+def _exact(time: Array) -> list[str]:
+    """Shortest texts that give the same numbers again: even clocks stay even to the last bit."""
+    return [repr(float(t)) for t in time]
+
+
+def _csv(columns: Mapping[str, list[str]]) -> bytes:
+    rows = [",".join(columns), *(",".join(cells) for cells in zip(*columns.values(), strict=True))]
+    return ("\n".join(rows) + "\n").encode()
+
+
+def _check_replaceable(target: Path) -> None:
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise InputError(f"{target} is a file; name a folder")
+    content = {path.name for path in target.iterdir()}
+    description = target / "dataset.toml"
+    ours = description.is_file() and ORIGIN in description.read_text(errors="replace")
+    if content - {"rig.toml"} and not ours:
+        raise InputError(
+            f"{target} holds files that are no simulated data set; name a new or empty folder"
+        )
+
+
+@contextlib.contextmanager
+def _new_folder(target: Path) -> Iterator[Path]:
+    """An empty folder next to the target, gone at the end with all that is still in it."""
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as outer:
+        new = Path(outer) / "new"
+        new.mkdir()
+        yield new
+
+
+def _swap(new: Path, target: Path) -> None:
+    """Put the new folder in the place of the target; a rig.toml that it does not have stays."""
+    if not target.exists():
+        os.replace(new, target)
+        return
+    kept = target / "rig.toml"
+    if kept.exists() and not (new / kept.name).exists():
+        shutil.copy2(kept, new)
+    old = target.with_name(f".{target.name}.old-{os.getpid()}")
+    os.replace(target, old)
+    try:
+        os.replace(new, target)
+    except OSError:
+        os.replace(old, target)
+        raise
+    shutil.rmtree(old)
