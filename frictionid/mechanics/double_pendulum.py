@@ -55,7 +55,7 @@ def double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Mechanism:
         Body(m2, x2, y2, I2 - m2 * r2**2, w1 + w2, 1),
     )
     reflected = first * gr**2 * Ir + second * Ir
-    inertia_12 = Base("inertia_12", I2 - second * gr * Ir, "kg m^2")
+    inertia_12 = Base("inertia_12", I2 - gr * Ir, "kg m^2")
     base = (
         Base("inertia_11", I1 + I2 + m2 * l1**2 + reflected, "kg m^2"),
         *((inertia_12,) if second else ()),
