@@ -74,8 +74,8 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     `parameters` replace the table's (a published model's own inertias); what a recording overrides
     (an exchangeable mass) stays with the recording.
     """
-    mechanism = mechanism_of(dataset.mechanism)
-    table = {**dataset.mechanism.get("parameters", {}), **(parameters or {})}
-    told = {**dataset.mechanism, "parameters": table}
+    table: Mapping[str, Any] = dataset.mechanism
+    mechanism = mechanism_of(table)
+    told = {**table, "parameters": {**table.get("parameters", {}), **(parameters or {})}}
     each = [parameters_of(told, recording.parameters) for recording in dataset.recordings]
     return Plant.of(mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults})
