@@ -2,12 +2,12 @@
 
 Every truth has the same kind of steady-state curve, per joint
 
-Tf(w) = (coulomb + peak exp(-(w / ws)^2)) sgn(w) + viscous w,   levels per direction [Armstrong1994]
+Tf(w) = (coulomb + peak exp(-(w / ws)^2)) sgn(w) + viscous w   [Armstrong1994]
 
-and differs in what happens while w changes. Memory-free friction and film lag are set-valued at rest:
-a joint at w = 0 takes any torque up to the level. The integrator gives each joint a *mode*, +1 or -1
-where it slips that way, 0 where it sticks, within which everything below is smooth. LuGre's bristle
-makes friction single-valued, so that its joints never stick, but |w| still has a kink between modes.
+and differs in what happens while w changes. Memory-free friction and film lag are set-valued at
+rest: a joint at w = 0 takes any torque up to the level. The integrator gives each joint a *mode*,
++1 or -1 where it slips that way, 0 where it sticks, within which everything below is smooth. With
+LuGre's bristle friction is single-valued, its joints never stick, but |w| still has a kink at zero.
 """
 
 from __future__ import annotations
@@ -217,10 +217,12 @@ class LuGre:
     dz/dt = w - s0 |w| z / level(w),   Tf = s0 z + s1(w) dz/dt + viscous w [Canudas1995]
 
     The damping s1(w) = bristle_damping exp(-(w / damping_velocity)^2) fades with the speed: with a
-    constant one LuGre feeds energy in. With x = s0 z and v = dz/dt,
-    w Tf - d(s0 z^2 / 2)/dt = |w|/level x^2 + s1 |w|/level x v + s1 v^2 + viscous w^2, which is never
-    negative if s1(w) |w| <= 4 level(w). The largest s1 |w| is bristle_damping damping_velocity /
-    sqrt(2 e), so that this is checked here once for all velocities.
+    constant one LuGre can give energy. With x = s0 z and v = dz/dt,
+
+    w Tf - d(s0 z^2 / 2)/dt = |w|/level x^2 + s1 |w|/level x v + s1 v^2 + viscous w^2
+
+    is never negative if s1(w) |w| <= 4 level(w). The largest s1 |w| is bristle_damping
+    damping_velocity / sqrt(2 e), so that this is checked once for all velocities.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Event-driven integration of all recordings at once: the motion under set-valued friction.
 
 Between two events every joint keeps its mode and the right-hand side is smooth: classical
-Runge-Kutta of order 4 at a fine fixed step. Where a slipping velocity crosses zero or a holding torque
-leaves the break-away band within a step, the instant is found by root finding on the step's length, for
-the recordings concerned only; the next mode then follows from the laws of motion.
+Runge-Kutta of order 4 at a fine fixed step. Where a slipping velocity crosses zero or a holding
+torque leaves the break-away band within a step, the instant is found by root finding on the step's
+length, for the recordings concerned only; the next mode follows from the laws of motion.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ def motion(world: World, q: Array, w: Array, u: Array, edges: Array, step: float
     (array([0.1 , 1.461]), array([ 0.   , -0.777]))
     """
     y = np.stack([q, w, world.friction.start(w)]).astype(float)
-    states = [y]
+    states, mode = [y], next_modes(world, y, u[0])
     for k, width in enumerate(np.diff(edges)):
         count = max(1, int(np.ceil(width / step - 1e-9)))
-        mode = settled(world, y, u[k], mode) if k else next_modes(world, y, u[0])
+        mode = settled(world, y, u[k], mode)
         for _ in range(count):
             y, mode = advance(world, y, u[k], mode, width / count)
         states.append(y)
@@ -128,8 +128,8 @@ def _first_event(
 ) -> tuple[Array, Array]:
     """Time (R,) [s] at which the first mode has just ended, and the state there.
 
-    Regula falsi (Illinois) on the margin between the start, where all modes hold, and the end, where
-    one does not. It aims at half the tolerance behind the root, so that the mode has really ended.
+    Regula falsi (Illinois) on the margin between the start, where all modes hold, and the end,
+    where one does not. It aims at half the tolerance behind the root: there the mode has ended.
     """
     last = margins(world, end, u, mode)
     near, far = np.zeros_like(left), np.ones_like(left)
@@ -158,7 +158,7 @@ def _first_event(
 
 
 def _relative(world: World, y: Array, u: Array, mode: Array, last: Array) -> Array:
-    """Smallest margin of those that are negative at the end (`last`), one part of its size there."""
+    """Smallest of the margins that end negative (`last`), in parts of their size there."""
     now = margins(world, y, u, mode)
     smallest: Array = np.where(last < 0, now / np.abs(last), np.inf).min(axis=-1)
     return smallest

@@ -13,6 +13,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frictionid.arrays import solve
 from frictionid.mechanics import Mechanism
@@ -35,7 +36,7 @@ class World:
         return np.array(list(product(each, repeat=self.mechanism.n)))
 
 
-def accelerations(M: Array, f: Array, Tf: Array, slips: Array) -> Array:
+def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Array:
     """dw/dt of slipping joints while the others stand still, shape (..., n) [rad/s^2].
 
     Rows and columns of standing joints are replaced by those of the identity, which makes their

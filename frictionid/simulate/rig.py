@@ -20,7 +20,7 @@ AnyFriction = Annotated[Stribeck | FilmLag | LuGre, Field(discriminator="kind")]
 
 @dataclass(frozen=True)
 class Camera:
-    """What measures the angles: `rate` [Hz], number of samples, standard deviation of the noise [rad]."""
+    """What measures the angles: number of samples, `rate` [Hz], deviation of the noise [rad]."""
 
     samples: int
     rate: float = 60.0
@@ -37,8 +37,8 @@ class Camera:
 class Drive:
     """What applies the torque, and holds each command until the next one.
 
-    At time t the mechanism feels `gain` times the torque that the log shows for t - `delay`; the log
-    has `rate` [Hz] commands per second.
+    At time t the mechanism feels `gain` times the torque that the log shows for t - `delay`; the
+    log has `rate` commands per second.
     """
 
     rate: float = 60.0

@@ -97,7 +97,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Multisine:
-    """Sines of equal height and random phase at the frequencies [Hz], scaled to reach the amplitude.
+    """Sines of equal height and random phase at some frequencies [Hz], with the amplitude as peak.
 
     >>> generator = np.random.default_rng(0)
     >>> float(abs(Multisine(0.1, (1.0, 2.5)).values(np.linspace(0, 3, 99), generator)).max())

@@ -7,6 +7,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
 
 # Of the tables: finer than the 1e-7 rad and rad/s that a noise-free twin has to keep.
 DECIMALS = 8
+_CLOCKS = {"angle": "time_camera", "torque": "time_drive"}
 
 
 def write(dataset: Dataset, folder: str | Path, beside: Mapping[str, bytes] | None = None) -> None:
@@ -31,7 +33,7 @@ def write(dataset: Dataset, folder: str | Path, beside: Mapping[str, bytes] | No
     ----------
     dataset : Dataset, as `simulate` returns it
     folder : str or Path
-        Made, or replaced as a whole where it is empty or holds a simulated data set.
+        Made, or replaced as a whole where it holds nothing but a simulated data set.
     beside : mapping of str to bytes, optional
         Other files of the folder by name, such as the rig.toml that it was made from.
 
@@ -40,7 +42,7 @@ def write(dataset: Dataset, folder: str | Path, beside: Mapping[str, bytes] | No
     InputError
         Where the folder holds something else, or cannot be written.
     """
-    target = Path(folder).absolute()
+    target = Path(folder).resolve()
     _check_replaceable(target)
     files = {**(beside or {}), **_files(dataset)}
     try:
@@ -85,9 +87,6 @@ def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
     }
 
 
-_CLOCKS = {"angle": "time_camera", "torque": "time_drive"}
-
-
 def _one_clock(recording: Recording) -> bool:
     return np.array_equal(recording.angle.time, recording.torque.time)
 
@@ -117,7 +116,7 @@ def _columns(
         for j, column in enumerate(signal.value.T, start=1):
             camera[name.format(j)] = _cells(column, DECIMALS)
     drive = {"time_drive": _exact(recording.torque.time)}
-    for j in np.flatnonzero(driven):
+    for j in [j for j, motor in enumerate(driven) if motor]:
         drive[f"u{j + 1}"] = _cells(recording.torque.value[:, j], COMMAND_DECIMALS)
     return camera, drive
 
@@ -142,13 +141,23 @@ def _check_replaceable(target: Path) -> None:
         return
     if not target.is_dir():
         raise InputError(f"{target} is a file; name a folder")
-    content = {path.name for path in target.iterdir()}
-    description = target / "dataset.toml"
-    ours = description.is_file() and ORIGIN in description.read_text(errors="replace")
-    if content - {"rig.toml"} and not ours:
+    foreign = {path.name for path in target.iterdir()} - {"rig.toml"} - _written(target)
+    if foreign:
         raise InputError(
-            f"{target} holds files that are no simulated data set; name a new or empty folder"
+            f"{target} holds {min(foreign)!r}, which is no part of a simulated data set; "
+            "name a new or empty folder"
         )
+
+
+def _written(folder: Path) -> set[str]:
+    """Names of the files that an earlier `write` put into the folder."""
+    try:
+        document = tomllib.loads((folder / "dataset.toml").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return set()
+    return (
+        {"dataset.toml", *document.get("sha256", {})} if document.get("origin") == ORIGIN else set()
+    )
 
 
 @contextlib.contextmanager
