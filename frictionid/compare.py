@@ -17,18 +17,21 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     Folds,
+    Prepared,
     Protocol,
     Row,
     curves,
-    examples,
     judge,
     judge_folds,
     prepare,
+    start_folds,
+    training_of,
+    under,
 )
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
-from frictionid.mechanics import plant_of
-from frictionid.recipe import INTEGRAL, Recipe, training_problem
+from frictionid.problem import Problem
+from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.recordings import Dataset
 
 
@@ -60,7 +63,7 @@ class Result(NamedTuple):
         raise InputError(f"no score {score!r}, {statistic!r} at {horizon} s for joint {joint}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contest:
     """A data set with its folds, and data sets that only test what was fitted to it."""
 
@@ -70,37 +73,95 @@ class Contest:
     tests: tuple[Dataset, ...] = ()
 
 
-def run(contest: Contest, identifier: Identifier, recipe: Recipe, seed: int = 0) -> Result:
-    """Fit an identifier by a recipe in every fold and on all data, and score it on what was held out.
+class Ground(NamedTuple):
+    """What all identifiers of a contest share, made once: see `ground_of`."""
+
+    prepared: Prepared
+    tests: tuple[Prepared, ...]
+    problems: Mapping[str, Problem]  # what each recipe fits, by its name
+    weights: Mapping[str, Array]  # (F + 1, K): the rows that train each fold, and all rows
+
+
+def ground_of(contest: Contest, recipes: Sequence[Recipe]) -> Ground:
+    """States, problems, training rows and rollout starts of a contest.
 
     Raises
     ------
     InputError
-        Where data, folds and settings do not fit together.
+        Where recordings, folds and protocol do not fit together.
     """
-    dataset, folds, protocol = contest.dataset, contest.folds, contest.protocol
-    clock = time.perf_counter()
-    problem = training_problem(
-        dataset, plant_of(dataset), recipe, protocol.sample_time, protocol.history
+    prepared = prepare(contest.dataset, contest.protocol)
+    start_folds(prepared.starts, contest.folds, prepared.observed.causal)
+    problems = {recipe.name: training_of(prepared, recipe) for recipe in recipes}
+    return Ground(
+        prepared,
+        tuple(prepare(test, contest.protocol) for test in contest.tests),
+        problems,
+        {name: _weights(contest, problem) for name, problem in problems.items()},
     )
-    training = folds.training(problem.recording, problem.time, problem.dt)
-    weights = np.concatenate([training, np.ones((1, len(problem.r)))])
-    seconds = {"prepare": time.perf_counter() - clock}
-    clock = time.perf_counter()
-    fitted = identifier.fit(problem, weights, seed)
-    seconds["fit"] = time.perf_counter() - clock
-    clock = time.perf_counter()
+
+
+def _weights(contest: Contest, problem: Problem) -> Array:
+    training = contest.folds.training(problem.recording, problem.time, problem.dt)
+    if not training.any(axis=1).all():
+        raise InputError(
+            f"data set {contest.dataset.name!r}: fold {np.argmin(training.any(axis=1))} leaves "
+            "nothing to train on: choose a smaller folds.gap, fewer folds or a shorter history"
+        )
+    return np.concatenate([training, np.ones((1, len(problem.r)))])
+
+
+def run(
+    contest: Contest,
+    identifier: Identifier,
+    recipe: Recipe,
+    seed: int = 0,
+    ground: Ground | None = None,
+) -> Result:
+    """Fit by a recipe in every fold and on all data, and score it all on what was held out.
+
+    `ground` is what `ground_of` makes of the contest, where it has been made before.
+
+    Raises
+    ------
+    InputError
+        Where data, folds and settings do not fit together, or the identifier finds no numbers.
+    """
+    begin = time.perf_counter()
+    ground = ground or ground_of(contest, [recipe])
+    ready = time.perf_counter()
+    fitted = fit(identifier, ground.problems[recipe.name], ground.weights[recipe.name], seed)
+    done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]
-    prepared = prepare(dataset, protocol, fitted.parameters)
-    rows, motions = judge_folds(friction, overall, prepared, folds)
+    prepared = under(ground.prepared, fitted.parameters)
+    rows, motions = judge_folds(friction, overall, prepared, contest.folds)
     tests, pictures = {}, list(motions)
-    for test in contest.tests:
-        ready = prepare(test, protocol, fitted.parameters)
-        tests[test.name] = tuple(judge(overall, ready))
-        pictures += examples(overall, ready)
+    for test in ground.tests:
+        own, shown = judge(overall, under(test, fitted.parameters))
+        tests[test.dataset.name] = tuple(own)
+        pictures += shown
     lines = np.concatenate([curves(friction, prepared.grid), curves(overall, prepared.grid)[None]])
-    seconds["score"] = time.perf_counter() - clock
+    seconds = {"prepare": ready - begin, "fit": done - ready, "score": time.perf_counter() - done}
     return Result(tuple(rows), friction, overall, lines, tuple(pictures), tests, seconds)
+
+
+def fit(identifier: Identifier, problem: Problem, weights: Array, seed: int) -> Friction:
+    """Friction (F, n, P) that an identifier finds under weights (F, K), checked.
+
+    Raises
+    ------
+    InputError
+        Where it is not finite, or not one for each row of the weights and each joint.
+    """
+    friction = identifier.fit(problem, weights, seed)
+    shape = np.shape(friction.theta)
+    wanted = (len(weights), problem.r.shape[-1], len(friction.law.names))
+    if shape != wanted:
+        raise InputError(f"{identifier!r} gives theta of shape {shape}, it must be {wanted}")
+    finite = np.isfinite(friction.theta).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(f"{identifier!r} gives numbers that are not finite")
+    return friction
 
 
 def compare(
@@ -122,8 +183,9 @@ def compare(
         results = compare(dataset, {"none": Nothing(), "stribeck": LeastSquares(Stribeck())}, folds)
     """
     contest = Contest(dataset, folds, protocol or Protocol())
+    ground = ground_of(contest, recipes)
     return {
-        (name, recipe.name): run(contest, identifier, recipe, seed)
+        (name, recipe.name): run(contest, identifier, recipe, seed, ground)
         for recipe in recipes
         for name, identifier in identifiers.items()
     }

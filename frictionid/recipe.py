@@ -74,6 +74,7 @@ def problem_of(
     recipe: Recipe,
     sample_time: float | None = None,
     history: float = 0.0,
+    states: tuple[States, ...] | None = None,
 ) -> Problem:
     """One-step problem of a data set by a recipe, all rows alike: what scores are computed on.
 
@@ -82,8 +83,10 @@ def problem_of(
 
     sample_time : [s] between the samples used, None for all
     history : [s] of each recording before its first row
+    states : what the recipe's estimator gives, where it has been asked before
     """
-    states = states_of(dataset, recipe.states, sample_time)
+    if states is None:
+        states = states_of(dataset, recipe.states, sample_time)
     make = euler_problem if recipe.scheme == "euler" else integral_problem
     steps = np.concatenate([np.diff(s.time) for s in states])
     if not len(steps):
@@ -91,8 +94,7 @@ def problem_of(
             f"data set {dataset.name!r}: samples {sample_time} s apart leave no interval of any "
             "recording: lower sample_time"
         )
-    interval = float(np.median(steps))
-    before = max(round(history / interval), 1)
+    before = max(round(history / float(np.median(steps))), 1)
     lost = 1 if isinstance(recipe.states, Backward) else 0
     return make(plant, dataset.recordings, states, before - lost)
 
@@ -103,7 +105,8 @@ def training_problem(
     recipe: Recipe,
     sample_time: float | None = None,
     history: float = 0.0,
+    states: tuple[States, ...] | None = None,
 ) -> Problem:
     """One-step problem that identifiers fit: blind to the friction of joints at rest."""
-    problem = problem_of(dataset, plant, recipe, sample_time, history)
+    problem = problem_of(dataset, plant, recipe, sample_time, history, states)
     return sliding(problem, recipe.rest) if recipe.rest > 0 else problem

@@ -1,17 +1,18 @@
 """The result folder of a comparison: its tables are a reduction of the tasks' files.
 
-    tasks/*.json      one file for each task, all that is needed below
-    datasets.json     velocities, true curves and origin of the data sets
-    provenance.json   versions, hashes of data and folds, settings
-    scores.csv        all scores, one per line
-    timings.csv       seconds of each task (no part of reproducibility)
-    models/*.json     friction fitted to all data by each task
-    summary.md, tables/, figures/   for people, see frictionid.report
+tasks/*.json      one file for each task, all that is needed below
+datasets.json     velocities, true curves and origin of the data sets
+provenance.json   versions, hashes of data and folds, settings
+scores.csv        all scores, one per line
+timings.csv       seconds of each task (no part of reproducibility)
+models/*.json     friction fitted to all data by each task
+summary.md, tables/, figures/   for people, see frictionid.report
 """
 
 from __future__ import annotations
 
 import platform
+import shutil
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -20,14 +21,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from frictionid.compare import Ground
 from frictionid.errors import InputError
-from frictionid.evaluation import curves, steady_state, velocity_grid
-from frictionid.evaluation.judge import speeds
-from frictionid.mechanics import mechanism_of, plant_of
-from frictionid.recipe import INTEGRAL, problem_of
-from frictionid.recordings import Dataset
-from frictionid.store import read_json, write_json, write_text
-from frictionid.tasks import Task
+from frictionid.evaluation import Prepared, curves, speeds, steady_state
+from frictionid.mechanics import mechanism_of
+from frictionid.store import read_json, remove_unfinished, write_json, write_text
+from frictionid.tasks import Task, file_name
 
 COLUMNS = (
     "suite",
@@ -43,19 +42,30 @@ COLUMNS = (
     "unit",
     "seed",
 )
-_PACKAGES = ("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pydantic")
+_PACKAGES = (
+    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
+    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
+)
 
 
-def describe(folder: Path, suite: str, title: str, settings: Any, tasks: Sequence[Task]) -> None:
-    """Write provenance.json and datasets.json of a comparison."""
-    contests = list({id(t.contest): t.contest for t in tasks}.values())
-    everything = {d.name: d for c in contests for d in (c.dataset, *c.tests)}
-    tested = {test.name: c.dataset.name for c in contests for test in c.tests}
-    about = {
-        name: {**_about(d, contests[0].protocol.sample_time), "tests": tested.get(name)}
-        for name, d in everything.items()
-    }
-    write_json(folder / "datasets.json", about, None)
+def describe(
+    folder: Path,
+    suite: str,
+    title: str,
+    settings: Any,
+    tasks: Sequence[Task],
+    grounds: Mapping[str, Ground],
+) -> None:
+    """Write provenance.json and datasets.json, and remove the tables of an earlier comparison.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds something else than a comparison.
+    """
+    _make_room(folder)
+    contests = {t.contest.dataset.name: t.contest for t in tasks}
+    everything = {d.name: d for c in contests.values() for d in (c.dataset, *c.tests)}
     document = {
         "suite": suite,
         "title": title,
@@ -64,15 +74,31 @@ def describe(folder: Path, suite: str, title: str, settings: Any, tasks: Sequenc
         "versions": {"python": platform.python_version(), **{p: version(p) for p in _PACKAGES}},
         "data": {name: dict(d.hashes) for name, d in everything.items()},
         "origin": {name: dict(d.origin) for name, d in everything.items()},
-        "folds": {c.dataset.name: c.folds.hash for c in contests},
+        "folds": {name: contest.folds.hash for name, contest in contests.items()},
     }
     write_json(folder / "provenance.json", document)
+    about = {}
+    for name, ground in grounds.items():
+        about[name] = {**_about(ground.prepared), "tests": None}
+        about |= {p.dataset.name: {**_about(p), "tests": name} for p in ground.tests}
+    write_json(folder / "datasets.json", about, None)
 
 
-def _about(dataset: Dataset, sample_time: float | None) -> dict[str, Any]:
-    problem = problem_of(dataset, plant_of(dataset), INTEGRAL, sample_time)
-    w = speeds(dataset, problem)
-    grid = velocity_grid(w)
+def _make_room(folder: Path) -> None:
+    """Remove the tables and pictures of an earlier comparison, and nothing that is not ours."""
+    remove_unfinished(folder)
+    found = [path.name for path in folder.iterdir() if path.name != ".lock"]
+    if found and "provenance.json" not in found:
+        raise InputError(f"{folder}: holds no comparison but {min(found)!r}: choose another --out")
+    for name in ("scores.csv", "timings.csv", "summary.md"):
+        (folder / name).unlink(missing_ok=True)
+    for name in ("models", "tables", "figures"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+
+
+def _about(prepared: Prepared) -> dict[str, Any]:
+    dataset, grid = prepared.dataset, prepared.grid
+    w = speeds(dataset, prepared.observed.smoothed)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
     d = mechanism_of(dataset.mechanism).description
@@ -124,14 +150,14 @@ def _values(row: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def reduce(folder: Path) -> pd.DataFrame:
-    """Write scores.csv, timings.csv and models/*.json from the tasks' files; the scores are returned."""
+    """The scores, written with timings.csv and models/*.json from the tasks' files."""
     table = scores(folder)
     write_text(folder / "scores.csv", table.to_csv(index=False, float_format="%.9g"))
     lines, models = [], {}
     for task in task_documents(folder):
         key = (task["dataset"], task["identifier"], task["fit"], task["seed"])
         lines += [(*key, part, seconds) for part, seconds in task["seconds"].items()]
-        models["--".join(map(str, key)) + ".json"] = _model(task)
+        models[file_name(*key)] = _model(task)
     columns = ["dataset", "identifier", "fit", "seed", "part", "seconds"]
     timings = pd.DataFrame(lines, columns=columns)
     write_text(folder / "timings.csv", timings.to_csv(index=False, float_format="%.3f"))

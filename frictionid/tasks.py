@@ -1,28 +1,33 @@
 """Tasks of a comparison, run side by side, each result one file written as a whole.
 
-A result file carries the digest of all that it depends on (versions of this package's format, data,
-folds, settings), so that an interrupted comparison is finished by running what is missing.
+A result file carries the digest of all that it depends on (data, folds, settings, versions), so
+that an interrupted comparison is finished by running what is missing.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import fields, is_dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from filelock import FileLock, Timeout
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, cpu_count, delayed, parallel_config
 from threadpoolctl import threadpool_limits
 
-from frictionid.compare import Contest, Result, run
+from frictionid.compare import Contest, Ground, Result, ground_of, run
 from frictionid.errors import InputError
-from frictionid.identifiers import Identifier
+from frictionid.identifiers import Identifier, Nothing, Published
 from frictionid.recipe import Recipe
-from frictionid.store import model_document, read_json, write_json
+from frictionid.store import model_document, read_json, remove_unfinished, write_json
+
+FORMAT = 1  # of the result files
 
 
 class Task(NamedTuple):
@@ -37,20 +42,64 @@ class Task(NamedTuple):
     @property
     def file(self) -> str:
         """Name of the result file."""
-        parts = (self.contest.dataset.name, self.name, self.recipe.name, f"seed{self.seed}")
-        return "--".join(re.sub(r"[^A-Za-z0-9_.+-]+", "-", p) for p in parts) + ".json"
+        return file_name(self.contest.dataset.name, self.name, self.recipe.name, self.seed)
 
     @property
     def digest(self) -> str:
         """SHA-256 of everything that the result depends on."""
         c = self.contest
-        data = [
-            (d.name, dict(d.mechanism), dict(d.hashes), [dict(r.parameters) for r in d.recordings])
-            for d in (c.dataset, *c.tests)
-        ]
-        settings = (repr(self.identifier), repr(self.recipe), repr(c.protocol), self.seed)
-        text = json.dumps([data, c.folds.hash, settings], sort_keys=True, default=str)
-        return hashlib.sha256(text.encode()).hexdigest()
+        data = [(d.name, d.mechanism, d.recordings, d.truth) for d in (c.dataset, *c.tests)]
+        made_by = FORMAT, version("frictionid"), version("numpy"), _own_code(self.identifier)
+        settings = self.identifier, self.recipe, c.protocol, self.seed
+        digest = hashlib.sha256()
+        for part in _parts((data, c.folds.hash, settings, made_by)):
+            digest.update(part)
+        return digest.hexdigest()
+
+
+def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:
+    """Name of the file that belongs to a task.
+
+    >>> file_name("my rig", "stribeck", "integral", 0)
+    'my-rig--stribeck--integral--seed0.json'
+    """
+    parts = dataset, identifier, recipe, f"seed{seed}"
+    return "--".join(re.sub(r"[^A-Za-z0-9_.+-]+", "-", part) for part in parts) + ".json"
+
+
+def _parts(value: Any) -> Iterator[bytes]:
+    """Bytes that are equal for equal values, in this process and the next."""
+    if isinstance(value, np.ndarray):
+        yield f"array {value.dtype.str} {value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, Mapping):
+        yield f"map {len(value)}".encode()
+        for key in sorted(value, key=repr):
+            yield from _parts((key, value[key]))
+    elif isinstance(value, list | tuple):
+        yield f"list {len(value)}".encode()
+        for entry in value:
+            yield from _parts(entry)
+    elif value is None or isinstance(value, str | bytes | bool | int | float | np.generic):
+        yield f"{type(value).__name__} {value!r};".encode()
+    else:
+        kind = type(value) if not hasattr(value, "__qualname__") else value
+        yield f"{kind.__module__}.{kind.__qualname__}".encode()
+        names = (
+            [f.name for f in fields(value)]
+            if is_dataclass(value)
+            else getattr(value, "__dict__", ())
+        )
+        yield from _parts({} if kind is value else {name: getattr(value, name) for name in names})
+
+
+def _own_code(identifier: Identifier) -> bytes:
+    """Source of an identifier from outside this package: a result depends on it too."""
+    module = sys.modules.get(type(identifier).__module__)
+    place = getattr(module, "__file__", None)
+    if place is None or type(identifier).__module__.startswith("frictionid."):
+        return b""
+    return Path(place).read_bytes()
 
 
 def lock(folder: Path) -> AbstractContextManager[Any]:
@@ -76,43 +125,62 @@ def lock(folder: Path) -> AbstractContextManager[Any]:
     return held
 
 
+def grounds_of(tasks: Sequence[Task]) -> dict[str, Ground]:
+    """What the tasks of each data set share, by its name.
+
+    Raises
+    ------
+    InputError
+        Where recordings, folds and protocol do not fit together.
+    """
+    contests = {task.contest.dataset.name: task.contest for task in tasks}
+    recipes = {task.recipe.name: task.recipe for task in tasks}
+    return {name: ground_of(contest, list(recipes.values())) for name, contest in contests.items()}
+
+
 def run_tasks(
     tasks: Sequence[Task],
+    grounds: Mapping[str, Ground],
     folder: Path,
     laws: Mapping[str, type],
     *,
-    jobs: int = 1,
+    jobs: int = 0,
     resume: bool = False,
-    done: Callable[[Task], None] = lambda task: None,
+    done: Callable[[Task], object] = str,
 ) -> None:
     """Run the tasks, `jobs` at a time on one thread each, and write their results to the folder.
 
-    With `resume`, results of the same digest stay; otherwise all are made anew. Results of tasks that
-    are no part of this comparison are removed. `done` is called after each task.
+    jobs : 0 for one per core
+    resume : results of the same digest stay; otherwise all are made anew
+    done : called with each task that is finished
+
+    Results of tasks that are no part of this comparison are removed.
+
+    Raises
+    ------
+    InputError
+        Where a task fails, with its name.
     """
-    wanted = {task.file for task in tasks}
-    for path in folder.glob("*.json") if folder.is_dir() else ():
-        if path.name not in wanted or not resume:
-            path.unlink()
+    _clear(tasks, folder, resume)
     missing = []
     for task in tasks:
         if _finished(task, folder / task.file):
             done(task)
         else:
             missing.append(task)
-    if jobs == 1 or len(missing) < 2:
-        with threadpool_limits(1):
-            for task in missing:
-                write_json(folder / task.file, document(task, run_task(task), laws), None)
-                done(task)
-        return
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        parallel = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-        calls = (delayed(_numbered)(i, task) for i, task in enumerate(missing))
-        for i, result in parallel(calls):
-            task = missing[i]
+    groups = _alike(missing)
+    for i, result in _results([group[0] for group in groups], grounds, jobs or cpu_count()):
+        for task in groups[i]:
             write_json(folder / task.file, document(task, result, laws), None)
             done(task)
+
+
+def _clear(tasks: Sequence[Task], folder: Path, resume: bool) -> None:
+    remove_unfinished(folder)
+    wanted = {task.file for task in tasks} if resume else set()
+    for path in folder.glob("*.json"):
+        if path.name not in wanted:
+            path.unlink()
 
 
 def _finished(task: Task, path: Path) -> bool:
@@ -122,19 +190,42 @@ def _finished(task: Task, path: Path) -> bool:
         return False
 
 
-def run_task(task: Task) -> Result:
-    """Result of one task."""
-    return run(task.contest, task.identifier, task.recipe, task.seed)
+def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
+    """Tasks in groups of one result: no recipe and no seed changes numbers that are given."""
+    groups: dict[Any, list[Task]] = {}
+    for task in tasks:
+        given = isinstance(task.identifier, Nothing | Published)
+        key = (id(task.contest), id(task.identifier)) if given else task.file
+        groups.setdefault(key, []).append(task)
+    return list(groups.values())
 
 
-def _numbered(index: int, task: Task) -> tuple[int, Result]:
+def _results(
+    tasks: Sequence[Task], grounds: Mapping[str, Ground], jobs: int
+) -> Iterator[tuple[int, Result]]:
+    """Numbers of the tasks and their results, as they are finished."""
+    workers = min(jobs, len(tasks))
+    calls = ((i, task, grounds[task.contest.dataset.name]) for i, task in enumerate(tasks))
+    if workers < 2:
+        with threadpool_limits(1):
+            yield from (_numbered(*call) for call in calls)
+        return
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        # max_nbytes: arrays travel with their task, no files are left behind in shared memory
+        parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)
+        yield from parallel(delayed(_numbered)(*call) for call in calls)
+
+
+def _numbered(index: int, task: Task, ground: Ground) -> tuple[int, Result]:
     _one_torch_thread()
-    return index, run_task(task)
+    try:
+        return index, run(task.contest, task.identifier, task.recipe, task.seed, ground)
+    except InputError as error:
+        where = f"{task.contest.dataset.name}, {task.name} by {task.recipe.name}"
+        raise InputError(f"{where}: {error}") from None
 
 
 def _one_torch_thread() -> None:
-    import sys
-
     torch = sys.modules.get("torch")
     if torch is not None:
         torch.set_num_threads(1)

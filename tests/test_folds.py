@@ -1,4 +1,4 @@
-"""Folds: each interval is held out once, training keeps its distance, and the hash tells them apart."""
+"""Folds: each interval is held out once, training keeps its distance, the hash tells all."""
 
 from dataclasses import replace
 
@@ -226,7 +226,7 @@ def test_both_recipes_have_the_same_rows_and_hold_out_the_same(sample_time, hist
 REFUSED = {
     "more folds than recordings": (
         {"count": 13},
-        '12 recordings cannot make 13 folds.*lower folds.count, or set folds.kind = "blocks"',
+        '12 recordings cannot make 13 folds of whole ones: lower folds.count, or .*"blocks"',
     ),
     "more folds than samples": ({"count": 9999, "kind": "blocks"}, "1092 samples cannot make 9999"),
     "one fold": ({"count": 1}, "count = 1 must be at least 2"),

@@ -1,4 +1,4 @@
-"""A small comparison: pendulums with smooth friction, integrated by SciPy, in memory and as files."""
+"""Pendulums with smooth friction, integrated by SciPy: data sets in memory and as files."""
 
 import copy
 import csv

@@ -18,27 +18,30 @@ def compare(
     resume: Annotated[bool, typer.Option("--resume", help="Keep what is already done.")] = False,
 ) -> None:
     """Compare friction models on identical folds, and report which one the evidence supports."""
-    import os
-
     from frictionid.cli.progress import counted
     from frictionid.report import build, show
     from frictionid.results import describe
     from frictionid.suite import LAWS, load_suite, tasks_of
-    from frictionid.tasks import lock, run_tasks
+    from frictionid.tasks import Task, grounds_of, lock, run_tasks
 
     table = load_suite(suite)
-    tasks = tasks_of(table, suite.parent, data)
     folder = out or Path("report") / table.name
-    with lock(folder):
-        describe(folder, table.name, table.title, table.model_dump(mode="json"), tasks)
-        with counted(len(tasks), f"comparing ({table.name})", str(folder)) as done:
-            run_tasks(
-                tasks,
-                folder / "tasks",
-                LAWS,
-                jobs=jobs or os.cpu_count() or 1,
-                resume=resume,
-                done=lambda task: done(f"{task.contest.dataset.name}: {task.name}, {task.recipe.name}"),
-            )
-        build(folder)
+    try:
+        tasks = tasks_of(table, suite.parent, data)
+        grounds = grounds_of(tasks)
+        with lock(folder), counted(len(tasks), f"comparing ({table.name})") as count:
+
+            def done(task: Task) -> None:
+                count(f"{task.contest.dataset.name}: {task.name}, {task.recipe.name}")
+
+            settings = table.model_dump(mode="json")
+            describe(folder, table.name, table.title, settings, tasks, grounds)
+            run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=jobs, resume=resume, done=done)
+            build(folder)
+    except KeyboardInterrupt:
+        typer.echo(
+            f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",
+            err=True,
+        )
+        raise typer.Exit(130) from None
     show(folder)

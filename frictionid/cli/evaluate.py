@@ -22,7 +22,7 @@ def evaluate(
     """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
     from frictionid.cli.progress import counted
     from frictionid.errors import InputError
-    from frictionid.evaluation import Protocol, judge, prepare
+    from frictionid.evaluation import Protocol, judge, prepare, under
     from frictionid.readers.dataset import load_dataset
     from frictionid.report import show_scores
     from frictionid.results import model_scores
@@ -34,11 +34,12 @@ def evaluate(
     *models, place = files
     dataset = load_dataset(place, data)
     protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time)
+    prepared = prepare(dataset, protocol)
     rows = {}
-    with counted(len(models), f"evaluating ({dataset.name})", str(out)) as done:
+    with counted(len(models), f"evaluating ({dataset.name})") as done:
         for path in models:
             friction = friction_of(path)
-            rows[path.stem] = judge(friction, prepare(dataset, protocol, friction.parameters))
+            rows[path.stem], _ = judge(friction, under(prepared, friction.parameters))
             done(path.stem)
     table = model_scores(dataset.name, rows)
     write_text(out, table.to_csv(index=False, float_format="%.9g"))

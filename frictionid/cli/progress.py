@@ -7,12 +7,10 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def counted(total: int, title: str, folder: str) -> Iterator[Callable[[str], None]]:
-    """A bar of `total` steps; call what it gives with the name of each finished step.
-
-    When the work is interrupted, the bar says how to go on.
-    """
+def counted(total: int, title: str) -> Iterator[Callable[[str], None]]:
+    """A bar of `total` steps; call what it gives with the name of each finished step."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
@@ -24,9 +22,5 @@ def counted(total: int, title: str, folder: str) -> Iterator[Callable[[str], Non
         TextColumn("[dim]{task.fields[last]}"),
     )
     with Progress(*columns, console=console, transient=not console.is_terminal) as bar:
-        task = bar.add_task(title, total=total, last="")
-        try:
-            yield lambda name: bar.update(task, advance=1, last=name)
-        except KeyboardInterrupt:
-            console.print(f"interrupted; what is done stays in {folder}: finish it with --resume")
-            raise
+        task = bar.add_task(escape(title), total=total, last="")
+        yield lambda name: bar.update(task, advance=1, last=escape(name))

@@ -3,26 +3,25 @@
 from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
 from frictionid.evaluation.folds import Folds, Split, make_folds
 from frictionid.evaluation.judge import (
+    Observed,
     Prepared,
-    Protocol,
-    examples,
     judge,
     judge_folds,
     prepare,
+    speeds,
+    training_of,
+    under,
 )
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
-from frictionid.evaluation.rollouts import (
-    Starts,
-    make_starts,
-    predict,
-    rollout_rows,
-    start_folds,
-)
+from frictionid.evaluation.protocol import Protocol
+from frictionid.evaluation.rollouts import predict, rollout_rows
 from frictionid.evaluation.rows import Row
+from frictionid.evaluation.starts import Starts, make_starts, start_folds
 from frictionid.evaluation.truth import steady_state, true_friction
 
 __all__ = [
     "Folds",
+    "Observed",
     "Prepared",
     "Protocol",
     "Row",
@@ -31,7 +30,6 @@ __all__ = [
     "curve_error",
     "curve_rows",
     "curves",
-    "examples",
     "held_out_residual",
     "judge",
     "judge_folds",
@@ -41,8 +39,11 @@ __all__ = [
     "predict",
     "prepare",
     "rollout_rows",
+    "speeds",
     "start_folds",
     "steady_state",
+    "training_of",
     "true_friction",
+    "under",
     "velocity_grid",
 ]

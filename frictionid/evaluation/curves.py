@@ -15,7 +15,7 @@ SLOW = 0.05  # [rad/s]: below it the smoothing of sgn(w) is compared, not fricti
 
 
 def velocity_grid(w: Array) -> Array:
-    """401 uniform velocities on +-q95 of |w| for each joint, shape (401, n); w is (K, n) [rad/s]."""
+    """401 uniform velocities on +-q95 of |w| of each joint, shape (401, n); w (K, n) [rad/s]."""
     q95 = np.quantile(np.abs(w), 0.95, axis=0)
     return np.linspace(-q95, q95, POINTS)
 
@@ -29,7 +29,7 @@ def curves(friction: Friction, grid: Array) -> Array:
 def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:
     """RMS(estimate - truth)/RMS(truth) of each joint, shape (..., n), without |w| < 0.05 rad/s.
 
-    estimate (..., V, n), truth and grid (V, n).
+    estimate (..., V, n), truth and grid (V, n). NaN for joints that hardly move or rub.
 
     >>> grid = velocity_grid(np.linspace(-5, 5, 100)[:, None])
     >>> curve_error(1.1 * grid, grid, grid).round(3)
@@ -37,13 +37,15 @@ def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:
     """
     use = (np.abs(grid) >= SLOW).astype(float)
     off = (((estimate - truth) ** 2) * use).sum(-2)
-    return np.sqrt(off / ((truth**2) * use).sum(-2))
+    size = ((truth**2) * use).sum(-2)
+    return np.sqrt(off / np.where(size > 0, size, np.nan))
 
 
 def curve_rows(errors: Array, overall: Array) -> Iterator[Row]:
-    """Rows of curve errors: (F, n) of the folds, and (n,) of the friction fitted to all data."""
-    for f, error in enumerate(errors):
-        for j, value in enumerate(error):
-            yield Row(str(f), "curve_error", "rms", None, str(j + 1), float(value), "1")
-    for j, value in enumerate(overall):
-        yield Row("all", "curve_error", "rms", None, str(j + 1), float(value), "1")
+    """Rows of curve errors: (F, n) of the folds, and (n,) of the friction fitted to all data.
+
+    Joints without a curve error have no row.
+    """
+    for fold, error in [*((str(f), e) for f, e in enumerate(errors)), ("all", overall)]:
+        for j in np.flatnonzero(np.isfinite(error)):
+            yield Row(fold, "curve_error", "rms", None, str(j + 1), float(error[j]), "1")

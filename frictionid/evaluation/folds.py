@@ -18,13 +18,13 @@ KINDS = ("recordings", "blocks", "shuffled")
 
 @dataclass(frozen=True)
 class Split:
-    """How to split: `count` folds of whole "recordings", of contiguous "blocks", or of "shuffled" samples.
+    """How to split: whole "recordings", contiguous "blocks" or "shuffled" samples, `count` folds.
 
     Whole recordings are right where there are enough of them. With fewer recordings than folds,
     blocks: `gap` [s] around a held-out block is left out of its training, at least the smoother's
-    support plus the models' memory. Shuffled samples are what the study did [DeMeester2020]: held-out
-    samples then have neighbours in the training set, which flatters models that interpolate; rollouts
-    cannot be held out at all.
+    support plus the models' memory. Shuffled samples are what the study did [DeMeester2020]:
+    held-out samples then have neighbours in the training set, which flatters models that
+    interpolate; rollouts cannot be held out at all.
     """
 
     count: int = 10
@@ -100,8 +100,8 @@ class Folds:
     def whole(self, recording: int, start: float, stop: float) -> int | None:
         """Fold that holds out all of [start, stop] of a recording, or None where none does.
 
-        Shuffled folds hold out no stretch of time: there the fold of the start is returned, and what
-        follows has been seen in training.
+        Shuffled folds hold out no stretch of time: there the fold of the start is returned, and
+        what follows has been seen in training.
         """
         clock, label = self.times[recording], self.labels[recording]
         first, last = np.searchsorted(clock, [start + 1e-9, stop - 1e-9], side="right") - 1
@@ -112,7 +112,7 @@ class Folds:
 
 
 def _distance(clock: Array, own: Array, start: Array, stop: Array) -> Array:
-    """Time (K,) [s] between rows [start, stop] and the intervals `own` of a clock, 0 if they touch."""
+    """Time (K,) [s] between rows [start, stop] and intervals `own` of a clock; 0 if they touch."""
     begins = np.concatenate([clock[own], [np.inf]])
     ends = np.concatenate([[-np.inf], clock[np.minimum(own + 1, len(clock) - 1)]])
     place = np.searchsorted(begins[:-1], start + 1e-9, side="right")
@@ -142,7 +142,7 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
     if split.kind == "recordings":
         if len(recordings) < split.count:
             raise InputError(
-                f"{len(recordings)} recordings cannot make {split.count} folds of whole recordings: "
+                f"{len(recordings)} recordings cannot make {split.count} folds of whole ones: "
                 f'lower folds.count, or set folds.kind = "blocks"'
             )
         owner = _balanced(sizes, split)

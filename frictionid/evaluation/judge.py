@@ -3,56 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
 from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
-from frictionid.evaluation.rollouts import (
-    Starts,
-    make_starts,
-    predict,
-    rollout_rows,
-    start_folds,
-)
+from frictionid.evaluation.protocol import Protocol
+from frictionid.evaluation.rollouts import predict, rollout_rows
 from frictionid.evaluation.rows import Row
+from frictionid.evaluation.starts import Starts, make_starts, start_folds
 from frictionid.evaluation.truth import steady_state
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, plant_of
 from frictionid.problem import Problem
-from frictionid.recipe import INTEGRAL, STUDY, problem_of, states_of
+from frictionid.recipe import INTEGRAL, STUDY, Recipe, problem_of, states_of, training_problem
 from frictionid.recordings import Dataset
 from frictionid.states import Causal, States
 
 
-@dataclass(frozen=True)
-class Protocol:
-    """What is judged, and where: the same for all identifiers.
+class Observed(NamedTuple):
+    """Motion of a data set as its samples show it, whatever the mechanism's parameters."""
 
-    horizons : [s]; every : [s] between rollout starts; history : [s] of each recording that nobody
-    is scored on, at least the longest memory; sample_time : [s] between the samples used, None for
-    all; seed : of every random choice in a fit.
-    """
-
-    horizons: tuple[float, ...] = (0.1, 0.25, 0.5, 1.0)
-    every: float = 0.25
-    history: float = 0.15
-    sample_time: float | None = None
+    backward: tuple[States, ...]
+    smoothed: tuple[States, ...]
+    causal: tuple[States, ...]
 
 
 class Prepared(NamedTuple):
     """A data set made ready for judging under one set of mechanism parameters."""
 
     dataset: Dataset
-    plant: Plant
     protocol: Protocol
+    observed: Observed
+    plant: Plant
     euler: Problem
     integral: Problem
-    causal: tuple[States, ...]
     starts: Starts
     grid: Array
 
@@ -63,34 +52,70 @@ def prepare(
     """A data set made ready for judging: problems, causal starts, velocities for the curves.
 
     `parameters` replace the mechanism's, for models that bring their own.
+
+    Raises
+    ------
+    InputError
+        Where the recordings are too short for the protocol, or a parameter is unknown.
     """
-    plant = plant_of(dataset, parameters)
-    causal = states_of(dataset, Causal(), protocol.sample_time)
-    integral = problem_of(dataset, plant, INTEGRAL, protocol.sample_time, protocol.history)
-    starts = make_starts(
+    apart = protocol.sample_time
+    estimators = (STUDY.states, INTEGRAL.states, Causal())
+    return _prepared(
         dataset,
-        causal,
-        plant,
-        protocol.horizons,
-        every=protocol.every,
-        begin=protocol.history,
+        protocol,
+        Observed(*(states_of(dataset, estimator, apart) for estimator in estimators)),
+        parameters,
     )
+
+
+def under(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:
+    """The same data under other mechanism parameters; nothing is estimated anew."""
+    if not parameters:
+        return prepared
+    return _prepared(prepared.dataset, prepared.protocol, prepared.observed, parameters)
+
+
+def _prepared(
+    dataset: Dataset,
+    protocol: Protocol,
+    observed: Observed,
+    parameters: Mapping[str, float] | None,
+) -> Prepared:
+    plant = plant_of(dataset, parameters)
+    told = dataset, plant
+    limits = protocol.sample_time, protocol.history
     return Prepared(
         dataset=dataset,
-        plant=plant,
         protocol=protocol,
-        euler=problem_of(dataset, plant, STUDY, protocol.sample_time, protocol.history),
-        integral=integral,
-        causal=causal,
-        starts=starts,
-        grid=velocity_grid(speeds(dataset, integral)),
+        observed=observed,
+        plant=plant,
+        euler=problem_of(*told, STUDY, *limits, observed.backward),
+        integral=problem_of(*told, INTEGRAL, *limits, observed.smoothed),
+        starts=make_starts(
+            dataset,
+            observed.causal,
+            plant,
+            protocol.horizons,
+            every=protocol.every,
+            begin=protocol.history,
+        ),
+        grid=velocity_grid(speeds(dataset, observed.smoothed)),
     )
 
 
-def speeds(dataset: Dataset, problem: Problem) -> Array:
-    """True velocities where they are known, else smoothed ones, (K, n)."""
+def training_of(prepared: Prepared, recipe: Recipe) -> Problem:
+    """The problem that identifiers fit by a recipe."""
+    seen = {STUDY.states: prepared.observed.backward, INTEGRAL.states: prepared.observed.smoothed}
+    states = next((known for estimator, known in seen.items() if estimator == recipe.states), None)
+    protocol = prepared.protocol
+    limits = protocol.sample_time, protocol.history
+    return training_problem(prepared.dataset, prepared.plant, recipe, *limits, states)
+
+
+def speeds(dataset: Dataset, smoothed: Iterable[States]) -> Array:
+    """True velocities where they are known, else smoothed ones, (K, n) [rad/s]."""
     true = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
-    return np.concatenate(true) if true else problem.nodes.inputs.w
+    return np.concatenate(true if true else [s.w for s in smoothed])
 
 
 def judge_folds(
@@ -98,47 +123,50 @@ def judge_folds(
 ) -> tuple[list[Row], list[dict[str, Any]]]:
     """Rows of held-out scores of the folds' frictions, and example motions."""
     rows: list[Row] = []
-    for score, problem in (
-        ("one_step_euler", prepared.euler),
-        ("one_step_integral", prepared.integral),
-    ):
+    for score, problem in _problems(prepared):
         held = folds.held_out(problem.recording, problem.time)
         rows += one_step_rows(held_out_residual(friction, problem, held), held, score)
     starts = prepared.starts
-    fold = start_folds(starts, folds, prepared.causal)
-    # a start is predicted by the friction of the fold that holds out its shortest horizon
-    owner = np.maximum(fold[0], 0)
+    fold = start_folds(starts, folds, prepared.observed.causal)
+    # whatever of a start is held out, is held out by one fold: its friction predicts
+    owner = np.maximum(fold.max(axis=0), 0)
     motion = predict(prepared.plant, friction[owner], starts)
-    rows += rollout_rows(motion, starts, np.where(fold == owner, fold, -1))
+    rows += rollout_rows(motion, starts, fold)
     rows += curve_scores(friction, overall, prepared)
     rows.append(_count(friction))
-    return rows, _examples(motion.q, prepared, friction_of="fold")
+    return rows, _examples(motion.q, prepared, fold[-1] >= 0, friction_of="fold")
 
 
-def judge(friction: Friction, prepared: Prepared) -> list[Row]:
-    """Rows of scores of one friction (n, P) on data that it was not fitted to."""
+def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[str, Any]]]:
+    """Rows of scores of one friction (n, P) on data that it was not fitted to, and examples.
+
+    Raises
+    ------
+    InputError
+        Where the friction is not that of one mechanism with as many joints.
+    """
+    n = prepared.plant.n
+    if friction.theta.ndim != 2 or friction.n != n:
+        raise InputError(
+            f"data set {prepared.dataset.name!r} has {n} joints, the model's theta has shape "
+            f"{tuple(friction.theta.shape)}: it must be ({n}, {len(friction.law.names)})"
+        )
     rows: list[Row] = []
     batch = friction[None]
-    for score, problem in (
-        ("one_step_euler", prepared.euler),
-        ("one_step_integral", prepared.integral),
-    ):
+    for score, problem in _problems(prepared):
         whole = np.zeros(len(problem.r), dtype=int)
         rows += _pooled(one_step_rows(held_out_residual(batch, problem, whole), whole, score))
     starts = prepared.starts
     everyone = np.zeros(len(starts.recording), dtype=int)
     motion = predict(prepared.plant, batch[everyone], starts)
-    rows += _pooled(rollout_rows(motion, starts, np.where(starts.last >= 0, 0, -1)))
+    rows += _pooled(rollout_rows(motion, starts, np.zeros_like(starts.last)))
     rows += _pooled(curve_scores(batch, friction, prepared))
     rows.append(_count(friction))
-    return rows
+    return rows, _examples(motion.q, prepared, starts.last[-1] > 0, friction_of="all")
 
 
-def examples(friction: Friction, prepared: Prepared) -> list[dict[str, Any]]:
-    """Example motions predicted by one friction (n, P)."""
-    everyone = np.zeros(len(prepared.starts.recording), dtype=int)
-    motion = predict(prepared.plant, friction[None][everyone], prepared.starts)
-    return _examples(motion.q, prepared, friction_of="all")
+def _problems(prepared: Prepared) -> tuple[tuple[str, Problem], ...]:
+    return ("one_step_euler", prepared.euler), ("one_step_integral", prepared.integral)
 
 
 def curve_scores(friction: Friction, overall: Friction, prepared: Prepared) -> list[Row]:
@@ -160,24 +188,21 @@ def _count(friction: Friction) -> Row:
 
 
 def _examples(
-    q: Array, prepared: Prepared, friction_of: str, most: int = 3
+    q: Array, prepared: Prepared, use: Array, friction_of: str, most: int = 3
 ) -> list[dict[str, Any]]:
-    """Predicted and measured motion over the longest horizon, from starts spread over the data."""
+    """Predicted and measured motion over the longest horizon, from starts (S,) that may be used."""
     starts = prepared.starts
-    full = np.flatnonzero(starts.last[-1] >= 0)
-    if not len(full):
-        full = np.arange(len(starts.recording))
+    full = np.flatnonzero(use)
     chosen = full[np.linspace(0, len(full) - 1, most + 2).round().astype(int)[1:-1]]
     out = []
     for s in np.unique(chosen):
-        last = int(starts.last[:, s].max())
-        recording = prepared.dataset.recordings[starts.recording[s]]
-        begin = prepared.causal[starts.recording[s]].time[starts.index[s]]
+        last = int(starts.last[-1, s])
+        r = starts.recording[s]
         out.append(
             {
                 "dataset": prepared.dataset.name,
-                "recording": recording.name,
-                "start_s": float(begin),
+                "recording": prepared.dataset.recordings[r].name,
+                "start_s": float(prepared.observed.causal[r].time[starts.index[s]]),
                 "friction_of": friction_of,
                 "time": np.concatenate([[0.0], np.cumsum(starts.dt[:last, s])]),
                 "measured": starts.measured[: last + 1, s],

@@ -1,0 +1,42 @@
+"""What is judged, and where: the same for all identifiers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from frictionid.errors import InputError
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Horizons of the rollouts [s], `every` how many seconds one starts, and what comes before.
+
+    history : [s] of each recording that nobody is scored on, at least the longest memory
+    sample_time : [s] between the samples used, None for all
+
+    >>> Protocol(horizons=(0.5,)).every
+    0.25
+    """
+
+    horizons: tuple[float, ...] = (0.1, 0.25, 0.5, 1.0)
+    every: float = 0.25
+    history: float = 0.15
+    sample_time: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.horizons:
+            raise InputError("horizons must name at least one time ahead, e.g. [0.5]")
+        for horizon in self.horizons:
+            _check("horizons", horizon, math.isfinite(horizon) and horizon > 0, "positive seconds")
+        _check("every", self.every, math.isfinite(self.every) and self.every > 0, "positive [s]")
+        fine = math.isfinite(self.history) and self.history >= 0
+        _check("history", self.history, fine, "0 s or more, and finite")
+        apart = self.sample_time
+        if apart is not None:
+            _check("sample_time", apart, math.isfinite(apart) and apart > 0, "positive [s]")
+
+
+def _check(name: str, value: float, fine: bool, rule: str) -> None:
+    if not fine:
+        raise InputError(f"{name}: {value} must be {rule}")
