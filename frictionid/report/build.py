@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from frictionid.report.evidence import gather
-from frictionid.report.scoreboard import board, summary_table
-from frictionid.report.tables import markdown
+import pandas as pd
+
+from frictionid.report.boxplots import one_step_boxes
+from frictionid.report.curves import friction_curves
+from frictionid.report.evidence import Evidence, Section, gather
+from frictionid.report.files import file_names, remove_others, write_bytes
+from frictionid.report.horizons import rollout_errors
+from frictionid.report.motion import motions
+from frictionid.report.pairs import differences
+from frictionid.report.parameters import parameter_numbers, parameter_table
+from frictionid.report.scoreboard import board, caption_of, summary_table
+from frictionid.report.style import Look, drawing, looks, rendered
+from frictionid.report.summary import Part, Picture, summary
+from frictionid.report.tables import Table, latex, markdown
 from frictionid.results import reduce
 from frictionid.store import write_text
+
+Drawn = tuple[str, Any, str]  # name of a file, figure, caption
 
 
 def build(folder: Path) -> None:
@@ -21,9 +36,111 @@ def build(folder: Path) -> None:
     """
     evidence = gather(folder)
     reduce(folder)
-    pages = []
-    for section in evidence.sections:
-        for dataset in (section.dataset, *section.tests):
-            table = board(section.entries, dataset, evidence.horizons, evidence.about[dataset])
-            pages.append(markdown(summary_table(table, dataset)))
-    write_text(folder / "summary.md", "\n".join(pages))
+    written: list[Path] = []
+    parts = {}
+    names = _file_names(evidence)
+    with drawing():
+        for section in evidence.sections:
+            for dataset in (section.dataset, *section.tests):
+                part, files = _part(folder, evidence, section, dataset, names)
+                parts[section.dataset, dataset] = part
+                written += files
+    write_text(folder / "summary.md", summary(evidence, parts))
+    remove_others(folder / "tables", written)
+    remove_others(folder / "figures", written)
+
+
+def _file_names(evidence: Evidence) -> dict[tuple[str, str], str]:
+    """Ending of the names of files about what was fitted on one and scored on another data set."""
+    pairs = [(s.dataset, d) for s in evidence.sections for d in (s.dataset, *s.tests)]
+    scored = [dataset for _, dataset in pairs]
+    words = {
+        (fitted, dataset): dataset
+        if scored.count(dataset) == 1
+        else f"{dataset}-fitted-on-{fitted}"
+        for fitted, dataset in pairs
+    }
+    unique = file_names(words.values())
+    return {pair: unique[word] for pair, word in words.items()}
+
+
+def _part(
+    folder: Path,
+    evidence: Evidence,
+    section: Section,
+    dataset: str,
+    names: dict[tuple[str, str], str],
+) -> tuple[Part, list[Path]]:
+    """Tables and pictures of one scored data set, written, and what the page shows of them."""
+    name, about = names[section.dataset, dataset], evidence.about[dataset]
+    scores = board(section.entries, dataset, evidence.horizons, about)
+    table = summary_table(scores, caption_of(scores, section))
+    files = _write_table(folder, f"summary--{name}", table, scores.frame)
+    details = []
+    if dataset == section.dataset:
+        extra = differences(section, evidence.horizons, about["angle_unit"])
+        if extra:
+            details.append(("Differences between models, paired over the folds", extra))
+            files += _write_table(folder, f"differences--{name}", extra, None)
+        numbers = parameter_table(section, about["joints"])
+        if numbers:
+            details.append(("Parameters of the models", numbers))
+            frame = parameter_numbers(section)
+            files += _write_table(folder, f"parameters--{name}", numbers, frame)
+    pictures = []
+    for stem, figure, words in _drawn(evidence, section, dataset, name):
+        for kind, content in rendered(figure).items():
+            files.append(folder / "figures" / f"{stem}.{kind}")
+            write_bytes(files[-1], content)
+        pictures.append(Picture(f"figures/{stem}", words))
+    return Part(table, tuple(pictures), tuple(details)), files
+
+
+def _write_table(folder: Path, stem: str, table: Table, frame: pd.DataFrame | None) -> list[Path]:
+    """Write a table as Markdown and LaTeX, and its numbers as CSV where there are any."""
+    texts = {"md": markdown(table), "tex": latex(table)}
+    if frame is not None:
+        texts["csv"] = frame.to_csv(index=False, float_format="%.9g")
+    paths = []
+    for kind, text in texts.items():
+        paths.append(folder / "tables" / f"{stem}.{kind}")
+        write_text(paths[-1], text)
+    return paths
+
+
+def _drawn(evidence: Evidence, section: Section, dataset: str, name: str) -> Iterator[Drawn]:
+    """Pictures about one scored data set, each with the name of its file and its caption."""
+    about = evidence.about[dataset]
+    every = looks(entry for part in evidence.sections for entry in part.entries)
+    if dataset == section.dataset:
+        yield from _drawn_of_fits(evidence, section, name, every)
+    recipes = file_names(section.recipes)
+    for recipe in section.recipes:
+        entries = [entry for entry in section.under(recipe) if dataset in entry.scores]
+        figure = motions(entries, dataset, about, every)
+        if figure is not None:
+            stem = f"motion--{name}--{recipes[recipe]}"
+            held = "held-out" if dataset == section.dataset else "never seen"
+            beside = f", {recipe} recipe" if len(section.recipes) > 1 else ""
+            yield stem, figure, f"Predicted over measured motion, {dataset}, {held}{beside}."
+
+
+def _drawn_of_fits(
+    evidence: Evidence, section: Section, name: str, every: dict[str, Look]
+) -> Iterator[Drawn]:
+    dataset, about = section.dataset, evidence.about[section.dataset]
+    unit = about["angle_unit"]
+    boxes = one_step_boxes(section, every, unit)
+    words = (
+        f"One-step losses on {dataset} over the folds: median, quartiles, range, mean (diamond)."
+    )
+    yield f"one_step--{name}", boxes, words
+    errors = rollout_errors(section, evidence.horizons, every, unit)
+    if errors is not None:
+        words = f"Rollout errors over the horizon, fitted on {dataset}."
+        yield f"rollouts--{name}", errors, words
+    pictures = friction_curves(section, about, every)
+    for i, figure in enumerate(pictures):
+        number = f"--{i + 1}" if len(pictures) > 1 else ""
+        words = f"Friction over velocity, fitted on {dataset}, all folds."
+        yield f"curves--{name}{number}", figure, words

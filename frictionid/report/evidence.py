@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,7 +43,8 @@ class Scores(dict[Key, float]):
         return sorted(names, key=lambda name: (len(name), name))
 
 
-class Entry(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Entry:
     """One line of a table: an identifier with the recipe by which it was fitted.
 
     role : "none" (no friction), "fitted", "given" (fixed numbers) or "truth"
@@ -60,6 +62,7 @@ class Entry(NamedTuple):
     motions: Sequence[Mapping[str, Any]]
     theta: Array  # (F, n, P)
     model: Mapping[str, Any]
+    settings: Mapping[str, str]  # constructor calls of identifier and recipe
 
     @property
     def title(self) -> str:
@@ -165,6 +168,7 @@ def _entry(task: Mapping[str, Any], tasks: Sequence[Mapping[str, Any]]) -> Entry
         motions=task["motions"],
         theta=theta,
         model=task["model"],
+        settings=task["settings"],
     )
 
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from frictionid.report.evidence import Entry, Key, Scores
-from frictionid.report.numbers import NOTHING, decimals, fixed, percent, seconds
+from frictionid.report.evidence import Entry, Key, Scores, Section
+from frictionid.report.numbers import NOTHING, decimals, fixed, percent, seconds, short
 from frictionid.report.tables import Cell, Column, Line, Table
 
 ONE_STEP = (("one_step_euler", "mean"), ("one_step_integral", "rms"))
@@ -91,6 +91,19 @@ def summary_table(
     return Table(caption, f"summary-{board.dataset}", tuple(columns), tuple(_lines(board, rows)))
 
 
+def caption_of(board: Board, section: Section) -> str:
+    """Caption of a summary table."""
+    parts = [f"{board.dataset}: fitted on {section.dataset}, never seen"]
+    if board.dataset == section.dataset:
+        parts = [f"{board.dataset}: held-out scores", "one step: mean ± sd over the folds"]
+    shares = [f"rollout_angle_diverged_{h:g}s" for h in board.horizons]
+    if any((board.frame[name] > 0).any() for name in shares):
+        parts.append("rollouts: median (90 % quantile, share further off than 1 rad)")
+    elif shares:
+        parts.append("rollouts: median (90 % quantile), none further off than 1 rad")
+    return f"{'; '.join(parts)}. Best fitted model in bold."
+
+
 Part = tuple[list[Column], list[list[Cell]]]  # headings, and cells of every line
 
 
@@ -134,13 +147,13 @@ def _rollout(board: Board, group: str, horizon: float, full: bool) -> Part:
     median, q90, diverged = (
         board.frame[f"rollout_angle_{s}_{horizon:g}s"] for s in ("median", "q90", "diverged")
     )
-    places, wider = decimals(median), decimals(q90)
+    places = decimals(median)
     share = bool((diverged > 0).any())
 
     def text(m: float, q: float, d: float) -> str:
         if not full or np.isnan(m):
             return fixed(m, places)
-        inside = f"{fixed(q, wider)}, {percent(d)}" if share else fixed(q, wider)
+        inside = f"{short(q)}, {percent(d)}" if share else short(q)
         return f"{fixed(m, places)} ({inside})"
 
     words = list(map(text, median, q90, diverged))

@@ -1,0 +1,179 @@
+"""The page summary.md: what the evidence supports, tables, pictures, where it comes from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from frictionid.report.cautions import general_cautions, section_cautions
+from frictionid.report.evidence import Evidence, Section
+from frictionid.report.findings import foretold, held_out_findings, matter, unseen_findings
+from frictionid.report.tables import Table, code, escape_markdown, markdown
+
+KINDS = {"recordings": "whole recordings", "blocks": "contiguous blocks"}
+
+
+class Picture(NamedTuple):
+    """A figure in the page: its file without ending, relative to the page, and its caption."""
+
+    file: str
+    words: str
+
+
+class Part(NamedTuple):
+    """What is shown of one scored data set: table, pictures, and tables to unfold with titles."""
+
+    table: Table
+    pictures: tuple[Picture, ...]
+    details: tuple[tuple[str, Table], ...] = ()
+
+
+def summary(evidence: Evidence, parts: Mapping[tuple[str, str], Part]) -> str:
+    """Markdown of the page; `parts` by the data sets fitted and scored."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("frictionid.report"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    provenance = evidence.provenance
+    cautions = general_cautions(evidence)
+    for section in evidence.sections:
+        names = (section.dataset, *section.tests)
+        matters = [matter(section, d, evidence.horizons, evidence.about[d]) for d in names]
+        cautions += section_cautions(section, matters)
+    text = environment.get_template("summary.md.j2").render(
+        title=escape_markdown(provenance.get("title") or provenance["suite"]),
+        sections=[_section(evidence, section, parts) for section in evidence.sections],
+        cautions=cautions,
+        settings={"every": provenance["settings"].get("every", "…")},
+        data=_data(evidence),
+        origins=_origins(evidence),
+        provenance=_provenance(evidence),
+        rerun=_rerun(evidence),
+    )
+    return text
+
+
+def _section(
+    evidence: Evidence, section: Section, parts: Mapping[tuple[str, str], Part]
+) -> dict[str, Any]:
+    name = section.dataset
+    own = parts[name, name]
+    told = matter(section, name, evidence.horizons, evidence.about[name])
+    return {
+        "name": escape_markdown(name),
+        "size": _size(evidence.about[name]),
+        "folds": _folds(evidence.provenance["settings"].get("folds", {})),
+        "words": foretold(told),
+        "findings": held_out_findings(told),
+        "table": markdown(own.table),
+        "pictures": [_shown(picture) for picture in own.pictures],
+        "details": [{"title": t, "table": markdown(table)} for t, table in own.details],
+        "tests": [_test(evidence, section, test, parts[name, test]) for test in section.tests],
+    }
+
+
+def _test(evidence: Evidence, section: Section, test: str, part: Part) -> dict[str, Any]:
+    told = matter(section, test, evidence.horizons, evidence.about[test])
+    return {
+        "name": escape_markdown(test),
+        "words": " ".join(unseen_findings(told)),
+        "size_sentence": f"{_size(evidence.about[test])}, no part of any fit.",
+        "table": markdown(part.table),
+        "pictures": [_shown(picture) for picture in part.pictures],
+    }
+
+
+def _shown(picture: Picture) -> dict[str, str]:
+    return {"file": picture.file, "words": escape_markdown(picture.words)}
+
+
+def _size(about: Mapping[str, Any]) -> str:
+    count = about["recordings"]
+    recordings = "1 recording" if count == 1 else f"{count} recordings"
+    return f"{recordings}, {about['samples']} samples, {about['seconds']:.0f} s"
+
+
+def _folds(settings: Mapping[str, Any]) -> str:
+    if "count" not in settings:
+        return "judged on held-out data"
+    kind = KINDS.get(settings.get("kind", ""), "shuffled samples")
+    gap = f", {settings['gap']:g} s apart" if settings.get("kind") == "blocks" else ""
+    return f"{settings['count']} folds of {kind}{gap}"
+
+
+def _data(evidence: Evidence) -> list[dict[str, str]]:
+    folds = evidence.provenance.get("folds", {})
+    return [
+        {
+            "name": escape_markdown(name),
+            "files": str(len(hashes)),
+            "hash": _digest(hashes)[:16],
+            "folds": f"`{folds[name][:16]}`" if name in folds else "",
+        }
+        for name, hashes in evidence.provenance.get("data", {}).items()
+    ]
+
+
+def _digest(hashes: Mapping[str, str]) -> str:
+    return hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
+
+
+def _origins(evidence: Evidence) -> list[str]:
+    lines = []
+    for name, origin in evidence.provenance.get("origin", {}).items():
+        keys = ("description", "origin", "licence", "citation")
+        words = [origin[key].rstrip(". ") for key in keys if origin.get(key)]
+        if words:
+            text = ". ".join(word[:1].upper() + word[1:] for word in words)
+            lines.append(f"{code(name)}: {escape_markdown(text)}.")
+    return lines
+
+
+def _provenance(evidence: Evidence) -> list[str]:
+    versions = evidence.provenance.get("versions", {})
+    lines = [f"Versions: {', '.join(f'{name} {version}' for name, version in versions.items())}."]
+    settings = evidence.provenance["settings"]
+    shown = ("horizons", "every", "history", "sample_time", "seeds", "folds")
+    told = [f"{name} = {json.dumps(settings[name])}" for name in shown if name in settings]
+    if told:
+        lines.append(f"Settings: {code('; '.join(told))}.")
+    return lines + _calls(evidence.sections)
+
+
+def _calls(sections: Sequence[Section]) -> list[str]:
+    """Constructor calls of recipes and identifiers, and where given numbers are from."""
+    recipes: dict[str, str] = {}
+    identifiers: dict[str, str] = {}
+    for section in sections:
+        for entry in section.entries:
+            if entry.recipe:
+                recipes[entry.recipe] = code(entry.settings["recipe"])
+            call = code(entry.settings["identifier"])
+            identifiers[entry.identifier] = _source(entry.model) if entry.role in FIXED else call
+    lines = [f"Recipe {code(name)}: {call}." for name, call in recipes.items()]
+    return lines + [f"{code(name)}: {call}." for name, call in identifiers.items()]
+
+
+FIXED = ("given", "truth")
+
+
+def _source(model: Mapping[str, Any]) -> str:
+    about = model.get("provenance", {})
+    if about.get("source") == "truth":
+        return "the true friction of the simulation, from the data set's description"
+    words = [str(about[key]).rstrip(". ") for key in ("source", "note") if about.get(key)]
+    own = ", with mechanism parameters of its own" if model.get("parameters") else ""
+    return escape_markdown(f"fixed numbers{own}: {'; '.join(words) or 'source not told'}")
+
+
+def _rerun(evidence: Evidence) -> str:
+    name = evidence.provenance["suite"]
+    return f"the suite {name}; --data or FRICTIONID_DATA where recordings lie elsewhere"
