@@ -7,9 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from frictionid.results import describe, reduce
-from frictionid.suite import LAWS, load_suite, tasks_of
-from frictionid.tasks import run_tasks
+from frictionid.cli.compare import compare
 
 ROOT = Path(__file__).parents[1]
 HORIZONS = (0.1, 0.25, 0.5, 1.0)
@@ -20,12 +18,10 @@ PUBLISHED = ("model_1.0", "model_2.0")
 @pytest.fixture(scope="module")
 def scores(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     """Scores of comparisons/dfki_c1.toml, its tables found through --data."""
-    suite = load_suite(ROOT / "comparisons" / "dfki_c1.toml")
-    tasks = tasks_of(suite, ROOT / "comparisons", real_data / "dfki_double_pendulum")
     folder = tmp_path_factory.mktemp("dfki_c1")
-    describe(folder, suite.name, suite.title, {}, tasks)
-    run_tasks(tasks, folder / "tasks", LAWS)
-    table = reduce(folder)
+    data = real_data / "dfki_double_pendulum"
+    compare(ROOT / "comparisons" / "dfki_c1.toml", data=data, out=folder, jobs=1)
+    table = pd.read_csv(folder / "scores.csv", dtype={"fold": str, "joint": str})
     return table[(table.fold == "all") & (table.joint == "all")]
 
 
