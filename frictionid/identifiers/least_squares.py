@@ -2,8 +2,9 @@
 
 minimise  sum_k weights[f, k] |r_k - G_k Tf_k(theta)|^2   over theta within the law's bounds
 
-by Levenberg-Marquardt with the law's analytic gradient [Marquardt1963]. The normal equations of all
-folds are assembled from one gradient evaluation per iteration.
+by Levenberg-Marquardt [Marquardt1963]. Each step stays within the bounds, and its curvature learns
+from earlier steps what Gauss-Newton leaves out [Dennis1981]: in the valleys of friction laws (a
+higher peak that falls off sooner) that saves most of the steps.
 """
 
 from __future__ import annotations
@@ -13,174 +14,187 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, times
+from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Law, along
+from frictionid.friction import Friction, Law
+from frictionid.identifiers.bounded import bounded
+from frictionid.identifiers.linearised import Rows
+from frictionid.identifiers.starts import best_starts
 from frictionid.problem import Problem
 
-_DIFFERENCE = 1e-6
+_EXACT = 1e-22  # costs below this part of that without friction are rounding
+_DAMPING = (1e-9, 1e9)
+_CLEAR = 1e-8
 
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Fits the parameters of a law; starts from each of the law's `initial` values, best one wins.
+    """Fits the parameters of a law.
 
-    Laws without a `gradient(theta, x)` of shape (..., n, P), and laws with memory, are
-    differentiated numerically.
+    It begins at those of the law's `initial` values, for each joint its own, that promise the
+    lowest cost, and ends where a step promises less than the `tolerance`, relative to the cost, or
+    after a number of `iterations`. Laws without a `gradient(theta, x)` of shape (..., n, P), and
+    laws with memory, are differentiated numerically. A parameter without any influence keeps its
+    start.
+
+    Raises
+    ------
+    InputError
+        Where rows, weights or the law do not determine the parameters.
 
     Examples
     --------
     >>> from frictionid.laws import CoulombViscous
     >>> LeastSquares(CoulombViscous())
-    LeastSquares(law=CoulombViscous(width=0.02, shape='tanh'), iterations=60, tolerance=1e-09)
+    LeastSquares(law=CoulombViscous(width=0.02, shape='tanh'), iterations=100, tolerance=1e-09)
     """
 
     law: Law
-    iterations: int = 60
+    iterations: int = 100
     tolerance: float = 1e-9
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        weights = np.asarray(weights, dtype=float)
-        _check(problem, weights)
-        metric = np.einsum("kij,kil->kjl", problem.G, problem.G)
-        fold = _Normal(self.law, problem, weights, metric)
-        theta = self._start(fold)
-        cost, damping = fold.cost(theta), np.full(len(weights), 1e-3)
-        gradient, curvature = fold.equations(theta)
+        rows = Rows(self.law, problem)
+        weights = _relative(weights, problem)
+        folds = _begin(rows, best_starts(rows, weights), weights)
+        theta, active = folds.theta.copy(), np.arange(len(weights))
         for _ in range(self.iterations):
-            move = _move(theta, gradient, curvature, damping, fold.low, fold.high)
-            trial = np.clip(theta + move, fold.low, fold.high)
-            new = fold.cost(trial)
-            better = new < cost
-            damping = np.clip(np.where(better, damping / 5, damping * 5), 1e-12, 1e12)
-            settled = np.abs(cost - new) <= self.tolerance * cost
-            theta = np.where(better[:, None], trial, theta)
-            cost = np.minimum(cost, new)
-            if settled.all():
+            folds, settled = _improved(rows, folds, self.tolerance)
+            theta[active] = folds.theta
+            active, folds = active[~settled], folds.take(~settled)
+            if not len(active):
                 break
-            if better.any():
-                gradient, curvature = fold.equations(theta)
-        shape = (len(weights), problem.r.shape[-1], len(self.law.names))
-        return Friction(self.law, theta.reshape(shape))
-
-    def _start(self, fold: _Normal) -> Array:
-        """For each fold the best of the law's starts after one step, shape (F, N)."""
-        found, costs = [], []
-        for initial in self.law.initial:
-            theta = np.tile(np.asarray(initial, dtype=float), fold.joints)
-            gradient, curvature = fold.common_equations(theta)
-            begin = np.repeat(theta[None], len(fold.weights), axis=0)
-            small = np.full(len(fold.weights), 1e-9)
-            move = _move(begin, gradient, curvature, small, fold.low, fold.high)
-            trial = np.clip(begin + move, fold.low, fold.high)
-            found.append(trial)
-            costs.append(fold.cost(trial))
-        best = np.argmin(costs, axis=0)
-        return np.stack(found)[best, np.arange(len(best))]
+        return rows.friction(theta)
 
 
-class _Normal(NamedTuple):
-    """Cost and normal equations of all folds; theta is flat here, (F, N) with N = n P."""
+class _Folds(NamedTuple):
+    """Where the folds are: theta (F, N) and what is known there.
 
-    law: Law
-    problem: Problem
+    residual (F, K, n); cost and damping (F,); downhill (F, N), half the negative gradient of the
+    cost; curvature (F, N, N) by Gauss-Newton, and bend (F, N, N), what that lacks.
+    """
+
+    theta: Array
     weights: Array
-    metric: Array  # G' G, (K, n, n)
+    residual: Array
+    cost: Array
+    downhill: Array
+    curvature: Array
+    bend: Array
+    damping: Array
 
-    @property
-    def joints(self) -> int:
-        return int(self.problem.r.shape[-1])
+    def take(self, which: Array) -> _Folds:
+        return _Folds(*(field[which] for field in self))
 
-    @property
-    def low(self) -> Array:
-        return np.tile([b[0] for b in self.law.bounds], self.joints)
 
-    @property
-    def high(self) -> Array:
-        return np.tile([b[1] for b in self.law.bounds], self.joints)
+def _begin(rows: Rows, theta: Array, weights: Array) -> _Folds:
+    residual = rows.residual(theta)
+    equations = _equations(rows, theta, residual, weights)
+    cost = _cost(residual, weights)
+    return _Folds(
+        *(theta, weights, residual, cost, *equations),
+        bend=np.zeros_like(equations[1]),
+        damping=np.full(len(theta), 1e-6),
+    )
 
-    def friction(self, theta: Array) -> Friction:
-        return Friction(
-            self.law, theta.reshape(*theta.shape[:-1], self.joints, len(self.law.names))
+
+def _cost(residual: Array, weights: Array) -> Array:
+    return np.einsum("fk,fki->f", weights, residual**2)
+
+
+def _equations(rows: Rows, theta: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
+    downhill, curvature = rows.equations(theta, residual, weights)
+    if not (np.isfinite(downhill).all() and np.isfinite(curvature).all()):
+        raise InputError(
+            f"the fit of {rows.law} met numbers that are not finite: look for rows of the problem "
+            "that are not, and for parameters in the law's bounds at which its torque is not"
         )
-
-    def residual(self, theta: Array) -> Array:
-        return self.problem.residual(along(self.friction(theta), self.problem.nodes))
-
-    def cost(self, theta: Array) -> Array:
-        return np.einsum("fk,fki->f", self.weights, self.residual(theta) ** 2)
-
-    def equations(self, theta: Array) -> tuple[Array, Array]:
-        """Downhill direction (F, N) and Gauss-Newton curvature (F, N, N) at thetas (F, N)."""
-        A = self.problem_mean(theta)  # (F, K, n, P)
-        F, K, n, P = A.shape
-        pull = (
-            times(np.swapaxes(self.problem.G, -1, -2), self.residual(theta))
-            * self.weights[..., None]
-        )
-        downhill = np.einsum("fkj,fkjp->fjp", pull, A).reshape(F, n * P)
-        curvature = np.empty((F, n, P, n, P))
-        for j in range(n):
-            for i in range(n):
-                weighted = A[:, :, i] * (self.weights * self.metric[:, j, i])[..., None]
-                curvature[:, j, :, i] = np.swapaxes(A[:, :, j], 1, 2) @ weighted
-        return downhill, curvature.reshape(F, n * P, n * P)
-
-    def common_equations(self, theta: Array) -> tuple[Array, Array]:
-        """The same at one theta (N,) for all folds: the rows' products are formed only once."""
-        A = self.problem_mean(theta)  # (K, n, P)
-        K, n, P = A.shape
-        pull = times(np.swapaxes(self.problem.G, -1, -2), self.residual(theta))
-        downhill = self.weights @ (pull[..., None] * A).reshape(K, n * P)
-        products = np.einsum("kjp,kji,kiq->kjpiq", A, self.metric, A).reshape(K, -1)
-        return downhill, (self.weights @ products).reshape(-1, n * P, n * P)
-
-    def problem_mean(self, theta: Array) -> Array:
-        """Stencil average of dTf/dtheta, shape (..., K, n, P)."""
-        at_nodes = _gradient(self.friction(theta), self.problem)
-        S, n, P = at_nodes.shape[-3:]
-        flat = at_nodes.reshape(*at_nodes.shape[:-3], S, n * P)
-        mean = self.problem.mean(flat)
-        return mean.reshape(*mean.shape[:-1], n, P)
+    return downhill, curvature
 
 
-def _gradient(friction: Friction, problem: Problem) -> Array:
-    """dTf_j/dtheta_jp along the nodes, (..., S, n, P)."""
-    law, nodes = friction.law, problem.nodes
-    memory = law.start(friction.theta[..., None, :, :], nodes.inputs)
-    if not memory and hasattr(law, "gradient"):
-        out = law.gradient(friction.theta[..., None, :, :], nodes.inputs)
-        shape = (*friction.theta.shape[:-2], *nodes.inputs.w.shape, friction.theta.shape[-1])
-        return np.broadcast_to(out, shape)
-    columns = []
-    for i in range(len(law.names)):
-        step = _DIFFERENCE * np.maximum(1e-2, np.abs(friction.theta[..., i]))
-        shift = np.zeros_like(friction.theta)
-        shift[..., i] = step
-        up = along(Friction(law, friction.theta + shift), nodes)
-        down = along(Friction(law, friction.theta - shift), nodes)
-        columns.append((up - down) / (2 * step[..., None, :]))
-    return np.stack(columns, axis=-1)
+def _improved(rows: Rows, folds: _Folds, tolerance: float) -> tuple[_Folds, Array]:
+    """The folds after one step, and which of them have settled, (F,)."""
+    move, promised = _step(folds, *rows.bounds)
+    trial = np.clip(folds.theta + move, *rows.bounds)
+    with np.errstate(all="ignore"):  # a step too far is refused below, whatever it meets
+        residual = rows.residual(trial)
+        gain = folds.cost - _cost(residual, folds.weights)
+    without = _cost(rows.problem.r[None], folds.weights)
+    settled = promised <= tolerance * folds.cost + _EXACT * without
+    better = gain > 0
+    ratio = gain / np.maximum(promised, 1e-300)
+    factor = np.select([ratio > 0.75, ratio > 0.25], [0.1, 1.0], 20.0)
+    new = folds._replace(
+        damping=np.clip(folds.damping * factor, *_DAMPING),
+        bend=np.where(better[:, None, None], folds.bend, 0.0),
+        theta=np.where(better[:, None], trial, folds.theta),
+        cost=np.where(better, folds.cost - gain, folds.cost),
+        residual=np.where(better[:, None, None], residual, folds.residual),
+    )
+    return _learnt(rows, folds, new, np.flatnonzero(better & ~settled)), settled
 
 
-def _move(
-    theta: Array, downhill: Array, curvature: Array, damping: Array, low: Array, high: Array
-) -> Array:
-    """Levenberg-Marquardt step (F, N); parameters that a bound stops are left out of it."""
-    blocked = ((theta <= low) & (downhill < 0)) | ((theta >= high) & (downhill > 0))
-    free = (~blocked).astype(float)
-    H = curvature * free[:, :, None] * free[:, None, :]
-    scale = np.einsum("fii->fi", H)
-    # a parameter without any influence keeps its place
-    floor = np.where(scale > 0, scale, 1.0)
-    H = H + (damping[:, None] * floor + (scale <= 0))[:, :, None] * np.eye(H.shape[-1])
-    return np.linalg.solve(H, (downhill * free)[..., None])[..., 0]
+def _step(folds: _Folds, low: Array, high: Array) -> tuple[Array, Array]:
+    """Damped steps (F, N) within the bounds, and what they promise to take off the cost, (F,)."""
+    eye = np.eye(folds.theta.shape[-1])
+    scale = _scale(folds.curvature)
+    full = folds.curvature + folds.bend
+    root = np.sqrt(scale)[:, :, None] * np.sqrt(scale)[:, None, :]
+    convex = np.linalg.eigvalsh(full / root).min(axis=-1) >= -_DAMPING[0]
+    model = np.where(convex[:, None, None], full, folds.curvature)
+    damped = model + (folds.damping[:, None] * scale)[:, :, None] * eye
+    move = bounded(damped, folds.downhill, low - folds.theta, high - folds.theta)
+    promised = move * (2 * folds.downhill - np.einsum("fij,fj->fi", model, move))
+    return move, promised.sum(axis=-1)
 
 
-def _check(problem: Problem, weights: Array) -> None:
-    K = len(problem.r)
+def _scale(curvature: Array) -> Array:
+    diagonal = np.einsum("fii->fi", curvature)
+    return np.where(diagonal > 0, diagonal, 1.0)
+
+
+def _learnt(rows: Rows, before: _Folds, after: _Folds, moved: Array) -> _Folds:
+    """`after` with the equations of the folds that moved, their bend by the rank-one formula."""
+    part = after.take(moved)
+    downhill, curvature = _equations(rows, part.theta, part.residual, part.weights)
+    move = part.theta - before.theta[moved]
+    model = np.einsum("fij,fj->fi", curvature + part.bend, move)
+    missing = before.downhill[moved] - downhill - model
+    work = (missing * move).sum(axis=-1)
+    root = np.sqrt(_scale(curvature))
+    size = np.linalg.norm(missing / root, axis=-1) * np.linalg.norm(move * root, axis=-1)
+    sure = np.abs(work) > _CLEAR * size
+    share = np.where(sure, 1.0 / np.where(sure, work, 1.0), 0.0)
+    bend = part.bend + share[:, None, None] * missing[:, :, None] * missing[:, None, :]
+    return after._replace(
+        downhill=_set(after.downhill, moved, downhill),
+        curvature=_set(after.curvature, moved, curvature),
+        bend=_set(after.bend, moved, bend),
+    )
+
+
+def _set(field: Array, index: Array, value: Array) -> Array:
+    out = field.copy()
+    out[index] = value
+    return out
+
+
+def _relative(weights: Array, problem: Problem) -> Array:
+    """Weights (F, K) that add up to one in each fold.
+
+    Raises
+    ------
+    InputError
+        For another shape, weights that are negative or not finite, and folds without rows.
+    """
+    weights, K = np.asarray(weights, dtype=float), len(problem.r)
     if weights.ndim != 2 or weights.shape[1] != K:
         raise InputError(f"weights must have shape (folds, {K}), got {weights.shape}")
-    empty = np.flatnonzero(weights.sum(axis=1) <= 0)
-    if len(empty):
-        raise InputError(f"fold {empty[0]} has no rows to fit: use fewer folds or more recordings")
+    if not (np.isfinite(weights).all() and (weights >= 0).all()):
+        raise InputError("weights must be finite and not negative")
+    highest = weights.max(axis=1, initial=0.0, keepdims=True)
+    if not highest.all():
+        fold = int(np.argmin(highest))
+        raise InputError(f"fold {fold} has no rows to fit: use fewer folds or more recordings")
+    weights = weights / highest
+    return weights / weights.sum(axis=1, keepdims=True)

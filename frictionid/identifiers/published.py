@@ -16,7 +16,7 @@ from frictionid.problem import Problem
 class Published:
     """Identifier `published`: a given friction, the same in every fold.
 
-    Where the friction has mechanism parameters of its own, they are used in place of the data set's.
+    Where the friction has mechanism parameters of its own, these replace the data set's.
     """
 
     friction: Friction

@@ -13,9 +13,10 @@ from frictionid.friction import Inputs, Memory
 from frictionid.laws.sign import smooth_sign
 
 _LEVEL = (0.0, float("inf"))
-# slower dips hide where joints come to rest and are never seen, faster ones are a level of their own
+# slower dips hide where joints come to rest and are never seen, faster ones are levels themselves
 _VELOCITY = (0.3, 30.0)
-_STARTS = (0.5, 1.5, 4.0)
+# a factor of 1.8 apart: the best of them lies in the valley of the best fit
+_STARTS = (0.4, 0.7, 1.2, 2.0, 3.5, 6.5, 11.0, 20.0)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,84 @@
+"""A law along the rows of a problem, to first order in its parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction, Law, along
+from frictionid.problem import Problem
+
+_DIFFERENCE = 1e-6
+
+
+class Rows(NamedTuple):
+    """Residuals of a law and their slopes; thetas are flat here, (F, N) with N = n P."""
+
+    law: Law
+    problem: Problem
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return int(self.problem.r.shape[-1])
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest parameters, (N,) each."""
+        low, high = np.tile(np.reshape(self.law.bounds, (-1, 2)), (self.joints, 1)).T
+        return low, high
+
+    def friction(self, theta: Array) -> Friction:
+        """Friction with the parameters theta."""
+        return Friction(self.law, theta.reshape(len(theta), self.joints, len(self.law.names)))
+
+    def residual(self, theta: Array) -> Array:
+        """Residuals e, shape (F, K, n) [rad/s]."""
+        return self.problem.residual(along(self.friction(theta), self.problem.nodes))
+
+    def slopes(self, theta: Array) -> Array:
+        """-de/dtheta = G dTf/dtheta, shape (F, K, n, n, P): only Tf_j depends on theta_j."""
+        at_nodes = _gradient(self.friction(theta), self.problem)
+        F, S, n, P = at_nodes.shape
+        mean = self.problem.mean(at_nodes.reshape(F, S, n * P)).reshape(F, -1, 1, n, P)
+        return self.problem.G[..., None] * mean
+
+    def equations(self, theta: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
+        """Half the downhill gradient (F, N) of the weighted squares, and their curvature (F, N, N).
+
+        Fold by fold, which stays in the processor's cache; with memory, time is the outer loop.
+        """
+        F, N = theta.shape
+        together = F if self._remembers(theta) else 1
+        downhill, curvature = np.empty((F, N)), np.empty((F, N, N))
+        for begin in range(0, F, together):
+            part = slice(begin, begin + together)
+            J = self.slopes(theta[part]).reshape(len(theta[part]), -1, N)
+            weighted = np.swapaxes(J * np.repeat(weights[part], self.joints, 1)[..., None], 1, 2)
+            downhill[part] = (weighted @ residual[part].reshape(len(J), -1, 1))[..., 0]
+            curvature[part] = weighted @ J
+        return downhill, curvature
+
+    def _remembers(self, theta: Array) -> bool:
+        friction = self.friction(theta[:1])
+        return bool(self.law.start(friction.theta[..., None, :, :], self.problem.nodes.inputs))
+
+
+def _gradient(friction: Friction, problem: Problem) -> Array:
+    """dTf_j/dtheta_jp along the nodes, (F, S, n, P)."""
+    law, nodes, theta = friction.law, problem.nodes, friction.theta
+    shape = (len(theta), *nodes.inputs.w.shape, theta.shape[-1])
+    by_node = theta[..., None, :, :]
+    if hasattr(law, "gradient") and not law.start(by_node, nodes.inputs):
+        return np.broadcast_to(law.gradient(by_node, nodes.inputs), shape)
+    out = np.empty(shape)
+    for i, (low, high) in enumerate(law.bounds):
+        step = _DIFFERENCE * np.maximum(1e-2, np.abs(theta[..., i]))
+        up, down = theta.copy(), theta.copy()
+        up[..., i] = np.minimum(theta[..., i] + step, high)
+        down[..., i] = np.maximum(theta[..., i] - step, low)
+        rise = along(Friction(law, up), nodes) - along(Friction(law, down), nodes)
+        out[..., i] = rise / (up - down)[..., None, :, i]
+    return out
