@@ -5,7 +5,7 @@ scoreboard  the numbers of the summary tables; parameters: those of the fitted m
 pairs       differences between models against the scatter over the folds
 tables      tables as Markdown, LaTeX and for the terminal
 findings    sentences that the numbers support; summary: the page that holds all of it
-boxplots, curves, motion, horizons: one kind of picture each; style: their common looks
+boxplots, horizons, tradeoff, curves, motion: one kind of picture each; style: common looks
 build       writes everything; terminal: prints the summary table
 """
 

@@ -20,6 +20,7 @@ from frictionid.report.scoreboard import board, caption_of, summary_table
 from frictionid.report.style import Look, drawing, looks, rendered
 from frictionid.report.summary import Part, Picture, summary
 from frictionid.report.tables import Table, latex, markdown
+from frictionid.report.tradeoff import loss_against
 from frictionid.results import reduce
 from frictionid.store import write_text
 
@@ -117,11 +118,11 @@ def _drawn(evidence: Evidence, section: Section, dataset: str, name: str) -> Ite
     recipes = file_names(section.recipes)
     for recipe in section.recipes:
         entries = [entry for entry in section.under(recipe) if dataset in entry.scores]
-        figure = motions(entries, dataset, about, every)
+        beside = f", {recipe} recipe" if len(section.recipes) > 1 else ""
+        figure = motions(entries, dataset, about, every, beside)
         if figure is not None:
             stem = f"motion--{name}--{recipes[recipe]}"
             held = "held-out" if dataset == section.dataset else "never seen"
-            beside = f", {recipe} recipe" if len(section.recipes) > 1 else ""
             yield stem, figure, f"Predicted over measured motion, {dataset}, {held}{beside}."
 
 
@@ -139,6 +140,13 @@ def _drawn_of_fits(
     if errors is not None:
         words = f"Rollout errors over the horizon, fitted on {dataset}."
         yield f"rollouts--{name}", errors, words
+    if about["truth"] is not None and errors is not None:
+        figure = loss_against(section, evidence.horizons[-1], about, every)
+        words = (
+            f"Does a lower one-step loss come with a better model? {dataset}, held out; the dashed "
+            "line is the loss of the true friction."
+        )
+        yield f"tradeoff--{name}", figure, words
     pictures = friction_curves(section, about, every)
     for i, figure in enumerate(pictures):
         number = f"--{i + 1}" if len(pictures) > 1 else ""

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.report.evidence import Entry, Evidence, Key, Section
+from frictionid.arrays import Array
+from frictionid.report.evidence import Entry, Evidence, Key
 from frictionid.report.findings import Matter
 from frictionid.report.numbers import listed, percent
 from frictionid.report.tables import code
@@ -15,68 +16,79 @@ LOOSE = 0.5  # scatter of a parameter over the folds, in units of its mean
 ASTRAY = 0.02  # distance of the fit to all data from the folds' mean curve, in units of its size
 
 
-def general_cautions(evidence: Evidence) -> list[str]:
-    """Sentences about the whole comparison."""
-    found = []
-    if evidence.missing:
-        total = len(evidence.provenance["tasks"])
-        found.append(
-            f"{len(evidence.missing)} of {total} tasks are not finished, their lines are missing: "
-            "finish them with `frictionid compare --resume`."
-        )
-    if evidence.provenance["settings"].get("folds", {}).get("kind") == "shuffled":
-        found.append(
-            "The folds are shuffled samples: held-out samples have neighbours in the training set, "
-            "so losses flatter models that interpolate, and rollouts are not held out at all."
-        )
-    return found
-
-
-def section_cautions(section: Section, matters: Sequence[Matter]) -> list[str]:
-    """Sentences about the results of one fitted data set and of those that only test it."""
-    parts = [_diverged(m) for m in matters]
-    parts += [_infinite(m) for m in matters]
-    parts += [_astray(section), _loose(section)]
+def cautions(evidence: Evidence, fitted: Sequence[Matter], scored: Sequence[Matter]) -> list[str]:
+    """Sentences of what to read with care; matters of the data sets fitted, and of all scored."""
+    parts = [_unfinished(evidence), _shuffled(evidence), _diverged(scored), _infinite(scored)]
+    parts += [_astray(fitted), _loose(fitted)]
     return [sentence for sentence in parts if sentence]
 
 
-def _diverged(m: Matter) -> str:
-    if not m.horizons:
+def _unfinished(evidence: Evidence) -> str:
+    if not evidence.missing:
         return ""
-    key = Key("rollout_angle", "diverged", m.horizons[-1])
-    known = [(entry, entry.scores[m.dataset][key]) for entry in m.entries("fitted", "given")]
-    some = [(entry, share) for entry, share in known if share > 0]
-    if not some:
-        return ""
-    worst, share = max(some, key=lambda pair: pair[1])
-    without = [e.scores[m.dataset][key] for e in m.entries("none")]
-    beside = f"; without friction {percent(without[0])}" if without else ""
+    total = len(evidence.provenance["tasks"])
     return (
-        f"On {code(m.dataset)} up to {percent(share)} of a model's predictions ({m.name(worst)}) "
-        f"are off by more than 1 rad after {key.horizon:g} s{beside}: they count as diverged, and "
-        "medians hide them."
+        f"{len(evidence.missing)} of {total} tasks are not finished and their lines are missing: "
+        "finish them with `frictionid compare --resume`."
     )
 
 
-def _infinite(m: Matter) -> str:
-    names = [
-        m.name(entry)
-        for entry in m.section.entries
-        if m.dataset in entry.scores and np.isinf(list(entry.scores[m.dataset].values())).any()
-    ]
-    if not names:
-        return ""
-    where = f"On {code(m.dataset)} some errors of {listed(names)}"
-    return f"{where} are infinite: they stand as ∞ and are in no average."
-
-
-def _astray(section: Section) -> str:
-    names = [f"{code(e.label)} ({e.recipe})" for e in section.of_role("fitted") if astray(e)]
-    if not names:
+def _shuffled(evidence: Evidence) -> str:
+    if evidence.provenance["settings"].get("folds", {}).get("kind") != "shuffled":
         return ""
     return (
-        f"The fit to all data of {listed(names)} lies outside the scatter of the folds' curves: "
-        "it may have found another minimum."
+        "The folds are shuffled samples: held-out samples have neighbours in the training set, so "
+        "losses flatter models that interpolate, and rollouts are not held out at all."
+    )
+
+
+def _diverged(matters: Sequence[Matter]) -> str:
+    told = []
+    for m in matters:
+        if not m.horizons:
+            continue
+        key = Key("rollout_angle", "diverged", m.horizons[-1])
+        shares = {e: e.scores[m.dataset][key] for e in m.entries("fitted", "given")}
+        shares = {e: share for e, share in shares.items() if share > 0}
+        if shares:
+            worst = max(shares, key=lambda e: shares[e])
+            without = [percent(e.scores[m.dataset][key]) for e in m.entries("none")]
+            beside = f", without friction {without[0]}" if without else ""
+            told.append(f"on {code(m.dataset)} up to {percent(shares[worst])}{beside}")
+    if not told:
+        return ""
+    return (
+        f"After {matters[0].horizons[-1]:g} s some predictions of the models have diverged, are off "
+        f"by more than 1 rad, which medians hide: {'; '.join(told)}."
+    )
+
+
+def _infinite(matters: Sequence[Matter]) -> str:
+    told = []
+    for m in matters:
+        names = [
+            m.name(entry)
+            for entry in m.entries("none", "fitted", "given", "truth")
+            if np.isinf(list(entry.scores[m.dataset].values())).any()
+        ]
+        if names:
+            told.append(f"on {code(m.dataset)} of {listed(names)}")
+    if not told:
+        return ""
+    return f"Some errors are infinite, stand as ∞ and are in no average: {'; '.join(told)}."
+
+
+def _astray(matters: Sequence[Matter]) -> str:
+    told = []
+    for m in matters:
+        names = [m.name(entry) for entry in m.entries("fitted") if astray(entry)]
+        if names:
+            told.append(f"on {code(m.dataset)} {listed(names)}")
+    if not told:
+        return ""
+    return (
+        "The fit to all data lies outside the scatter of the folds' curves, it may have found "
+        f"another minimum: {'; '.join(told)}."
     )
 
 
@@ -90,17 +102,18 @@ def astray(entry: Entry) -> bool:
     return bool(((off > _rms(folds - mean).max(axis=0)) & (off > ASTRAY * size)).any())
 
 
-def _rms(curves: np.ndarray) -> np.ndarray:
+def _rms(curves: Array) -> Array:
     """Root mean square over the velocities, the last axis but one."""
     return np.sqrt(np.mean(np.square(curves), axis=-2))
 
 
-def _loose(section: Section) -> str:
+def _loose(matters: Sequence[Matter]) -> str:
     told = []
-    for entry in section.of_role("fitted"):
-        count, total = loose(entry), int(np.prod(entry.theta.shape[1:]))
-        if count:
-            told.append(f"{code(entry.label)} ({entry.recipe}): {count} of {total}")
+    for m in matters:
+        counts = [(entry, loose(entry)) for entry in m.entries("fitted")]
+        names = [f"{m.name(e)} {n} of {e.theta[0].size}" for e, n in counts if n]
+        if names:
+            told.append(f"on {code(m.dataset)} {listed(names)}")
     if not told:
         return ""
     return (

@@ -87,7 +87,9 @@ def _axes(axis: Any, about: Mapping[str, Any], joint: int, limits: tuple[float, 
     w = _grid(about, joint)
     density = np.asarray(about["density"], dtype=float)[joint]
     edges = np.linspace(w[0], w[-1], len(density) + 1)
-    height = DENSITY * (limits[1] - limits[0]) * density / max(density.max(), 1e-300)
+    # joints rest often: bars taller than nearly all others are cut, or these could not be seen
+    full = float(np.quantile(density, 0.95)) or float(density.max()) or 1.0
+    height = DENSITY * (limits[1] - limits[0]) * np.minimum(density / full, 1)
     axis.stairs(limits[0] + height, edges, baseline=limits[0], fill=True, color=PALE, linewidth=0)
     axis.axhline(0, color="#BBBBBB", linewidth=0.5, zorder=1)
     axis.axvline(0, color="#BBBBBB", linewidth=0.5, zorder=1)
@@ -142,5 +144,5 @@ def _key(
         handles.append(Line2D([], [], color=DARK, linewidth=1, linestyle=(0, (4, 1.5))))
         labels.append("truth")
     handles.append(Patch(facecolor=PALE))
-    labels.append("how often (velocity)")
+    labels.append("how often (tallest bars cut)")
     key_above(picture, handles, labels)

@@ -33,8 +33,7 @@ class Matter(NamedTuple):
 
     def name(self, entry: Entry) -> str:
         """An entry's name; recipes are told where there are several."""
-        several = len(self.section.recipes) > 1 and entry.recipe
-        return f"{code(entry.label)} ({entry.recipe})" if several else code(entry.label)
+        return named(self.section, entry)
 
     def entries(self, *roles: str) -> list[Entry]:
         """Entries of some roles that were scored on the data set."""
@@ -44,6 +43,12 @@ class Matter(NamedTuple):
         """Curve error of each joint; empty where no true curve is known."""
         scores = entry.scores[self.dataset]
         return [scores[Key("curve_error", "rms", joint=joint)] for joint in self.joints]
+
+
+def named(section: Section, entry: Entry) -> str:
+    """An entry's name in Markdown; its recipe is told where there are several."""
+    several = len(section.recipes) > 1 and entry.recipe
+    return f"{code(entry.label)} ({entry.recipe})" if several else code(entry.label)
 
 
 def matter(
@@ -62,7 +67,7 @@ def foretold(m: Matter) -> str:
 
 
 def held_out_findings(m: Matter) -> list[str]:
-    """Further findings about the data set that models were fitted to, judged on what was held out."""
+    """Further findings about the data set that was fitted, judged on what was held out."""
     losses = " ".join(part for part in (one_step(m), below_truth(m)) if part)
     return [finding for finding in (losses, recipes(m), against_given(m)) if finding]
 
@@ -158,7 +163,7 @@ def rivals(m: Matter) -> str:
         return f"{when} cannot be told apart from {whom}: within {margin}."
     parts = []
     if near:
-        parts.append(f"cannot be told apart from {_names(m, near)} (within {margin})")
+        parts.append(f"cannot be told apart from {_names(m, near)}, within {margin},")
     if far:
         parts.append(f"is clearly better than {_names(m, far)}")
     if rest:
@@ -293,18 +298,17 @@ def _by_recipe(m: Matter, recipe: str) -> dict[tuple[str, str], float]:
 def against_given(m: Matter) -> str:
     """How the best fitted model compares with models that were given."""
     given, fitted = m.entries("given"), m.entries("fitted")
-    if not given or not fitted or not m.horizons:
-        return ""
-    keys = [Key("rollout_angle", "median", h) for h in m.horizons]
     told = []
-    for key in keys:
+    for key in (Key("rollout_angle", "median", h) for h in m.horizons):
         first, rival = best(fitted, m.dataset, key), best(given, m.dataset, key)
         if first is None or rival is None:
             continue
         clear = paired(first, rival, m.dataset, key).clear
-        unsure = ", within the scatter of the folds" if clear is False else ""
+        unsure = " (cannot be told apart)" if clear is False else ""
         told.append(
-            f"{_size(m, rival, key)} {_after(key)} ({m.name(rival)}) against "
-            f"{_size(m, first, key)} of {m.name(first)}{unsure}"
+            f"{_after(key)} {m.name(rival)} is {_size(m, rival, key)} off and {m.name(first)} "
+            f"{_size(m, first, key)}{unsure}"
         )
-    return f"The best model that was given, not fitted, has {listed(told)}." if told else ""
+    if not told:
+        return ""
+    return f"Against the best model that was given, not fitted: {'; '.join(told)}."

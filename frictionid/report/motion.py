@@ -15,9 +15,16 @@ MEASURED = "#BDBDBD"
 
 
 def motions(
-    entries: Sequence[Entry], dataset: str, about: Mapping[str, Any], looks: Mapping[str, Look]
+    entries: Sequence[Entry],
+    dataset: str,
+    about: Mapping[str, Any],
+    looks: Mapping[str, Look],
+    beside: str = "",
 ) -> Any:
-    """Angles of a few example motions over time, a column for each; None where there are none."""
+    """Angles of a few example motions over time, a column for each; None where there are none.
+
+    beside : words below the time axis
+    """
     examples = {_start(m): m for e in entries for m in e.motions if m["dataset"] == dataset}
     if not examples:
         return None
@@ -31,7 +38,8 @@ def motions(
         axes[0, c].set_title(_title(example), fontsize=7, loc="left")
     for joint in joints:
         axes[joint, 0].set_ylabel(f"{about['joints'][joint]} [{about['angle_unit']}]")
-    picture.supxlabel("time since the start of the prediction [s]", fontsize=8)
+    words = "time since the start of the prediction [s]"
+    picture.supxlabel(f"{words}{plain(beside)}", fontsize=8)
     _key(picture, entries, looks)
     return picture
 
@@ -61,7 +69,7 @@ def _panel(
         time = _series(motion["time"])
         axis.plot(time, predicted, color=look.colour, linestyle=look.line, linewidth=1.1)
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
-    room = max(0.6 * (high - low), 0.1)  # predictions that leave it have diverged
+    room = max(0.6 * (high - low), 0.3)  # predictions that leave it have diverged
     lines = [_series(motion["predicted"])[:, joint] for _, motion in drawn]
     reach = np.concatenate([*lines, measured])
     reach = reach[np.isfinite(reach)]

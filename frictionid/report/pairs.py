@@ -96,8 +96,8 @@ def differences(section: Section, horizons: Sequence[float], unit: str) -> Table
 def _column(key: Key, unit: str) -> Column:
     if key.horizon is None:
         scheme = key.score.removeprefix("one_step_")
-        return Column(f"{scheme} {key.statistic}", f"one step [{unit}/s]")
-    return Column(f"{key.horizon:g} s", f"rollout [{unit}], median")
+        return Column(f"{scheme} {key.statistic}", "one step", f"{unit}/s")
+    return Column(f"{key.horizon:g} s", "rollout", unit, ", median")
 
 
 def _cells(entries: Sequence[Entry], first: Entry | None, dataset: str, key: Key) -> list[Cell]:

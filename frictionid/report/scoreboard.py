@@ -130,20 +130,18 @@ def _one_step(board: Board, deviations: bool) -> list[Part]:
             return f"{shown} ± {fixed(deviation, places)}" if scatter else shown
 
         words = map(text, board.frame[name], board.frame[f"{name}_sd"])
-        column = Column(
-            f"{score.removeprefix('one_step_')} {statistic}", f"one step [{board.unit}/s]"
-        )
+        scheme = score.removeprefix("one_step_")
+        column = Column(f"{scheme} {statistic}", "one step", f"{board.unit}/s")
         parts.append(_marked(board, column, name, list(words)))
     return parts
 
 
 def _rollouts(board: Board, detail: str) -> list[Part]:
-    group = f"rollout [{board.unit}], median (90 %)"
     shown = board.horizons[-2:] if detail == LAST else board.horizons
-    return [_rollout(board, group, h, detail == FULL or h == shown[-1]) for h in shown]
+    return [_rollout(board, h, detail == FULL or h == shown[-1]) for h in shown]
 
 
-def _rollout(board: Board, group: str, horizon: float, full: bool) -> Part:
+def _rollout(board: Board, horizon: float, full: bool) -> Part:
     median, q90, diverged = (
         board.frame[f"rollout_angle_{s}_{horizon:g}s"] for s in ("median", "q90", "diverged")
     )
@@ -158,7 +156,8 @@ def _rollout(board: Board, group: str, horizon: float, full: bool) -> Part:
 
     words = list(map(text, median, q90, diverged))
     name = f"rollout_angle_median_{horizon:g}s"
-    return _marked(board, Column(seconds(horizon), group), name, words)
+    column = Column(seconds(horizon), "rollout", board.unit, ", median (90 %)")
+    return _marked(board, column, name, words)
 
 
 def _curves(board: Board) -> list[Part]:
@@ -168,7 +167,7 @@ def _curves(board: Board) -> list[Part]:
     return [
         _column(
             board,
-            Column(f"joint {joint}", "curve error [%]"),
+            Column(f"joint {joint}", "curve error", "%"),
             name,
             lambda v: fixed(100 * v, places),
             True,

@@ -102,20 +102,29 @@ def plain(name: str) -> str:
     return " ".join(name.split()).replace("$", r"\$")
 
 
-def key_above(picture: Any, handles: list[Any], labels: list[str]) -> None:
-    """A legend above all panels, in as many lines as its words need."""
+def key_above(picture: Any, handles: list[Any], labels: list[str], handle: float = 1.8) -> None:
+    """A legend above all panels, read line by line, in as many lines as its words need.
+
+    handle : length of its lines, in letters
+    """
     # a label that begins with _ would be left out
     shown = [f" {label}" if label.startswith("_") else label for label in map(plain, labels)]
-    widest = max(map(len, shown), default=1)
-    average = sum(map(len, shown)) / max(len(shown), 1)
-    room = (WIDTH - 0.2) / (0.42 + 0.065 * (widest + average) / 2)  # inches for line, gap, letters
-    lines = -(-len(shown) // max(int(room), 1))
+    columns = next(
+        c for c in range(len(shown), 0, -1) if c == 1 or _width(shown, c, handle) < WIDTH - 0.1
+    )
+    order = [i for column in range(columns) for i in range(column, len(shown), columns)]
     picture.legend(
-        handles,
-        shown,
+        [handles[i] for i in order],
+        [shown[i] for i in order],
         loc="outside upper center",
-        ncols=-(-len(shown) // lines),
-        handlelength=1.8,
+        ncols=columns,
+        handlelength=handle,
         handletextpad=0.5,
         columnspacing=1.2,
     )
+
+
+def _width(labels: list[str], columns: int, handle: float) -> float:
+    """Estimated width of a legend [inch]: line, gaps, and letters of 7.5 points."""
+    widest = [max(map(len, labels[column::columns])) for column in range(columns)]
+    return sum(0.18 + 0.104 * handle + 0.061 * letters for letters in widest)

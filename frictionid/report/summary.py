@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from frictionid.report.cautions import general_cautions, section_cautions
+from frictionid.report.cautions import cautions
 from frictionid.report.evidence import Evidence, Section
 from frictionid.report.findings import foretold, held_out_findings, matter, unseen_findings
 from frictionid.report.tables import Table, code, escape_markdown, markdown
@@ -43,15 +43,16 @@ def summary(evidence: Evidence, parts: Mapping[tuple[str, str], Part]) -> str:
         autoescape=False,
     )
     provenance = evidence.provenance
-    cautions = general_cautions(evidence)
-    for section in evidence.sections:
-        names = (section.dataset, *section.tests)
-        matters = [matter(section, d, evidence.horizons, evidence.about[d]) for d in names]
-        cautions += section_cautions(section, matters)
+    scored = [
+        matter(section, dataset, evidence.horizons, evidence.about[dataset])
+        for section in evidence.sections
+        for dataset in (section.dataset, *section.tests)
+    ]
+    fitted = [m for m in scored if m.dataset == m.section.dataset]
     text = environment.get_template("summary.md.j2").render(
         title=escape_markdown(provenance.get("title") or provenance["suite"]),
         sections=[_section(evidence, section, parts) for section in evidence.sections],
-        cautions=cautions,
+        cautions=cautions(evidence, fitted, scored),
         settings={"every": provenance["settings"].get("every", "…")},
         data=_data(evidence),
         origins=_origins(evidence),
@@ -84,7 +85,7 @@ def _test(evidence: Evidence, section: Section, test: str, part: Part) -> dict[s
     told = matter(section, test, evidence.horizons, evidence.about[test])
     return {
         "name": escape_markdown(test),
-        "words": " ".join(unseen_findings(told)),
+        "words": unseen_findings(told),
         "size_sentence": f"{_size(evidence.about[test])}, no part of any fit.",
         "table": markdown(part.table),
         "pictures": [_shown(picture) for picture in part.pictures],

@@ -18,11 +18,24 @@ class Cell(NamedTuple):
 
 
 class Column(NamedTuple):
-    """Heading of a column, and of the group of columns that it belongs to."""
+    """Heading of a column with its unit, and of the group of columns that it belongs to."""
 
     name: str
     group: str = ""
+    unit: str = ""
+    note: str = ""  # what the numbers of the group are
     words: bool = False
+
+    @property
+    def above(self) -> str:
+        """Heading of the group."""
+        return f"{self.group} [{self.unit}]{self.note}" if self.unit else self.group
+
+    @property
+    def alone(self) -> str:
+        """Heading that says everything but the note."""
+        name = f"{self.group} {self.name}" if self.group else self.name
+        return f"{name} [{self.unit}]" if self.unit else name
 
 
 class Line(NamedTuple):
@@ -52,7 +65,7 @@ def blocks(table: Table) -> list[list[Line]]:
 
 def markdown(table: Table) -> str:
     """A table in GitHub's Markdown, its caption below."""
-    head = [_joined(column, escape_markdown) for column in table.columns]
+    head = [escape_markdown(column.alone) for column in table.columns]
     rule = [":---" if column.words else "---:" for column in table.columns]
     body = [[_markdown_cell(cell) for cell in line.cells] for line in table.lines]
     lines = ["| " + " | ".join(row) + " |" for row in (head, rule, *body)]
@@ -82,10 +95,6 @@ def code(name: str) -> str:
     """
     name = " ".join(name.split())
     return f"`` {name} ``" if "`" in name else f"`{name}`"
-
-
-def _joined(column: Column, escape: Any) -> str:
-    return escape(f"{column.group}, {column.name}" if column.group else column.name)
 
 
 # --- LaTeX ------------------------------------------------------------------------------------
@@ -152,7 +161,7 @@ def _latex_cell(cell: Cell) -> str:
 def _latex_groups(columns: Sequence[Column]) -> list[str]:
     """Line of the groups' headings with a rule under each."""
     heads, rules, at = [], [], 1
-    for group, members in groupby(columns, key=lambda column: column.group):
+    for group, members in groupby(columns, key=lambda column: column.above):
         width = len(list(members))
         heads.append(rf"\multicolumn{{{width}}}{{c}}{{{escape_latex(group)}}}")
         if group:
@@ -200,7 +209,7 @@ def _heads(columns: Sequence[Column], widths: list[int], shift: int) -> list[Any
     from rich.text import Text
 
     top, at = Text(" " * (1 + shift)), 0
-    for group, members in groupby(columns, key=lambda column: column.group):
+    for group, members in groupby(columns, key=lambda column: column.above):
         count = len(list(members))
         own = sum(widths[at : at + count]) + GAP * (count - 1)
         widths[at + count - 1] += max(0, len(group) - own)
