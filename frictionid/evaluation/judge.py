@@ -82,6 +82,8 @@ def _prepared(
     parameters: Mapping[str, float] | None,
 ) -> Prepared:
     plant = plant_of(dataset, parameters)
+    if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
+        raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
     told = dataset, plant
     limits = protocol.sample_time, protocol.history
     return Prepared(

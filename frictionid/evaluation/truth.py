@@ -15,13 +15,27 @@ MEMORY_FREE = "stribeck"
 
 
 def steady_state(truth: Mapping[str, Any], width: float = 1e-6) -> Friction:
-    """True steady-state friction: the curve that every kind of truth follows at constant speed."""
+    """True steady-state friction: the curve that every kind of truth follows at constant speed.
+
+    Raises
+    ------
+    InputError
+        Where the table does not hold one finite number for each parameter and joint.
+    """
     law = AsymmetricStribeck(width=width)
     missing = [name for name in law.names if name not in truth]
     if missing:
         raise InputError(f"[truth] lacks {', '.join(missing)}")
+    for name in law.names:
+        if np.shape(truth[name]) != np.shape(truth[law.names[0]]) or not _numbers(truth[name]):
+            raise InputError(f"[truth] {name} = {truth[name]!r} must be one number for each joint")
     columns = [np.asarray(truth[name], dtype=float) for name in law.names]
     return Friction(law, np.stack(columns, axis=-1), provenance={"source": "truth"})
+
+
+def _numbers(values: Any) -> bool:
+    kinds = isinstance(values, list | tuple) and {type(value) for value in values}
+    return bool(kinds) and kinds <= {int, float} and bool(np.isfinite(values).all())
 
 
 def true_friction(truth: Mapping[str, Any]) -> Friction | None:
