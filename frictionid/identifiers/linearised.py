@@ -51,7 +51,7 @@ class Rows(NamedTuple):
         Fold by fold, which stays in the processor's cache; with memory, time is the outer loop.
         """
         F, N = theta.shape
-        together = F if self._remembers(theta) else 1
+        together = max(F, 1) if self._remembers() else 1
         downhill, curvature = np.empty((F, N)), np.empty((F, N, N))
         for begin in range(0, F, together):
             part = slice(begin, begin + together)
@@ -61,9 +61,9 @@ class Rows(NamedTuple):
             curvature[part] = weighted @ J
         return downhill, curvature
 
-    def _remembers(self, theta: Array) -> bool:
-        friction = self.friction(theta[:1])
-        return bool(self.law.start(friction.theta[..., None, :, :], self.problem.nodes.inputs))
+    def _remembers(self) -> bool:
+        theta = np.reshape(self.law.initial[0], (1, -1))
+        return bool(self.law.start(theta, self.problem.nodes.inputs))
 
 
 def _gradient(friction: Friction, problem: Problem) -> Array:

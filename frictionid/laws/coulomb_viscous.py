@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.laws.sign import smooth_sign
+from frictionid.laws.sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,9 @@ class CoulombViscous:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.0),)
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_sign("coulomb_viscous", self.width, self.shape)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         return ()

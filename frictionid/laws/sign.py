@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 
 from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+
+SHAPES = ("tanh", "arctan")
 
 
 def smooth_sign(w: Array, width: float, shape: str = "tanh") -> Array:
@@ -27,3 +30,21 @@ def smooth_sign(w: Array, width: float, shape: str = "tanh") -> Array:
     if shape == "arctan":
         return xp.atan(w / width) * (2.0 / math.pi)
     raise ValueError(f"the shape of a smooth sign must be 'tanh' or 'arctan', got {shape!r}")
+
+
+def check_sign(law: str, width: float, shape: str) -> None:
+    """Refuse settings of a smooth sign that mean nothing.
+
+    Raises
+    ------
+    InputError
+        Naming the law, the setting and its value.
+
+    >>> check_sign("stribeck", 0.0, "tanh")
+    Traceback (most recent call last):
+    frictionid.errors.InputError: stribeck: width = 0.0 rad/s must be positive and finite
+    """
+    if not 0 < width < math.inf:
+        raise InputError(f"{law}: width = {width} rad/s must be positive and finite")
+    if shape not in SHAPES:
+        raise InputError(f"{law}: shape = {shape!r} is unknown; known are {', '.join(SHAPES)}")

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.laws.sign import smooth_sign
+from frictionid.laws.sign import check_sign, smooth_sign
 
 _LEVEL = (0.0, float("inf"))
 # slower dips hide where joints come to rest and are never seen, faster ones are levels themselves
@@ -35,6 +35,9 @@ class Stribeck:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple((0.0, 0.0, ws, 0.0) for ws in _STARTS)
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_sign("stribeck", self.width, self.shape)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         return ()
@@ -85,6 +88,9 @@ class AsymmetricStribeck:
     )
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_sign("stribeck", self.width, self.shape)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         return ()
