@@ -193,6 +193,50 @@ def test_joints_stick_together_as_enumeration_says():
     assert coupled.any() and expected.all(axis=1).any()
 
 
+def test_a_motion_that_has_diverged_does_not_end_the_search_of_others():
+    rng = np.random.default_rng(5)
+    q = rng.uniform(-np.pi, np.pi, (50, 2))
+    _, h = DOUBLE.dynamics(q, 0 * q)
+    load = rng.uniform(-2.0, 2.0, (50, 2)) * [0.3, 0.1]
+    begin, dt = State(q, 0 * q), np.array([1e-5])
+    end = step(DOUBLE, coulomb(0.3, 0.1), begin, load - h, dt, 1)
+    load[0] = np.nan
+    broken = step(DOUBLE, coulomb(0.3, 0.1), begin, load - h, dt, 1)
+    np.testing.assert_array_equal(broken.w[1:], end.w[1:])
+
+
+def sliding_case(rng, speed, size=400):
+    """Joint 1 at rest, joint 2 slow, loads on both; what holds joint 1 while joint 2 slides."""
+    q = rng.uniform(-np.pi, np.pi, (size, 2))
+    w = np.stack([np.zeros(size), speed * rng.choice([-1.0, 1.0], size)], axis=1)
+    M, h = DOUBLE.dynamics(q, w)
+    load = rng.uniform(-0.9, 0.9, (size, 2)) * [0.3, 0.1]
+    a2 = (load[:, 1] - np.sign(w[:, 1]) * 0.1) / M[:, 1, 1]
+    return State(q, w), load - h, load, load[:, 0] - M[:, 0, 1] * a2
+
+
+def test_a_joint_at_rest_feels_that_the_other_slides():
+    begin, u, load, hold = sliding_case(np.random.default_rng(6), 0.05)
+    end = step(DOUBLE, coulomb(0.3, 0.1), begin, u, np.array([1e-6]), 1)
+    held = np.abs(hold) < 0.3
+    np.testing.assert_array_equal(end.w[:, 0] == 0.0, held)
+    assert (np.abs(load[~held]) < [0.3, 0.1]).all() and 20 < held.sum() < 380
+    assert (np.abs(end.w[:, 1]) < 0.05).all()  # friction slows joint 2, whatever its load
+
+
+def test_a_joint_stops_by_its_own_load_while_the_other_is_held():
+    begin, u, _, hold = sliding_case(np.random.default_rng(7), 1e-7)
+    # more load on joint 2, against its motion: it turns round in this substep, or stops
+    more = np.random.default_rng(8).uniform(0.0, 1.0, len(u))
+    _, h = DOUBLE.dynamics(begin.q, begin.w)
+    u[:, 1] = -np.sign(begin.w[:, 1]) * 0.2 * more - h[:, 1]
+    M, _ = DOUBLE.dynamics(begin.q, begin.w)
+    end = step(DOUBLE, coulomb(0.3, 0.1), begin, u, np.array([1e-5]), 1)
+    held = end.w[:, 0] == 0.0
+    assert 20 < held.sum()
+    np.testing.assert_array_equal(end.w[held, 1] == 0.0, 0.2 * more[held] < 0.1)
+
+
 def compound(q2, p):
     """Pendulum of the double pendulum with joint 2 fixed, and the angle by which it is turned."""
     first = p["m1"] * p["r1"] + p["m2"] * p["l1"]
