@@ -118,8 +118,8 @@ def _through_events(
         used, y[:, at] = _first_event(world, y[:, at], u[at], mode[at], left[at], end[:, over])
         mode[at] = next_modes(world, y[:, at], u[at])
         left[at] -= used
-    mode[at] = np.sign(y[1, at])
-    y[:, at] = runge_kutta(world, y[:, at], u[at], mode[at], left[at])
+    y[:, at] = runge_kutta(world, y[:, at], u[at], np.sign(y[1, at]), left[at])
+    mode[at] = next_modes(world, y[:, at], u[at])
     return y, mode
 
 
