@@ -13,7 +13,7 @@ from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 from frictionid.problem import euler_problem, integral_problem, sliding
 from frictionid.recordings import Recording
 from frictionid.rollout import rollout
-from frictionid.signals import Signal, averages
+from frictionid.signals import Signal, averages, sample
 from frictionid.states import States
 from frictionid.step import State, euler_step
 
@@ -284,6 +284,7 @@ def test_laws_see_torque_and_bearing_load_at_their_nodes():
     plant = plant_of(1)[0]
     nodes = integral_problem(plant_of(1), [recording], [states]).nodes
     np.testing.assert_array_equal(nodes.inputs.u[1::2], averages(recording.torque, states.time))
+    np.testing.assert_array_equal(nodes.inputs.u[::2], sample(recording.torque, states.time))
     np.testing.assert_array_equal(nodes.inputs.load, plant.load(*nodes.inputs[:3]))
 
 

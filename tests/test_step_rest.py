@@ -195,9 +195,9 @@ def test_joints_stick_together_as_enumeration_says():
 
 def test_a_motion_that_has_diverged_does_not_end_the_search_of_others():
     rng = np.random.default_rng(5)
-    q = rng.uniform(-np.pi, np.pi, (50, 2))
+    q = rng.uniform(-np.pi, np.pi, (2000, 2))
     _, h = DOUBLE.dynamics(q, 0 * q)
-    load = rng.uniform(-2.0, 2.0, (50, 2)) * [0.3, 0.1]
+    load = rng.uniform(-2.0, 2.0, (2000, 2)) * [0.3, 0.1]
     begin, dt = State(q, 0 * q), np.array([1e-5])
     end = step(DOUBLE, coulomb(0.3, 0.1), begin, load - h, dt, 1)
     load[0] = np.nan
@@ -235,6 +235,20 @@ def test_a_joint_stops_by_its_own_load_while_the_other_is_held():
     held = end.w[:, 0] == 0.0
     assert 20 < held.sum()
     np.testing.assert_array_equal(end.w[held, 1] == 0.0, 0.2 * more[held] < 0.1)
+
+
+def test_a_joint_stops_by_its_own_load_while_the_other_slides():
+    rng = np.random.default_rng(9)
+    begin, u, load, _ = sliding_case(rng, 1e-7)
+    begin.w[:, 0] = 0.05 * rng.choice([-1.0, 1.0], len(u))
+    M, h = DOUBLE.dynamics(begin.q, begin.w)
+    level, way = np.array([0.3, 0.1]), np.sign(begin.w)
+    a = np.linalg.solve(M, (load - way * level)[..., None])[..., 0]
+    hold = load[:, 1] - M[:, 1, 0] * (load[:, 0] - way[:, 0] * 0.3) / M[:, 0, 0]
+    end = step(DOUBLE, coulomb(*level), begin, load - h, np.array([1e-5]), 1)
+    turns = way[:, 1] * (begin.w[:, 1] + 1e-5 * a[:, 1]) < 0
+    assert 20 < turns.sum() < 380
+    np.testing.assert_array_equal(end.w[turns, 1] == 0.0, np.abs(hold[turns]) < 0.1)
 
 
 def compound(q2, p):
