@@ -58,8 +58,8 @@ def _diverged(matters: Sequence[Matter]) -> str:
     if not told:
         return ""
     return (
-        f"After {matters[0].horizons[-1]:g} s some predictions of the models have diverged, are off "
-        f"by more than 1 rad, which medians hide: {'; '.join(told)}."
+        f"After {matters[0].horizons[-1]:g} s some predictions of the models have diverged, are "
+        f"off by more than 1 rad, which medians hide: {'; '.join(told)}."
     )
 
 

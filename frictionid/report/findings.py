@@ -62,6 +62,8 @@ def matter(
 
 def foretold(m: Matter) -> str:
     """The main finding: which model predicts best what was held out, how surely, how well."""
+    if not m.entries("fitted"):
+        return "Nothing was fitted to it."
     parts = (prediction(m, "On held-out motion"), rivals(m), true_prediction(m))
     return " ".join(part for part in parts if part)
 

@@ -14,7 +14,7 @@ from frictionid.report.numbers import NOTHING, decimals, fixed, percent, seconds
 from frictionid.report.tables import Cell, Column, Line, Table
 
 ONE_STEP = (("one_step_euler", "mean"), ("one_step_integral", "rms"))
-FULL, MEDIANS, LAST = "full", "medians", "last"  # how much of the rollouts a table shows
+DETAILS = FULL, MEDIANS, LAST, BRIEF = "full", "medians", "last", "brief"  # ever narrower
 
 
 class Board(NamedTuple):
@@ -79,13 +79,16 @@ def summary_table(
 ) -> Table:
     """The summary table of a board.
 
-    detail : how much of the rollouts is shown; recipes : whether they have a column, else they head
-    blocks of lines; deviations : whether the scatter over folds stands beside the one-step scores.
+    detail : how much is shown: all, the rollouts' medians, those of the last horizons, hardly more
+    recipes : whether they have a column, else they head blocks of lines
+    deviations : whether the scatter over folds stands beside the one-step scores
     """
     several = bool((board.frame["recipe"] != "").any())
     parts = [_names(board, recipes and several)]
-    parts += _one_step(board, deviations) + _rollouts(board, detail) + _curves(board)
-    parts.append(_column(board, Column("parameters"), "n_parameters", lambda v: fixed(v, 0), False))
+    parts += _one_step(board, deviations, detail) + _rollouts(board, detail) + _curves(board)
+    if detail != BRIEF:
+        count = Column("parameters")
+        parts.append(_column(board, count, "n_parameters", lambda v: fixed(v, 0), False))
     columns = [column for part in parts for column in part[0]]
     rows = [[cell for part in parts for cell in part[1][i]] for i in range(len(board.frame))]
     return Table(caption, f"summary-{board.dataset}", tuple(columns), tuple(_lines(board, rows)))
@@ -118,9 +121,9 @@ def _names(board: Board, recipes: bool) -> Part:
     return columns, cells
 
 
-def _one_step(board: Board, deviations: bool) -> list[Part]:
+def _one_step(board: Board, deviations: bool, detail: str) -> list[Part]:
     parts = []
-    for score, statistic in ONE_STEP:
+    for score, statistic in ONE_STEP[:1] if detail == BRIEF else ONE_STEP:
         name = f"{score}_{statistic}"
         places = decimals(board.frame[name], 3)
 
@@ -129,15 +132,16 @@ def _one_step(board: Board, deviations: bool) -> list[Part]:
             scatter = deviations and np.isfinite(deviation)
             return f"{shown} ± {fixed(deviation, places)}" if scatter else shown
 
-        words = map(text, board.frame[name], board.frame[f"{name}_sd"])
+        shown = map(text, board.frame[name], board.frame[f"{name}_sd"])
         scheme = score.removeprefix("one_step_")
-        column = Column(f"{scheme} {statistic}", "one step", f"{board.unit}/s")
-        parts.append(_marked(board, column, name, list(words)))
+        words = scheme if detail == BRIEF else f"{scheme} {statistic}"
+        column = Column(words, "one step", f"{board.unit}/s")
+        parts.append(_marked(board, column, name, list(shown)))
     return parts
 
 
 def _rollouts(board: Board, detail: str) -> list[Part]:
-    shown = board.horizons[-2:] if detail == LAST else board.horizons
+    shown = board.horizons[-2:] if detail in (LAST, BRIEF) else board.horizons
     return [_rollout(board, h, detail == FULL or h == shown[-1]) for h in shown]
 
 

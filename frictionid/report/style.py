@@ -16,6 +16,7 @@ FORMATS = ("png", "pdf")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = ("-", (0, (5, 1.2)), (0, (3, 1, 1, 1)))  # after the last colour, the next kind of line
 GREY = "#767676"
+LONGEST = 36  # letters of a name
 PALE = "#D9D9D9"
 DARK = "#222222"
 
@@ -94,12 +95,15 @@ def rendered(picture: Any) -> dict[str, bytes]:
 
 
 def plain(name: str) -> str:
-    r"""A name that is drawn as it stands: no mathematics, and no end of a line.
+    r"""A name that is drawn as it stands: no mathematics, no end of a line, shortened if long.
 
     >>> print(plain("a$b_c"))
     a\$b_c
     """
-    return " ".join(name.split()).replace("$", r"\$")
+    words = " ".join(name.split())
+    if len(words) > LONGEST:
+        words = f"{words[: LONGEST // 2]}…{words[-LONGEST // 2 + 1 :]}"
+    return words.replace("$", r"\$")
 
 
 def key_above(picture: Any, handles: list[Any], labels: list[str], handle: float = 1.8) -> None:

@@ -9,9 +9,7 @@ import pandas as pd
 
 from frictionid.report.evidence import Scores, gather, horizons_of, scores_of
 from frictionid.report.scoreboard import (
-    FULL,
-    LAST,
-    MEDIANS,
+    DETAILS,
     Board,
     board,
     numbers_of,
@@ -70,7 +68,7 @@ def _print(console: Any, board: Board, title: str) -> None:
     """Print as much of the table as fits between the terminal's edges."""
     from rich.text import Text
 
-    for detail in (FULL, MEDIANS, LAST):
+    for detail in DETAILS:
         table = summary_table(board, "", detail=detail, recipes=False, deviations=False)
         lines = for_terminal(table)
         if max(line.cell_len for line in lines) <= console.width:
