@@ -7,14 +7,15 @@ function that the table's `kind` names.
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, validate_call
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, validate_call
 
 from frictionid.compare import Contest
 from frictionid.errors import InputError
@@ -22,13 +23,19 @@ from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, LeastSquares, Nothing, Published
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.mechanics import plant_of
 from frictionid.readers.dataset import load_dataset
+from frictionid.readers.layout import nearest
+from frictionid.readers.strict import STRICT, Table, mistake
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
+from frictionid.recordings import Dataset
 from frictionid.states import RTS, Backward, Estimator, SavitzkyGolay
 from frictionid.store import load_model
 from frictionid.tasks import Task
 
 Shape = Literal["tanh", "arctan"]
+Positive = Annotated[float, Field(gt=0)]
+Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 LAWS: Mapping[str, type] = {
     "none": NoFriction,
@@ -43,12 +50,12 @@ def none() -> Identifier:
     return Nothing()
 
 
-def coulomb_viscous(width: float = 0.02, shape: Shape = "tanh") -> Identifier:
+def coulomb_viscous(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
     """Coulomb and viscous friction by least squares."""
     return LeastSquares(CoulombViscous(width, shape))
 
 
-def stribeck(symmetric: bool = True, width: float = 0.02, shape: Shape = "tanh") -> Identifier:
+def stribeck(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
     """Stribeck friction by least squares, with levels of its own in each direction on request."""
     law = Stribeck(width, shape) if symmetric else AsymmetricStribeck(width, shape)
     return LeastSquares(law)
@@ -59,6 +66,33 @@ def published(file: str) -> Identifier:
     return Published(load_model(Path(file), LAWS))
 
 
+def backward() -> Estimator:
+    """Backward differences."""
+    return Backward()
+
+
+def savgol(
+    window: int = SavitzkyGolay.window, order: Annotated[int, Field(ge=1)] = SavitzkyGolay.order
+) -> Estimator:
+    """Local polynomials."""
+    return SavitzkyGolay(window, order)
+
+
+def rts() -> Estimator:
+    """Kinematic smoother."""
+    return RTS()
+
+
+def folds(
+    count: int = Split.count,
+    kind: Literal["recordings", "blocks", "shuffled"] = "recordings",
+    gap: float = Split.gap,
+    seed: int = Split.seed,
+) -> Split:
+    """Which samples are held out when."""
+    return Split(count, kind, gap, seed)
+
+
 IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "none": none,
     "coulomb_viscous": coulomb_viscous,
@@ -66,47 +100,57 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "published": published,
 }
 ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
-    "backward": Backward,
-    "savgol": SavitzkyGolay,
-    "rts": RTS,
+    "backward": backward,
+    "savgol": savgol,
+    "rts": rts,
 }
-RECIPES = (STUDY, INTEGRAL)
+RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (STUDY, INTEGRAL)}
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class DatasetEntry(_Strict):
+class DatasetEntry(Table):
     """A data set to fit, and data sets that only test what was fitted to it."""
 
     path: str
-    tests: tuple[str, ...] = ()
+    tests: list[str] = []
 
 
-class RecipeEntry(_Strict):
-    """A recipe: "study" or "integral" as they stand, or one's own states and scheme."""
+class RecipeEntry(Table):
+    """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest."""
 
-    name: str
+    name: Name
     states: dict[str, Any] | None = None
-    scheme: str | None = None
-    rest: float = 0.0
+    scheme: Literal["euler", "integral"] | None = None
+    rest: Annotated[float, Field(ge=0)] | None = None
 
 
-class Suite(_Strict):
+class IdentifierEntry(Table):
+    """An identifier of a kind, ours or `package.module:Class`; its other keys are its settings."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, **STRICT)
+
+    kind: str
+    name: Name | None = None
+    recipes: Annotated[list[str], Field(min_length=1)] | None = None
+
+
+def _split(table: Any) -> Any:
+    return _call(folds, table, "folds") if isinstance(table, dict) else table
+
+
+class Suite(Table):
     """A suite's tables as they are written."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")
+    name: Name
     title: str = ""
-    horizons: tuple[float, ...] = Protocol().horizons
-    every: float = Field(Protocol().every, gt=0)
-    history: float = Field(Protocol().history, ge=0)
-    sample_time: float | None = Field(None, gt=0)
-    seeds: tuple[int, ...] = (0,)
-    folds: Split = Split()
-    datasets: tuple[DatasetEntry, ...] = Field(min_length=1)
-    recipes: tuple[RecipeEntry, ...] = (RecipeEntry(name="integral"),)
-    identifiers: tuple[dict[str, Any], ...] = Field(min_length=1)
+    horizons: Annotated[list[Positive], Field(min_length=1)] = list(Protocol.horizons)
+    every: Positive = Protocol.every
+    history: Annotated[float, Field(ge=0)] = Protocol.history
+    sample_time: Positive | None = None
+    seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
+    folds: Annotated[Split, BeforeValidator(_split)] = Split()
+    datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
+    recipes: Annotated[list[RecipeEntry], Field(min_length=1)] = [RecipeEntry(name="integral")]
+    identifiers: Annotated[list[IdentifierEntry], Field(min_length=1)]
 
 
 def load_suite(path: Path) -> Suite:
@@ -121,18 +165,19 @@ def load_suite(path: Path) -> Suite:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such suite{_nearest_suite(path)}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is no valid TOML ({error})") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    # ValueError: no UTF-8, no TOML, or an integer with thousands of digits
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is no TOML ({error})") from None
     try:
         return Suite.model_validate(table)
     except ValidationError as error:
-        raise InputError(f"{path}: {_first(error, _known_keys)}") from None
+        raise InputError(f"{path}: {mistake(error)}") from None
 
 
-def tasks_of(suite: Suite, folder: Path, data: Path | None = None) -> list[Task]:
-    """Tasks of a suite whose file lies in `folder`; `data` is where the tables of its one data set lie.
+def tasks_of(suite: Suite, file: Path, data: Path | None = None) -> list[Task]:
+    """Tasks of the suite of a file; `data` is the folder with the tables of its one data set.
 
     The truth of simulated data without memory stands beside the identifiers.
 
@@ -141,24 +186,36 @@ def tasks_of(suite: Suite, folder: Path, data: Path | None = None) -> list[Task]
     InputError
         For unknown names, settings that do not fit, data that cannot be read.
     """
-    several = len({entry.path for entry in suite.datasets}) > 1
-    if data is not None and several:
+    try:
+        return _tasks(suite, file.parent, data)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
+    if data is not None and len(suite.datasets) > 1:
         names = ", ".join(entry.path for entry in suite.datasets)
         raise InputError(
             f"--data names the folder of one data set, suite {suite.name!r} has several ({names}): "
             "set FRICTIONID_DATA to the folder that holds their collections"
         )
     recipes = [recipe_of(entry) for entry in suite.recipes]
-    chosen = [identifier_of(table, folder, recipes) for table in suite.identifiers]
-    _distinct([name for name, _, _ in chosen], "identifiers")
+    chosen = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
     _distinct([recipe.name for recipe in recipes], "recipes")
-    tasks = []
-    for entry in suite.datasets:
-        contest = contest_of(suite, entry, folder, data)
+    _distinct(list(map(str, suite.seeds)), "seeds")
+    contests = [contest_of(suite, entry, folder, data) for entry in suite.datasets]
+    _distinct([d.name for c in contests for d in (c.dataset, *c.tests)], "data sets")
+    tasks: list[Task] = []
+    for contest in contests:
+        entries = [*chosen, *truth_of(contest)]
+        _distinct([name for name, _, _ in entries], "identifiers")
+        for name, identifier, _ in entries:
+            _check_given(name, identifier, (contest.dataset, *contest.tests))
         for recipe in recipes:
-            for name, identifier, only in [*chosen, *truth_of(contest)]:
+            for name, identifier, only in entries:
                 if only is None or recipe.name in only:
                     tasks += [Task(contest, name, identifier, recipe, s) for s in suite.seeds]
+    _distinct([task.file.lower() for task in tasks], "results")
     return tasks
 
 
@@ -166,8 +223,7 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
     """Data, folds and protocol of one data set of a suite."""
     dataset = load_dataset(folder / entry.path, data)
     tests = tuple(load_dataset(folder / test, data) for test in entry.tests)
-    _distinct([dataset.name, *(test.name for test in tests)], "data sets")
-    protocol = Protocol(suite.horizons, suite.every, suite.history, suite.sample_time)
+    protocol = Protocol(tuple(suite.horizons), suite.every, suite.history, suite.sample_time)
     return Contest(dataset, make_folds(dataset.recordings, suite.folds), protocol, tests)
 
 
@@ -178,47 +234,70 @@ def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
     return [] if friction is None else [("truth", Published(friction), None)]
 
 
+def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset]) -> None:
+    """Complain about a given friction that is not one of these mechanisms."""
+    if not isinstance(identifier, Published):
+        return
+    for dataset in datasets:
+        try:
+            plant = plant_of(dataset, identifier.friction.parameters)
+        except InputError as error:
+            raise InputError(f"identifier {name!r} on {dataset.name!r}: {error}") from None
+        shape = tuple(identifier.friction.theta.shape)
+        if shape[:-1] != (plant.n,):
+            raise InputError(
+                f"identifier {name!r}: its theta has shape {shape}, data set {dataset.name!r} "
+                f"has {plant.n} joints: give one friction with as many joints"
+            )
+
+
 def recipe_of(entry: RecipeEntry) -> Recipe:
     """Recipe of its table."""
-    known = {recipe.name: recipe for recipe in RECIPES}
-    if entry.states is None and entry.scheme is None:
-        if entry.name not in known:
-            raise InputError(
-                f"recipe {entry.name!r} is none of {', '.join(known)}: give its states and scheme"
-            )
-        return known[entry.name]
+    own = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
+    where = f"recipe {entry.name!r}"
+    if entry.name in RECIPES:
+        if own:
+            raise InputError(f"{where} has its own {own[0]}: give yours another name")
+        return RECIPES[entry.name]
     if entry.states is None or entry.scheme is None:
-        raise InputError(f"recipe {entry.name!r} needs both states and scheme")
-    where = f"recipe {entry.name!r}, states"
-    return Recipe(entry.name, _build(entry.states, ESTIMATORS, where), entry.scheme, entry.rest)
+        raise InputError(
+            f"{where} is unknown; {nearest(entry.name, RECIPES)}; one's own needs states and scheme"
+        )
+    states = _build(entry.states, ESTIMATORS, f"{where}, states")
+    return Recipe(entry.name, states, entry.scheme, entry.rest or 0.0)
 
 
 def identifier_of(
-    table: Mapping[str, Any], folder: Path, recipes: list[Recipe]
+    entry: IdentifierEntry, folder: Path, recipes: Sequence[Recipe]
 ) -> tuple[str, Identifier, tuple[str, ...] | None]:
     """Name, identifier and (where it is limited to some) recipes of a suite's identifier table.
 
     `kind` is one of ours, or `package.module:Class`, found beside the suite or installed.
     """
-    settings = {k: v for k, v in table.items() if k not in ("name", "recipes")}
-    kind = str(settings.get("kind", ""))
-    name = str(table.get("name", kind.rpartition(":")[2]))
-    only = table.get("recipes")
-    if only is not None:
-        for recipe in only:
-            if recipe not in [r.name for r in recipes]:
-                raise InputError(f"identifier {name!r}: the suite has no recipe {recipe!r}")
-    if kind == "published" and "file" in settings:
-        settings["file"] = str(folder / settings["file"])
+    name = entry.name or entry.kind.rpartition(":")[2]
     where = f"identifier {name!r}"
-    if ":" in kind:
-        return name, _own(settings, folder, where), only and tuple(only)
-    return name, _build(settings, IDENTIFIERS, where), only and tuple(only)
+    known = [recipe.name for recipe in recipes]
+    for recipe in entry.recipes or ():
+        if recipe not in known:
+            raise InputError(
+                f"{where}: the suite has no recipe {recipe!r}; {nearest(recipe, known)}"
+            )
+    settings = dict(entry.model_extra or {})
+    if entry.kind == "published" and isinstance(settings.get("file"), str):
+        settings["file"] = str(folder / settings["file"])
+    if ":" in entry.kind:
+        identifier = _own(entry.kind, settings, folder, where)
+    else:
+        identifier = _build({"kind": entry.kind, **settings}, IDENTIFIERS, where)
+    return name, identifier, tuple(entry.recipes) if entry.recipes else None
 
 
 def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
     """Identifier by its kind and settings, as the command line gives them."""
-    return identifier_of({"kind": kind, **settings}, Path.cwd(), [])[1]
+    for key in settings:
+        if key in IdentifierEntry.model_fields:
+            raise InputError(f"--set {key}: is no setting of an identifier")
+    return identifier_of(IdentifierEntry(kind=kind, **settings), Path(), [])[1]
 
 
 def friction_of(path: Path) -> Friction:
@@ -226,62 +305,48 @@ def friction_of(path: Path) -> Friction:
     return load_model(path, LAWS)
 
 
-def _own(settings: Mapping[str, Any], folder: Path, where: str) -> Identifier:
-    module, _, name = str(settings["kind"]).partition(":")
+def _own(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Identifier:
+    module, _, name = kind.partition(":")
     for place in (str(folder.resolve()), str(Path.cwd())):
         if place not in sys.path:
             sys.path.append(place)
     try:
         found = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise InputError(f"{where}: {settings['kind']!r} cannot be imported ({error})") from None
-    arguments = {k: v for k, v in settings.items() if k != "kind"}
+    except Exception as error:  # whatever the user's own module raises
+        told = f"{type(error).__name__}: {error}"
+        raise InputError(f"{where}: {kind!r} cannot be imported ({told})") from None
     try:
-        made = found(**arguments)
+        made = found(**settings)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: {error}") from None
-    if not hasattr(made, "fit"):
-        raise InputError(f"{where}: {settings['kind']!r} has no method fit(problem, weights, seed)")
-    return made  # type: ignore[no-any-return]
+    if not callable(getattr(made, "fit", None)):
+        raise InputError(f"{where}: {kind!r} has no method fit(problem, weights, seed)")
+    return made
 
 
-def _build(settings: Mapping[str, Any], known: Mapping[str, Callable[..., Any]], where: str) -> Any:
-    kind = str(settings.get("kind", ""))
+def _build(table: Mapping[str, Any], known: Mapping[str, Callable[..., Any]], where: str) -> Any:
+    if not isinstance(table.get("kind"), str):
+        raise InputError(f"{where}: the key 'kind' is missing; {nearest('', known)}")
+    kind = table["kind"]
     if kind not in known:
-        raise InputError(f"{where}: kind = {kind!r} is unknown{_nearest(kind, known)}")
-    arguments = {k: v for k, v in settings.items() if k != "kind"}
+        raise InputError(f"{where}: kind = {kind!r} is unknown; {nearest(kind, known)}")
+    return _call(known[kind], {k: v for k, v in table.items() if k != "kind"}, where)
+
+
+def _call(make: Callable[..., Any], settings: Mapping[str, Any], where: str) -> Any:
+    """What a function makes of settings whose names and types are checked first."""
+    known = inspect.signature(make).parameters
+    for key in settings:
+        if key not in known:
+            raise InputError(f"{where}: unknown setting {key!r}; {_known(key, known)}")
     try:
-        return validate_call(known[kind])(**arguments)
+        return validate_call(config=STRICT)(make)(**settings)
     except ValidationError as error:
-        import inspect
-
-        names = list(inspect.signature(known[kind]).parameters)
-        raise InputError(f"{where}: {_first(error, lambda _: names)}") from None
+        raise InputError(f"{where}: {mistake(error)}") from None
 
 
-def _first(error: ValidationError, known: Callable[[tuple[Any, ...]], list[str]]) -> str:
-    """The first complaint of pydantic in one line, with the nearest known key."""
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"])
-    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        return f"{place!r} is unknown{_nearest(str(first['loc'][-1]), known(first['loc']))}"
-    if first["type"] in ("missing", "missing_argument"):
-        return f"{place!r} is missing"
-    message = first["msg"].removeprefix("Value error, ")
-    return f"{place} = {first.get('input')!r}: {message[:1].lower()}{message[1:]}"
-
-
-def _known_keys(place: tuple[Any, ...]) -> list[str]:
-    model: Any = Suite
-    for part in place[:-1]:
-        model = {"datasets": DatasetEntry, "recipes": RecipeEntry, "folds": Split}.get(part, model)
-    return list(getattr(model, "model_fields", None) or model.__dataclass_fields__)
-
-
-def _nearest(name: str, known: Any) -> str:
-    near = get_close_matches(name, list(known), n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ";"
-    return f"{hint} known are {', '.join(known) or 'none'}"
+def _known(name: str, known: Mapping[str, Any]) -> str:
+    return nearest(name, known) if known else "it has none"
 
 
 def _nearest_suite(path: Path) -> str:
@@ -290,7 +355,7 @@ def _nearest_suite(path: Path) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def _distinct(names: list[str], what: str) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
+def _distinct(names: Sequence[str], what: str) -> None:
+    twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f"two {what} are called {twice[0]!r}: give one of them another name")

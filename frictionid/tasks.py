@@ -146,7 +146,7 @@ def run_tasks(
     *,
     jobs: int = 0,
     resume: bool = False,
-    done: Callable[[Task], object] = str,
+    done: Callable[[Task], None] | None = None,
 ) -> None:
     """Run the tasks, `jobs` at a time on one thread each, and write their results to the folder.
 
@@ -162,17 +162,22 @@ def run_tasks(
         Where a task fails, with its name.
     """
     _clear(tasks, folder, resume)
+    tell = done or _nobody
     missing = []
     for task in tasks:
         if _finished(task, folder / task.file):
-            done(task)
+            tell(task)
         else:
             missing.append(task)
     groups = _alike(missing)
     for i, result in _results([group[0] for group in groups], grounds, jobs or cpu_count()):
         for task in groups[i]:
             write_json(folder / task.file, document(task, result, laws), None)
-            done(task)
+            tell(task)
+
+
+def _nobody(_: Task) -> None:
+    """Nobody to tell."""
 
 
 def _clear(tasks: Sequence[Task], folder: Path, resume: bool) -> None:

@@ -27,7 +27,7 @@ def compare(
     table = load_suite(suite)
     folder = out or Path("report") / table.name
     try:
-        tasks = tasks_of(table, suite.parent, data)
+        tasks = tasks_of(table, suite, data)
         grounds = grounds_of(tasks)
         with lock(folder), counted(len(tasks), f"comparing ({table.name})") as count:
 
