@@ -5,8 +5,10 @@ import pytest
 import torch
 from remembering import FilmLag, Follower, Sampled
 
+from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along, at_rest, memory_along
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.laws.sign import smooth_sign
 
 # one row per joint; the joints differ, so that mixed-up joints show
 STATIC = {
@@ -108,8 +110,17 @@ def test_levels_far_above_the_smoothing_are_the_parameters():
 
 
 def test_an_unknown_shape_of_the_sign_is_refused():
+    for law in (CoulombViscous, Stribeck, AsymmetricStribeck):
+        with pytest.raises(InputError, match="shape = 'step' is unknown; known are tanh, arctan"):
+            law(shape="step")
     with pytest.raises(ValueError, match="must be 'tanh' or 'arctan', got 'step'"):
-        Friction(CoulombViscous(shape="step"), np.ones((1, 2))).curve(np.ones(1))
+        smooth_sign(np.ones(1), 0.02, "step")
+
+
+@pytest.mark.parametrize("width", [0.0, -0.02, float("inf"), float("nan")])
+def test_a_width_that_means_nothing_is_refused(width):
+    with pytest.raises(InputError, match="must be positive and finite"):
+        Stribeck(width=width)
 
 
 # ---------------------------------------------------------------- a law and its numbers
