@@ -46,12 +46,12 @@ class LeastSquares:
     --------
     >>> from frictionid.laws import CoulombViscous
     >>> LeastSquares(CoulombViscous())
-    LeastSquares(law=CoulombViscous(width=0.02, shape='tanh'), iterations=100, tolerance=1e-09)
+    LeastSquares(law=CoulombViscous(width=0.02, shape='tanh'), iterations=100, tolerance=1e-11)
     """
 
     law: Law
     iterations: int = 100
-    tolerance: float = 1e-9
+    tolerance: float = 1e-11
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         rows = Rows(self.law, problem)

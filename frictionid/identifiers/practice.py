@@ -19,6 +19,7 @@ _RATE = 50.0  # [Hz]
 _SAMPLES = 45
 _RECORDINGS = 3
 _NOISE = 1e-3  # [rad/s]
+_PENDULUM = {"mass": 0.5, "length": 0.3}  # [kg], [m]
 # coulomb, peak [N m], Stribeck velocity [rad/s], viscous [N m s/rad] of each joint
 _TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 
@@ -40,7 +41,8 @@ def practice_problem(joints: int, noise: float = _NOISE) -> Problem:
     """
     rng = np.random.default_rng(0)
     mechanism = pendulum() if joints == 1 else double_pendulum((True, True))
-    plant = Plant.of(mechanism, {k: np.full(_RECORDINGS, v) for k, v in mechanism.defaults.items()})
+    parameters = _PENDULUM if joints == 1 else mechanism.defaults
+    plant = Plant.of(mechanism, {k: np.full(_RECORDINGS, v) for k, v in parameters.items()})
     states = [_motion(rng, joints) for _ in range(_RECORDINGS)]
     recordings = [
         Recording(f"{i}", Signal(s.time, s.q), Signal(s.time, np.cos(3 * s.q)))
