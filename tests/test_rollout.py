@@ -8,10 +8,14 @@ from scipy.integrate import solve_ivp
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
-from frictionid.laws import CoulombViscous, NoFriction, Stribeck
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 from frictionid.rollout import rollout
 from frictionid.signals import Signal
+from frictionid.simulate.friction import Curve
+from frictionid.simulate.friction import Stribeck as Truth
+from frictionid.simulate.integrate import motion as simulated
+from frictionid.simulate.modes import World
 from frictionid.states import Backward
 from frictionid.step import State, step, substeps
 
@@ -99,6 +103,24 @@ def test_finer_substeps_change_a_second_by_little():
     error = np.abs(once - fine).max(axis=-1)
     # the camera's noise is 1.6e-3 rad; the largest ones just miss or just reach a stop
     assert np.median(error) < 1e-4 and np.quantile(error, 0.9) < 5e-4 and error.max() < 0.02
+
+
+def test_a_second_is_that_of_the_simulator_with_its_real_stick():
+    plant, rng = Plant.of(acrobot(), {}), np.random.default_rng(20)
+    theta = np.array([[0.165, 0.165, 0.0, 0.0, 1.0, 0.01], [0.055, 0.06, 0.03, 0.05, 1.5, 0.003]])
+    start = State(rng.uniform(-2, 2, (16, 2)), rng.uniform(-6, 6, (16, 2)))
+    u = np.zeros((60, 16, 2))
+    u[..., 1] = 0.14 * np.sin(8 * np.arange(60)[:, None] / 60 + rng.uniform(0, 6, 16))
+    up, down, peak_up, peak_down, ws, viscous = map(tuple, theta.T)
+    world = World(plant.mechanism, plant.p, Truth(Curve(up, down, viscous, peak_up, peak_down, ws)))
+    true = simulated(world, start.q, start.w, u, np.arange(61) / 60, 5e-4)
+    for width, most in ((0.02, 4e-3), (0.005, 1e-3)):
+        friction = Friction(AsymmetricStribeck(width=width), theta)
+        motion = rollout(plant, friction, start, u, np.full(60, 1 / 60))
+        error = np.abs(motion.q - true[:, 0]).max(axis=-1)
+        assert np.median(error[-1]) < most and error[-1].max() < 4 * most
+    sticks = (true[:, 1] == 0.0).mean()
+    assert sticks > 0.02 and (motion.w == 0.0).mean() == pytest.approx(sticks, abs=0.01)
 
 
 def test_the_semi_implicit_step_undoes_backward_differences():
