@@ -69,7 +69,7 @@ def euler_problem(
 def integral_problem(
     plant: Plant, recordings: Sequence[Recording], states: Sequence[States], history: int = 0
 ) -> Problem:
-    """Problem of the momentum balance over each interval, by Simpson's rule on the estimated motion.
+    """Problem of the momentum balance over each interval, by Simpson's rule on estimated motion.
 
     M1 w1 - M0 w0 = integral of (dL/dq + B u - Tf) dt, with the Hermite midpoint
     q_mid = (q0 + q1)/2 + (w0 - w1) dt/8, w_mid = 1.5 (q1 - q0)/dt - (w0 + w1)/4; any other choice
