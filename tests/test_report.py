@@ -295,6 +295,7 @@ def test_odd_names_are_escaped_in_latex(odd):
     assert not re.search(r"[%#~^]", plain)
     assert len({line.count("&") for line in plain.splitlines() if line.endswith(r"\\")}) <= 2
     assert r"\label{tab:summary-my-rig}" in text
+    assert not re.search(r"^[*\[]", text, re.MULTILINE)  # \\ would take it for its own
 
 
 def test_every_figure_is_drawn_whatever_the_names(odd, typical, computed):

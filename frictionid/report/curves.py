@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.report.evidence import Entry, Section
-from frictionid.report.style import DARK, PALE, Look, figure, key_above, plain
+from frictionid.report.style import DARK, GREY, PALE, Look, figure, key_above, plain
 
 COLUMNS = 4  # identifiers side by side; more go to another picture
 DENSITY = 0.16  # height of the velocity density, share of a panel
@@ -60,7 +60,7 @@ def _picture(
         axes[r, 0].set_ylabel(f"{about['joints'][joint]}{plain(beside)}\n[{about['torque_unit']}]")
     for axis, column in zip(axes[0], columns, strict=True):
         axis.set_title(plain(column[0].label), color=looks[column[0].label].colour, weight="bold")
-    _key(picture, columns[0][0], fixed, about, looks)
+    _key(picture, fixed, about, looks)
     picture.supxlabel(f"velocity [{about['angle_unit']}/s]", fontsize=8)
     return picture
 
@@ -122,7 +122,6 @@ def _truth(axis: Any, about: Mapping[str, Any], joint: int) -> None:
 
 def _key(
     picture: Any,
-    sample: Entry,
     fixed: Sequence[Entry],
     about: Mapping[str, Any],
     looks: Mapping[str, Look],
@@ -130,10 +129,9 @@ def _key(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    colour = looks[sample.label].colour
     handles: list[Any] = [
-        Line2D([], [], color=colour, linewidth=0.6, alpha=0.6),
-        Line2D([], [], color=colour, linewidth=1.6),
+        Line2D([], [], color=GREY, linewidth=0.6, alpha=0.6),
+        Line2D([], [], color=GREY, linewidth=1.6),
         Line2D([], [], color=DARK, linewidth=0.8, linestyle=(0, (1, 1.6))),
     ]
     labels = ["each fold", "mean of folds", "fit to all data"]

@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.report.evidence import Entry, Key, Section
 from frictionid.report.numbers import fixed, listed, short
 from frictionid.report.pairs import best, level, paired
-from frictionid.report.tables import code
+from frictionid.report.tables import code, escape_markdown
 
 TOLD = (0.5, 1.0)  # [s], horizons that the sentences are about, where a suite has them
 EULER = Key("one_step_euler", "mean")
@@ -48,7 +48,8 @@ class Matter(NamedTuple):
 def named(section: Section, entry: Entry) -> str:
     """An entry's name in Markdown; its recipe is told where there are several."""
     several = len(section.recipes) > 1 and entry.recipe
-    return f"{code(entry.label)} ({entry.recipe})" if several else code(entry.label)
+    beside = f" ({escape_markdown(entry.recipe)})" if several else ""
+    return f"{code(entry.label)}{beside}"
 
 
 def matter(
@@ -268,6 +269,9 @@ def recipes(m: Matter) -> str:
     told = []
     for other in (recipe for recipe in values if recipe != first):
         factor = np.array([values[other][k] / values[first][k] for k in good])
+        if np.allclose(factor, 1):
+            told.append(f"the same as with {code(other)}")
+            continue
         middle, low, high = map(times, (np.median(factor), factor.min(), factor.max()))
         span = f" ({low} to {high})" if len(good) > 1 else ""
         told.append(

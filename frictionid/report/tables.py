@@ -129,7 +129,7 @@ def latex(table: Table) -> str:
     shape = "".join("l" if column.words else "r" for column in table.columns)
     head = [escape_latex(column.name) for column in table.columns]
     body = [
-        "\n".join(" & ".join(map(_latex_cell, line.cells)) + r" \\" for line in lines)
+        "\n".join(_guarded(" & ".join(map(_latex_cell, line.cells))) + r" \\" for line in lines)
         for lines in blocks(table)
     ]
     return "\n".join(
@@ -151,6 +151,11 @@ def latex(table: Table) -> str:
             "",
         ]
     )
+
+
+def _guarded(row: str) -> str:
+    """A row after an end of line, which would take a star or a bracket for its own argument."""
+    return "{}" + row if row.startswith(("*", "[")) else row
 
 
 def _latex_cell(cell: Cell) -> str:
