@@ -140,7 +140,7 @@ def _step(folds: _Folds, low: Array, high: Array) -> tuple[Array, Array]:
     scale = _scale(folds.curvature)
     full = folds.curvature + folds.bend
     root = np.sqrt(scale)[:, :, None] * np.sqrt(scale)[:, None, :]
-    convex = np.linalg.eigvalsh(full / root).min(axis=-1) >= -_DAMPING[0]
+    convex = np.linalg.eigvalsh(full / root).min(axis=-1, initial=1.0) >= -_DAMPING[0]
     model = np.where(convex[:, None, None], full, folds.curvature)
     damped = model + (folds.damping[:, None] * scale)[:, :, None] * eye
     move = bounded(damped, folds.downhill, low - folds.theta, high - folds.theta)

@@ -42,8 +42,8 @@ class Rows(NamedTuple):
         """-de/dtheta = G dTf/dtheta, shape (F, K, n, n, P): only Tf_j depends on theta_j."""
         at_nodes = _gradient(self.friction(theta), self.problem)
         F, S, n, P = at_nodes.shape
-        mean = self.problem.mean(at_nodes.reshape(F, S, n * P)).reshape(F, -1, 1, n, P)
-        return self.problem.G[..., None] * mean
+        mean = self.problem.mean(at_nodes.reshape(F, S, n * P))
+        return self.problem.G[..., None] * mean.reshape(F, len(self.problem.r), 1, n, P)
 
     def equations(self, theta: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
         """Half the downhill gradient (F, N) of the weighted squares, and their curvature (F, N, N).
@@ -55,7 +55,7 @@ class Rows(NamedTuple):
         downhill, curvature = np.empty((F, N)), np.empty((F, N, N))
         for begin in range(0, F, together):
             part = slice(begin, begin + together)
-            J = self.slopes(theta[part]).reshape(len(theta[part]), -1, N)
+            J = self.slopes(theta[part]).reshape(len(theta[part]), self.problem.r.size, N)
             weighted = np.swapaxes(J * np.repeat(weights[part], self.joints, 1)[..., None], 1, 2)
             downhill[part] = (weighted @ residual[part].reshape(len(J), -1, 1))[..., 0]
             curvature[part] = weighted @ J

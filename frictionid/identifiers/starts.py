@@ -26,7 +26,9 @@ def best_starts(rows: Rows, weights: Array) -> Array:
         Where a joint slides in fewer rows of a fold than it has parameters.
     """
     n, P = rows.joints, len(rows.law.names)
-    starts = np.reshape(rows.law.initial, (-1, 1, P)) + np.zeros((n, 1))  # (S, n, P)
+    starts = np.reshape(rows.law.initial, (len(rows.law.initial), 1, P)) + np.zeros(
+        (n, 1)
+    )  # (S, n, P)
     slopes = rows.slopes(starts.reshape(len(starts), n * P))  # (S, K, n, n, P)
     _check(rows, weights, np.abs(slopes).max(axis=(0, 2, 4), initial=0.0) > 0)
     columns = np.concatenate([slopes, _without_slopes(rows, starts)[..., None]], axis=-1)
