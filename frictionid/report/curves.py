@@ -142,5 +142,5 @@ def _key(
         handles.append(Line2D([], [], color=DARK, linewidth=1, linestyle=(0, (4, 1.5))))
         labels.append("truth")
     handles.append(Patch(facecolor=PALE))
-    labels.append("how often (tallest bars cut)")
+    labels.append("velocity density, cut")
     key_above(picture, handles, labels)

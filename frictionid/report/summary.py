@@ -106,7 +106,7 @@ def _folds(settings: Mapping[str, Any]) -> str:
     if "count" not in settings:
         return "judged on held-out data"
     kind = KINDS.get(settings.get("kind", ""), "shuffled samples")
-    gap = f", {settings['gap']:g} s apart" if settings.get("kind") == "blocks" else ""
+    gap = f" with gaps of {settings['gap']:g} s" if settings.get("kind") == "blocks" else ""
     return f"{settings['count']} folds of {kind}{gap}"
 
 
