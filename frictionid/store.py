@@ -124,13 +124,17 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     ]
     return {
         "format": FORMAT,
-        "law": {"kind": kind, **(asdict(friction.law) if is_dataclass(friction.law) else {})},
+        "law": {"kind": kind, **_settings(friction.law)},
         "joints": words,
         "theta": theta,
         "shape": list(theta.shape),
         "parameters": dict(friction.parameters),
         "provenance": dict(friction.provenance),
     }
+
+
+def _settings(law: Any) -> dict[str, Any]:
+    return asdict(law) if is_dataclass(law) else {}
 
 
 def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:
@@ -159,11 +163,16 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str
     try:
         theta = _theta(document, law, where)
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
-        friction = Friction(law, theta, parameters, document.get("provenance", {}))
+        friction = Friction(law, theta, parameters, dict(document.get("provenance", {})))
+    except InputError:
+        raise
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{where}: {error}") from None
     if not np.isfinite(theta).all():
         raise InputError(f"{where}: theta must be finite")
+    for name, value in parameters.items():
+        if not np.isfinite(value):
+            raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
     return friction
 
 
@@ -180,7 +189,10 @@ def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
     for name in settings:
         if name not in known:
             raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(known)}")
-    return laws[kind](**settings)
+    try:
+        return laws[kind](**settings)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where}: law {kind!r}: {error}") from None
 
 
 def _list(known: set[str]) -> str:
@@ -188,20 +200,45 @@ def _list(known: set[str]) -> str:
 
 
 def _theta(document: Mapping[str, Any], law: Any, where: str) -> np.ndarray:
-    if "theta" in document:
-        shape = document.get("shape")
-        theta = np.asarray(document["theta"], dtype=float)
-        return theta.reshape(shape) if shape is not None else theta
     joints = document.get("joints")
-    if not isinstance(joints, list) or not joints:
-        raise InputError(f'{where}: needs "theta", or "joints" with the parameters of each')
-    rows = []
-    for j, joint in enumerate(joints):
-        given, wanted = set(joint), set(law.names)
-        if given != wanted:
-            raise InputError(
-                f"{where}: joint {j + 1} must have the parameters {', '.join(law.names)}; "
-                f"it has {', '.join(sorted(given)) or 'none'}"
-            )
-        rows.append([float(joint[name]["value"]) for name in law.names])
-    return np.array(rows)
+    if joints is not None and not (isinstance(joints, list) and joints):
+        raise InputError(f'{where}: "joints" must list the parameters of each joint')
+    words = (
+        None
+        if joints is None
+        else np.array(
+            [_joint(joint, law, f"{where}: joint {j + 1}") for j, joint in enumerate(joints)]
+        )
+    )
+    if "theta" not in document:
+        if words is None:
+            raise InputError(f'{where}: needs "theta", or "joints" with the parameters of each')
+        return words
+    theta = np.asarray(document["theta"], dtype=float)
+    theta = theta.reshape(document.get("shape", theta.shape))
+    if words is not None:
+        mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
+        if mean.shape != words.shape or not np.allclose(mean, words, rtol=1e-6, equal_nan=True):
+            raise InputError(f'{where}: "joints" and "theta" disagree: remove one of them')
+    return theta
+
+
+def _joint(joint: Any, law: Any, where: str) -> list[float]:
+    """Values of one joint's parameters, in the order of the law's names."""
+    given = set(joint) if isinstance(joint, Mapping) else set()
+    if given != set(law.names):
+        raise InputError(
+            f"{where} must have the parameters {', '.join(law.names) or 'none'}; "
+            f"it has {', '.join(sorted(given)) or 'none'}"
+        )
+    values = []
+    for name, unit in zip(law.names, law.units, strict=True):
+        entry = joint[name]
+        value = entry.get("value") if isinstance(entry, Mapping) else None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            example = f'{{"value": 0.1, "unit": "{unit}"}}'
+            raise InputError(f"{where}: {name} must be written as {example}, not {entry!r}")
+        if entry.get("unit", unit) != unit:
+            raise InputError(f"{where}: {name} must be in {unit!r}, not {entry['unit']!r}")
+        values.append(float(value))
+    return values
