@@ -7,8 +7,11 @@ that an interrupted comparison is finished by running what is missing.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import fields, is_dataclass
@@ -213,21 +216,39 @@ def _results(
     calls = ((i, task, grounds[task.contest.dataset.name]) for i, task in enumerate(tasks))
     if workers < 2:
         with threadpool_limits(1):
+            _one_torch_thread()
             yield from (_numbered(*call) for call in calls)
         return
     with parallel_config(backend="loky", inner_max_num_threads=1):
         # max_nbytes: arrays travel with their task, no files are left behind in shared memory
         parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)
-        yield from parallel(delayed(_numbered)(*call) for call in calls)
+        yield from parallel(delayed(_in_worker)(os.getpid(), *call) for call in calls)
+
+
+def _in_worker(parent: int, index: int, task: Task, ground: Ground) -> tuple[int, Result]:
+    _end_with(parent)
+    _one_torch_thread()
+    return _numbered(index, task, ground)
 
 
 def _numbered(index: int, task: Task, ground: Ground) -> tuple[int, Result]:
-    _one_torch_thread()
     try:
         return index, run(task.contest, task.identifier, task.recipe, task.seed, ground)
     except InputError as error:
         where = f"{task.contest.dataset.name}, {task.name} by {task.recipe.name}"
         raise InputError(f"{where}: {error}") from None
+
+
+def _end_with(parent: int) -> None:
+    """End this worker when the comparison ends: one that was killed cannot tell its workers."""
+    if all(thread.name != "end-with-parent" for thread in threading.enumerate()):
+        threading.Thread(target=_watch, args=(parent,), name="end-with-parent", daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.3)
+    os._exit(1)
 
 
 def _one_torch_thread() -> None:

@@ -21,6 +21,6 @@ def counted(total: int, title: str) -> Iterator[Callable[[str], None]]:
         TimeElapsedColumn(),
         TextColumn("[dim]{task.fields[last]}"),
     )
-    with Progress(*columns, console=console, transient=not console.is_terminal) as bar:
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(escape(title), total=total, last="")
         yield lambda name: bar.update(task, advance=1, last=escape(name))
