@@ -1,6 +1,6 @@
 """Speed and accuracy of the parts, as ratios measured in one run: `make bench`.
 
-Times are the best of a few repetitions on one thread; each ratio compares two ways to the same answer.
+Times are the best of a few repetitions on one thread; a ratio compares two ways to one answer.
 """
 
 from __future__ import annotations

@@ -214,7 +214,7 @@ class FilmLag:
 class LuGre:
     """LuGre friction: a bristle of stiffness s0 that bends by z and slides at the curve's level.
 
-    dz/dt = w - s0 |w| z / level(w),   Tf = s0 z + s1(w) dz/dt + viscous w [Canudas1995]
+    dz/dt = w - s0 |w| z / level(w),   Tf = s0 z + s1(w) dz/dt + viscous w [CanudasDeWit1995]
 
     The damping s1(w) = bristle_damping exp(-(w / damping_velocity)^2) fades with the speed: with a
     constant one LuGre can give energy. With x = s0 z and v = dz/dt,
