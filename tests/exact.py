@@ -42,8 +42,8 @@ def standard_errors(law, theta, problem, noise):
     return noise * np.sqrt(np.diag(np.linalg.inv(J.T @ J))).reshape(np.shape(theta))
 
 
-def by_scipy(law, problem, weights, start):
-    """Parameters (n, P) of one fold by scipy.optimize.least_squares."""
+def by_scipy(law, problem, weights, start, jac="2-point"):
+    """Parameters (n, P) of one fold by scipy.optimize.least_squares; jac="ours" uses our slopes."""
     low, high = Rows(law, problem).bounds
     root = np.sqrt(weights)[:, None]
 
@@ -51,9 +51,20 @@ def by_scipy(law, problem, weights, start):
         friction = Friction(law, theta.reshape(np.shape(start)))
         return (root * problem.residual(along(friction, problem.nodes))).ravel()
 
+    def ours(theta):
+        slopes = Rows(law, problem).slopes(theta[None])[0].reshape(*problem.r.shape, -1)
+        return -(root[..., None] * slopes).reshape(-1, theta.size)
+
     tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 500}
     begin = np.clip(np.ravel(start), low + 1e-9, high)
-    found = least_squares(residual, begin, bounds=(low, high), x_scale="jac", **tight)
+    found = least_squares(
+        residual,
+        begin,
+        jac=ours if jac == "ours" else jac,
+        bounds=(low, high),
+        x_scale="jac",
+        **tight,
+    )
     return found.x.reshape(np.shape(start))
 
 

@@ -56,7 +56,7 @@ class LeastSquares:
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         rows = Rows(self.law, problem)
         weights = _relative(weights, problem)
-        folds = _begin(rows, best_starts(rows, weights), weights)
+        folds = _begin(rows, *best_starts(rows, weights), weights)
         theta, active = folds.theta.copy(), np.arange(len(weights))
         for _ in range(self.iterations):
             folds, settled = _improved(rows, folds, self.tolerance)
@@ -87,9 +87,13 @@ class _Folds(NamedTuple):
         return _Folds(*(field[which] for field in self))
 
 
-def _begin(rows: Rows, theta: Array, weights: Array) -> _Folds:
+def _begin(rows: Rows, start: Array, stepped: Array, weights: Array) -> _Folds:
+    """The folds at the better of two parameters each; far from linear, a first step may be lost."""
+    with np.errstate(all="ignore"):
+        better = _cost(rows.residual(stepped), weights) < _cost(rows.residual(start), weights)
+    theta = np.where(better[:, None], stepped, start)
     residual = rows.residual(theta)
-    equations = _equations(rows, theta, residual, weights)
+    equations = rows.equations(theta, residual, weights)
     cost = _cost(residual, weights)
     return _Folds(
         *(theta, weights, residual, cost, *equations),
@@ -100,16 +104,6 @@ def _begin(rows: Rows, theta: Array, weights: Array) -> _Folds:
 
 def _cost(residual: Array, weights: Array) -> Array:
     return np.einsum("fk,fki->f", weights, residual**2)
-
-
-def _equations(rows: Rows, theta: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
-    downhill, curvature = rows.equations(theta, residual, weights)
-    if not (np.isfinite(downhill).all() and np.isfinite(curvature).all()):
-        raise InputError(
-            f"the fit of {rows.law} met numbers that are not finite: look for rows of the problem "
-            "that are not, and for parameters in the law's bounds at which its torque is not"
-        )
-    return downhill, curvature
 
 
 def _improved(rows: Rows, folds: _Folds, tolerance: float) -> tuple[_Folds, Array]:
@@ -156,7 +150,7 @@ def _scale(curvature: Array) -> Array:
 def _learnt(rows: Rows, before: _Folds, after: _Folds, moved: Array) -> _Folds:
     """`after` with the equations of the folds that moved, their bend by the rank-one formula."""
     part = after.take(moved)
-    downhill, curvature = _equations(rows, part.theta, part.residual, part.weights)
+    downhill, curvature = rows.equations(part.theta, part.residual, part.weights)
     move = part.theta - before.theta[moved]
     model = np.einsum("fij,fj->fi", curvature + part.bend, move)
     missing = before.downhill[moved] - downhill - model

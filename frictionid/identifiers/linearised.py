@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.friction import Friction, Law, along
 from frictionid.problem import Problem
 
@@ -49,6 +50,11 @@ class Rows(NamedTuple):
         """Half the downhill gradient (F, N) of the weighted squares, and their curvature (F, N, N).
 
         Fold by fold, which stays in the processor's cache; with memory, time is the outer loop.
+
+        Raises
+        ------
+        InputError
+            Where they are not finite.
         """
         F, N = theta.shape
         together = max(F, 1) if self._remembers() else 1
@@ -59,7 +65,22 @@ class Rows(NamedTuple):
             weighted = np.swapaxes(J * np.repeat(weights[part], self.joints, 1)[..., None], 1, 2)
             downhill[part] = (weighted @ residual[part].reshape(len(J), -1, 1))[..., 0]
             curvature[part] = weighted @ J
+        self.check(downhill, curvature)
         return downhill, curvature
+
+    def check(self, *arrays: Array) -> None:
+        """Refuse to go on with numbers that are not finite.
+
+        Raises
+        ------
+        InputError
+            Saying where to look.
+        """
+        if not all(np.isfinite(array).all() for array in arrays):
+            raise InputError(
+                f"the fit of {self.law} met numbers that are not finite: look for such rows in the "
+                "problem, and for parameters within the law's bounds where its torque is not finite"
+            )
 
     def _remembers(self) -> bool:
         theta = np.reshape(self.law.initial[0], (1, -1))

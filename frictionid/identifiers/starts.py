@@ -14,11 +14,11 @@ _RIDGE = 1e-12
 _SWEEPS = 2
 
 
-def best_starts(rows: Rows, weights: Array) -> Array:
-    """Parameters (F, N) of the lowest cost one linear step away from the law's starts.
+def best_starts(rows: Rows, weights: Array) -> tuple[Array, Array]:
+    """The starts (F, N) with the lowest cost one linear step away, and the parameters there (F, N).
 
-    The law is linearised once at each start. Which joint takes which start is then a choice among
-    columns of one Gram matrix per fold.
+    The law is linearised once at each of its starts. Which joint takes which start is then a choice
+    among columns of one Gram matrix per fold.
 
     Raises
     ------
@@ -26,22 +26,23 @@ def best_starts(rows: Rows, weights: Array) -> Array:
         Where a joint slides in fewer rows of a fold than it has parameters.
     """
     n, P = rows.joints, len(rows.law.names)
-    starts = np.reshape(rows.law.initial, (len(rows.law.initial), 1, P)) + np.zeros(
-        (n, 1)
-    )  # (S, n, P)
-    slopes = rows.slopes(starts.reshape(len(starts), n * P))  # (S, K, n, n, P)
+    S = len(rows.law.initial)
+    starts = np.repeat(np.reshape(rows.law.initial, (S, 1, P)), n, axis=1)
+    slopes = rows.slopes(starts.reshape(S, n * P))  # (S, K, n, n, P)
+    rows.check(slopes, rows.problem.r)
     _check(rows, weights, np.abs(slopes).max(axis=(0, 2, 4), initial=0.0) > 0)
     columns = np.concatenate([slopes, _without_slopes(rows, starts)[..., None]], axis=-1)
     columns = np.moveaxis(columns, 0, 2).reshape(rows.problem.r.size, -1)
     columns = np.column_stack([columns, rows.problem.r.ravel()])
     used = np.flatnonzero(columns.any(axis=0))
     table = columns[:, used]
-    out = np.empty((len(weights), n * P))
+    begin, end = np.empty((2, len(weights), n * P))
     for f, weight in enumerate(np.repeat(weights, n, axis=1)):
         gram = np.zeros((columns.shape[1],) * 2)
         gram[np.ix_(used, used)] = (table.T * weight) @ table
-        out[f] = _chosen(gram, starts, rows.bounds)
-    return out
+        choice, end[f] = _chosen(gram, starts, rows.bounds)
+        begin[f] = starts[choice, np.arange(n)].ravel()
+    return begin, end
 
 
 def _without_slopes(rows: Rows, starts: Array) -> Array:
@@ -51,15 +52,15 @@ def _without_slopes(rows: Rows, starts: Array) -> Array:
     return -rows.problem.G * torque[:, :, None, :]
 
 
-def _chosen(gram: Array, starts: Array, bounds: tuple[Array, Array]) -> Array:
-    """Parameters (N,) for one fold: all joints alike at first, then one joint after the other."""
+def _chosen(gram: Array, starts: Array, bounds: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Choice (n,) and parameters (N,) for one fold: all joints alike, then one after the other."""
     S, n, _ = starts.shape
     choice, theta = _best(gram, starts, bounds, np.repeat(np.arange(S)[:, None], n, axis=1))
     for j in list(range(n)) * (_SWEEPS if n > 1 else 0):
         choices = np.repeat(choice[None], S, axis=0)
         choices[:, j] = np.arange(S)
         choice, theta = _best(gram, starts, bounds, choices)
-    return theta
+    return choice, theta
 
 
 def _best(
