@@ -134,7 +134,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
 
 
 def _settings(law: Any) -> dict[str, Any]:
-    return asdict(law) if is_dataclass(law) else {}
+    return asdict(law) if is_dataclass(law) and not isinstance(law, type) else {}
 
 
 def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:

@@ -1,4 +1,4 @@
-"""The real acrobot: fitted on system identification runs, judged on swing-ups that no fit has seen."""
+"""The real acrobot: fitted on identification runs, judged on swing-ups that no fit has seen."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def test_noise_free_motion_gives_the_curves_to_two_percent() -> None:
     assert (errors(twin, INTEGRAL) < 0.02).all()
 
 
-def test_with_noise_our_recipe_makes_at_most_0_6_of_the_errors_of_the_studys(clean: Dataset) -> None:
+def test_with_noise_our_errors_are_at_most_0_6_of_the_studys(clean: Dataset) -> None:
     assert (errors(clean, INTEGRAL) <= 0.6 * errors(clean, STUDY)).all()
 
 

@@ -1,6 +1,5 @@
 """Suites: what they make, and every mistake in one line that names file, key and way out."""
 
-import sys
 
 import numpy as np
 import pytest

@@ -34,8 +34,9 @@ def steady_state(truth: Mapping[str, Any], width: float = 1e-6) -> Friction:
 
 
 def _numbers(values: Any) -> bool:
-    kinds = isinstance(values, list | tuple) and {type(value) for value in values}
-    return bool(kinds) and kinds <= {int, float} and bool(np.isfinite(values).all())
+    if not isinstance(values, list | tuple) or not values:
+        return False
+    return {type(value) for value in values} <= {int, float} and bool(np.isfinite(values).all())
 
 
 def true_friction(truth: Mapping[str, Any]) -> Friction | None:
