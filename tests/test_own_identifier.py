@@ -7,14 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tiny
 
+from frictionid.compare import compare
+from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction, along
-from frictionid.identifiers import Identifier, check_identifier
+from frictionid.identifiers import Identifier, Nothing, check_identifier
 from frictionid.laws import check_law
 from frictionid.mechanics import plant_of
 from frictionid.readers.dataset import load_dataset
 from frictionid.recipe import INTEGRAL, STUDY, problem_of
-from frictionid.suite import IdentifierEntry, identifier_of
+from frictionid.store import read_json
+from frictionid.suite import LAWS, IdentifierEntry, identifier_of, load_suite, tasks_of
+from frictionid.tasks import grounds_of, run_tasks
 
 ROOT = Path(__file__).parents[1]
 FILE = ROOT / "comparisons" / "own_friction.py"
@@ -51,3 +56,31 @@ def test_it_finds_the_numbers_of_its_own_law(own: Identifier) -> None:
     exact = type(problem)(**{**vars(problem), "r": pulled})
     fitted = own.fit(exact, np.ones((1, len(pulled))), 0)
     np.testing.assert_allclose(fitted.theta[0], true, rtol=1e-6)
+
+
+def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own: Identifier) -> None:
+    dataset = tiny.dataset()
+    folds = make_folds(dataset.recordings, Split(count=3))
+    protocol = Protocol(horizons=(0.1, 0.3))
+    results = compare(dataset, {"none": Nothing(), "own": own}, folds, protocol=protocol)
+    theirs, ours = (results[name, "integral"] for name in ("none", "own"))
+    assert ours.friction.theta.shape == (3, 1, 2)
+    far = [r.value("rollout_angle", "median", 0.3) for r in (ours, theirs)]
+    assert far[0] < far[1] / 2
+
+
+def test_a_suite_beside_its_file_runs_it_in_worker_processes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "own_friction", raising=False)
+    (tmp_path / FILE.name).write_text(FILE.read_text(encoding="utf-8"), encoding="utf-8")
+    entries = [{"kind": "own_friction:quadratic"}, {"kind": "none"}]
+    tiny.write_suite(tmp_path, [("identifiers", entries), ("recipes", [{"name": "integral"}])])
+    tasks = tasks_of(load_suite(tmp_path / "suite.toml"), tmp_path / "suite.toml")
+    run_tasks(tasks, grounds_of(tasks), tmp_path / "tasks", LAWS, jobs=2)
+    own = tmp_path / "tasks" / "tiny--quadratic--integral--seed0.json"
+    model = read_json(own)["model"]
+    assert model["law"] == {"kind": "Quadratic", "width": 0.02}
+    assert model["joints"][0]["drag"]["unit"] == "N m s^2/rad^2"
+    assert model["joints"][0]["coulomb"]["value"] > 0.01
