@@ -109,7 +109,9 @@ def sliding(problem: Problem, rest: float) -> Problem:
     still = (np.abs(w) < rest).any(1) | ((w > 0).any(1) & (w < 0).any(1))
     blind = problem.G * still[:, None, :]
     project = np.eye(w.shape[-1]) - blind @ np.linalg.pinv(blind, rcond=1e-9)
-    return replace(problem, r=times(project, problem.r), G=project @ problem.G)
+    # exactly zero, and not by rounding, so that a fit sees which joints never slide
+    G = (project @ problem.G) * ~still[:, None, :]
+    return replace(problem, r=times(project, problem.r), G=G)
 
 
 # rows of one recording: node inputs, node times, r, G, interval starts, dt

@@ -21,6 +21,7 @@ from frictionid.identifiers.bounded import bounded
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.mechanics import plant_of
+from frictionid.problem import sliding
 from frictionid.readers.dataset import load_dataset
 from frictionid.recipe import INTEGRAL, STUDY, training_problem
 
@@ -190,6 +191,15 @@ def test_a_joint_that_never_moves_is_named():
     problem = resting(practice_problem(2), joint=1)
     with pytest.raises(InputError, match="joint 2 slides in 0 rows of fold 0, too few for the 2"):
         fit(CoulombViscous(), problem, everything(problem))
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_so_is_one_that_only_creeps_where_joints_at_rest_are_left_open(n):
+    problem = practice_problem(n)
+    x, last = problem.nodes.inputs, np.arange(n) == n - 1
+    slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))
+    with pytest.raises(InputError, match=f"joint {n} slides in 0 rows of fold 0"):
+        fit(Stribeck(), sliding(replace(problem, nodes=slow), 0.2), everything(problem))
 
 
 def test_so_is_the_fold_in_which_it_does_not():
