@@ -267,6 +267,13 @@ def recipe_of(entry: RecipeEntry) -> Recipe:
     return Recipe(entry.name, states, entry.scheme, entry.rest or 0.0)
 
 
+def recipe_named(name: str) -> Recipe:
+    """Recipe that stands as it is, by its name."""
+    if name not in RECIPES:
+        raise InputError(f"recipe {name!r} is unknown; {nearest(name, RECIPES)}")
+    return RECIPES[name]
+
+
 def identifier_of(
     entry: IdentifierEntry, folder: Path, recipes: Sequence[Recipe]
 ) -> tuple[str, Identifier, tuple[str, ...] | None]:

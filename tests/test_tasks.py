@@ -17,10 +17,9 @@ from tiny import recordings, write_dataset, write_suite
 from frictionid.cli import main
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
-from frictionid.results import COLUMNS, describe, reduce, scores, task_documents
+from frictionid.results import COLUMNS, reduce, scores, task_documents
 from frictionid.store import write_text
-from frictionid.suite import LAWS, load_suite, tasks_of
-from frictionid.tasks import grounds_of, lock, run_tasks
+from frictionid.tasks import lock
 
 SLOW = """
 import os
@@ -62,15 +61,8 @@ def place(tmp_path_factory):
         yield folder
 
 
-def compare(file, folder, resume=False, jobs=1):
-    """What the command does, without tables and pictures for people; stamps of the results."""
-    table = load_suite(file)
-    tasks = tasks_of(table, file)
-    grounds = grounds_of(tasks)
-    with lock(folder):
-        describe(folder, table.name, table.title, table.model_dump(mode="json"), tasks, grounds)
-        run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=jobs, resume=resume)
-        reduce(folder)
+def compare(file, folder, resume=False):
+    compare_into(file, folder, resume)
     return stamps(folder)
 
 

@@ -9,9 +9,11 @@ import numpy as np
 import tomli_w
 from scipy.integrate import solve_ivp
 
-from frictionid.readers.dataset import load_dataset
 from frictionid.recordings import Dataset, Motion, Recording
+from frictionid.results import describe, reduce
 from frictionid.signals import Signal, cut
+from frictionid.suite import LAWS, load_suite, tasks_of
+from frictionid.tasks import grounds_of, lock, run_tasks
 
 COUNT, SECONDS, RATE = 12, 1.5, 60.0
 NOISE = 1e-4  # [rad]
@@ -166,5 +168,12 @@ def write_suite(folder, changes=(), name="suite.toml"):
     return write_toml(folder / name, suite(changes))
 
 
-def load_written(folder):
-    return load_dataset(write_dataset(folder))
+def compare_into(file, folder, resume=False, jobs=1):
+    """What `frictionid compare` does, without tables and pictures for people."""
+    table = load_suite(file)
+    tasks = tasks_of(table, file)
+    grounds = grounds_of(tasks)
+    with lock(folder):
+        describe(folder, table.name, table.title, table.model_dump(mode="json"), tasks, grounds)
+        run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=jobs, resume=resume)
+        reduce(folder)

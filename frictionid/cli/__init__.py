@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import typer
 
@@ -15,8 +16,6 @@ from frictionid.errors import InputError
 
 app = typer.Typer(
     name="frictionid",
-    help="Identify friction in robot joints from recorded motion, and compare the models fairly.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -24,10 +23,27 @@ for command in (compare, fit, evaluate, report, simulate):
     app.command()(command)
 
 
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"frictionid {version('frictionid')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Identify friction in robot joints from recorded motion, and compare the models fairly."""
+
+
 def main() -> int:
     """Run the command line; a user's mistake ends in one line and exit status 2."""
     try:
-        return int(app(standalone_mode=False) or 0)
+        return int(app(args=sys.argv[1:] or ["--help"], standalone_mode=False) or 0)
     except InputError as error:
         return _complain(str(error), 2)
     except typer.Exit as stop:

@@ -32,28 +32,42 @@ def evaluate(
     if len(files) < 2:
         raise InputError("evaluate needs at least one model file and, last, a data set")
     *models, place = files
-    dataset = load_dataset(place, data)
+    frictions = {path: friction_of(path) for path in models}
     protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time)
+    dataset = load_dataset(place, data)
     prepared = prepare(dataset, protocol)
     rows = {}
     with counted(len(models), f"evaluating ({dataset.name})") as done:
-        for path in models:
-            friction = friction_of(path)
-            rows[path.stem], _ = judge(friction, under(prepared, friction.parameters))
-            done(path.stem)
+        for name, path in zip(_names(models), models, strict=True):
+            friction = frictions[path]
+            try:
+                rows[name], _ = judge(friction, under(prepared, friction.parameters))
+            except InputError as error:
+                raise InputError(f"{path}: {error}") from None
+            done(name)
     table = model_scores(dataset.name, rows)
     write_text(out, table.to_csv(index=False, float_format="%.9g"))
     show_scores(table)
     print(f"written to {out}")
 
 
+def _names(models: list[Path]) -> list[str]:
+    """Name of each model in the table: that of its file, or its path where two have one name."""
+    stems = [path.stem for path in models]
+    names = [s if stems.count(s) == 1 else str(p) for s, p in zip(stems, models, strict=True)]
+    if len(set(names)) < len(names):
+        from frictionid.errors import InputError
+
+        raise InputError("evaluate: one of the model files is named twice")
+    return names
+
+
 def _seconds(text: str) -> tuple[float, ...]:
     from frictionid.errors import InputError
 
     try:
-        values = tuple(float(part) for part in text.split(","))
+        return tuple(float(part) for part in text.split(","))
     except ValueError:
-        values = ()
-    if not values or min(values) <= 0:
-        raise InputError(f"--horizons {text!r} must be positive seconds with commas, e.g. 0.25,0.5")
-    return values
+        raise InputError(
+            f"--horizons {text!r} must be positive seconds with commas, e.g. 0.25,0.5"
+        ) from None

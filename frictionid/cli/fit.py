@@ -20,23 +20,26 @@ def fit(
     sample_time: Annotated[
         float | None, typer.Option(help="Use samples at least this far apart [s].")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the fit.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
 ) -> None:
     """Fit friction to all recordings of a data set."""
     import numpy as np
 
+    from frictionid.compare import fit as find
     from frictionid.compare import with_provenance
+    from frictionid.evaluation import Protocol
     from frictionid.mechanics import plant_of
     from frictionid.readers.dataset import load_dataset
     from frictionid.recipe import training_problem
     from frictionid.store import save_model
-    from frictionid.suite import LAWS, RecipeEntry, identifier_named, recipe_of
+    from frictionid.suite import LAWS, identifier_named, recipe_named
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
+    made = recipe_named(recipe)
+    apart = Protocol(sample_time=sample_time).sample_time
     recordings = load_dataset(dataset, data)
-    made = recipe_of(RecipeEntry(name=recipe))
-    problem = training_problem(recordings, plant_of(recordings), made, sample_time)
-    friction = chosen.fit(problem, np.ones((1, len(problem.r))), seed)[0]
+    problem = training_problem(recordings, plant_of(recordings), made, apart)
+    friction = find(chosen, problem, np.ones((1, len(problem.r))), seed)[0]
     source: dict[str, Any] = {
         "dataset": recordings.name,
         "data": dict(recordings.hashes),
@@ -60,6 +63,8 @@ def _setting(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise InputError(f"--set {text!r} must be key=value, e.g. --set symmetric=false")
     try:
-        return key.strip(), tomllib.loads(f"x = {value}")["x"]
-    except tomllib.TOMLDecodeError:
-        return key.strip(), value
+        read = tomllib.loads(f"x = {value}")
+    # ValueError: no TOML, or an integer with thousands of digits
+    except (ValueError, RecursionError):
+        read = {}
+    return key.strip(), read["x"] if set(read) == {"x"} else value

@@ -13,8 +13,10 @@ def report(
 ) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
     from frictionid.report import build, show
+    from frictionid.results import task_documents
     from frictionid.tasks import lock
 
+    task_documents(folder)  # complains where there is nothing to report, before the lock is made
     with lock(folder):
         build(folder)
     show(folder)
