@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from tiny import recordings, write_dataset, write_suite
+from tiny import compare_into, recordings, write_dataset, write_suite
 
 from frictionid.cli import main
 from frictionid.errors import InputError
