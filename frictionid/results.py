@@ -56,13 +56,7 @@ def describe(
     tasks: Sequence[Task],
     grounds: Mapping[str, Ground],
 ) -> None:
-    """Write provenance.json and datasets.json, and remove the tables of an earlier comparison.
-
-    Raises
-    ------
-    InputError
-        Where the folder holds something else than a comparison.
-    """
+    """Write provenance.json and datasets.json, and remove the tables of an earlier comparison."""
     _make_room(folder)
     contests = {t.contest.dataset.name: t.contest for t in tasks}
     everything = {d.name: d for c in contests.values() for d in (c.dataset, *c.tests)}
@@ -87,9 +81,6 @@ def describe(
 def _make_room(folder: Path) -> None:
     """Remove the tables and pictures of an earlier comparison, and nothing that is not ours."""
     remove_unfinished(folder)
-    found = [path.name for path in folder.iterdir() if path.name != ".lock"]
-    if found and "provenance.json" not in found:
-        raise InputError(f"{folder}: holds no comparison but {min(found)!r}: choose another --out")
     for name in ("scores.csv", "timings.csv", "summary.md"):
         (folder / name).unlink(missing_ok=True)
     for name in ("models", "tables", "figures"):

@@ -185,10 +185,12 @@ def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InputError(f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}")
     settings = {k: v for k, v in table.items() if k != "kind"}
-    known = {f.name for f in fields(laws[kind])} if is_dataclass(laws[kind]) else set()
-    for name in settings:
+    known = {f.name: f.default for f in fields(laws[kind])} if is_dataclass(laws[kind]) else {}
+    for name, value in settings.items():
         if name not in known:
-            raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(known)}")
+            raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(set(known))}")
+        if isinstance(known[name], float) and type(value) not in (int, float):
+            raise InputError(f"{where}: law {kind!r}: {name} = {value!r} must be a number")
     try:
         return laws[kind](**settings)
     except (TypeError, ValueError) as error:

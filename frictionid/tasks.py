@@ -111,10 +111,14 @@ def lock(folder: Path) -> AbstractContextManager[Any]:
     Raises
     ------
     InputError
-        Where another process holds it, or the folder cannot be written.
+        Where another process holds it, or the folder holds other things or cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        found = [path.name for path in folder.glob("[!.]*")]
+        if found and "provenance.json" not in found:
+            other = min(found)
+            raise InputError(f"{folder}: holds no comparison but {other!r}: choose another --out")
         held = FileLock(folder / ".lock", timeout=0)
         held.acquire()
     except Timeout:

@@ -145,7 +145,7 @@ def test_a_killed_comparison_leaves_nothing_behind_and_is_resumed(place):
     assert group_is_gone(process.pid)
     # what a kill in the middle of writing leaves, and a file that was damaged since
     half = ".tiny--b--integral--seed0.json.ab1_xy9z"
-    for part in ("", "tasks", "models"):
+    for part in ("", "tasks", "models", "../new"):
         (place / "killed" / part).mkdir(exist_ok=True)
         (place / "killed" / part / half).write_text('{"digest": ')
     first = sorted(done)[0]
@@ -156,7 +156,9 @@ def test_a_killed_comparison_leaves_nothing_behind_and_is_resumed(place):
     assert {n: t for n, t in after.items() if n in done and n != first} == {
         n: t for n, t in done.items() if n != first
     }
-    assert not [path for path in (place / "killed").rglob(".*") if path.name != ".lock"]
+    compare(place / "suite.toml", place / "new")  # killed before it had written anything
+    for name in ("killed", "new"):
+        assert not [path for path in (place / name).rglob(".*") if path.name != ".lock"]
 
 
 def assert_same_results(folder, other):
