@@ -43,6 +43,7 @@ OURS = [
     Nothing(),
     *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), AsymmetricStribeck())),
     *(LeastSquares(law) for law in (NoFriction(), Sampled())),
+    LeastSquares(Stribeck(), robust=2.0),
     Mean(),
 ]
 

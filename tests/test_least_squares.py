@@ -129,54 +129,6 @@ def test_each_joint_takes_its_own_start():
     np.testing.assert_allclose(at_once.theta[0, :, 2], theta[:, 2], rtol=0.25)
 
 
-# Weights.
-
-
-def test_rows_that_count_twice_are_rows_that_stand_there_twice():
-    problem = explained_by(Stribeck(), STRIBECK, 1e-3, np.random.default_rng(1))
-    rows = np.concatenate([np.arange(120), np.arange(40)])
-    fields = ("r", "G", "stencil", "recording", "time", "dt")
-    doubled = replace(problem, **{name: getattr(problem, name)[rows] for name in fields})
-    weights = np.where(np.arange(120) < 40, 2.0, 1.0)[None]
-    one, two = (
-        fit(Stribeck(), *pair) for pair in ((problem, weights), (doubled, np.ones((1, 160))))
-    )
-    np.testing.assert_allclose(one.theta, two.theta, rtol=1e-8)
-
-
-@pytest.mark.parametrize("size", [1e-300, 1e-12, 1e12, 1e300])
-def test_the_size_of_weights_does_not_matter(size):
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
-    usual, other = (fit(Stribeck(), problem, w) for w in (weights, size * weights))
-    np.testing.assert_allclose(other.theta, usual.theta, rtol=1e-6)
-
-
-def test_one_row_that_weighs_enormously_is_met_exactly():
-    problem = explained_by(CoulombViscous(), STRIBECK[:, [0, 3]], 1e-2, np.random.default_rng(2))
-    weights = everything(problem)
-    weights[0, 17] = 1e16
-    found = fit(CoulombViscous(), problem, weights)
-    off = np.abs(problem.residual(along(found, problem.nodes)))[0]
-    assert off[17].max() < 1e-6 < np.median(off)
-
-
-@pytest.mark.parametrize(
-    ("weights", "complaint"),
-    [
-        (np.ones(120), r"weights must have shape \(folds, 120\), got \(120,\)"),
-        (np.ones((2, 119)), r"weights must have shape \(folds, 120\), got \(2, 119\)"),
-        (np.full((1, 120), np.nan), "weights must be finite and not negative"),
-        (np.full((1, 120), np.inf), "weights must be finite and not negative"),
-        (-np.ones((1, 120)), "weights must be finite and not negative"),
-        (np.eye(2, 120)[::-1] * [[0.0], [1.0]], "fold 0 has no rows to fit"),
-    ],
-)
-def test_weights_that_mean_nothing_are_refused(weights, complaint):
-    with pytest.raises(InputError, match=complaint):
-        fit(CoulombViscous(), practice_problem(1), weights)
-
-
 # Data that decide nothing, or wrongly.
 
 

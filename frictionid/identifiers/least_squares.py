@@ -20,11 +20,13 @@ from frictionid.friction import Friction, Law
 from frictionid.identifiers.bounded import bounded
 from frictionid.identifiers.linearised import Rows
 from frictionid.identifiers.starts import best_starts
+from frictionid.identifiers.weights import relative, shares
 from frictionid.problem import Problem
 
 _EXACT = 1e-22  # costs below this part of that without friction are rounding
 _DAMPING = (1e-9, 1e9)
-_CLEAR = 1e-8
+_CLEAR = 1e-8  # a change of slope above rounding
+_ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ class LeastSquares:
     lowest cost, and ends where a step promises less than the `tolerance`, relative to the cost, or
     after a number of `iterations`. Laws without a `gradient(theta, x)` of shape (..., n, P), and
     laws with memory, are differentiated numerically. A parameter without any influence keeps its
-    start.
+    start. Where `robust` is given, rows with residuals beyond that many standard deviations are
+    weighted down and the fit is repeated.
 
     Raises
     ------
@@ -44,27 +47,43 @@ class LeastSquares:
 
     Examples
     --------
+    >>> from frictionid.identifiers.practice import practice_problem
     >>> from frictionid.laws import CoulombViscous
-    >>> LeastSquares(CoulombViscous())
-    LeastSquares(law=CoulombViscous(width=0.02, shape='tanh'), iterations=100, tolerance=1e-11)
+    >>> problem = practice_problem(joints=1)
+    >>> friction = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)
+    >>> print(friction[0])
+    CoulombViscous(width=0.02, shape='tanh')
+      joint 1  coulomb 0.1265 N m, viscous 0.01494 N m s/rad
     """
 
     law: Law
     iterations: int = 100
     tolerance: float = 1e-11
+    robust: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.robust is not None and not self.robust > 0:
+            raise InputError(f"robust = {self.robust} standard deviations must be positive")
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         rows = Rows(self.law, problem)
-        weights = _relative(weights, problem)
-        folds = _begin(rows, *best_starts(rows, weights), weights)
-        theta, active = folds.theta.copy(), np.arange(len(weights))
+        weights = relative(weights, problem)
+        theta = self._descended(_begin(rows, *best_starts(rows, weights), weights), rows)
+        for _ in range(_ROUNDS if self.robust else 0):
+            kept = weights * shares(rows.residual(theta), weights, self.robust or 0.0)
+            theta = self._descended(_begin(rows, theta, theta, kept), rows)
+        return rows.friction(theta)
+
+    def _descended(self, folds: _Folds, rows: Rows) -> Array:
+        """Parameters (F, N) at the minimum that lies downhill."""
+        theta, active = folds.theta.copy(), np.arange(len(folds.theta))
         for _ in range(self.iterations):
             folds, settled = _improved(rows, folds, self.tolerance)
             theta[active] = folds.theta
             active, folds = active[~settled], folds.take(~settled)
             if not len(active):
                 break
-        return rows.friction(theta)
+        return theta
 
 
 class _Folds(NamedTuple):
@@ -171,24 +190,3 @@ def _set(field: Array, index: Array, value: Array) -> Array:
     out = field.copy()
     out[index] = value
     return out
-
-
-def _relative(weights: Array, problem: Problem) -> Array:
-    """Weights (F, K) that add up to one in each fold.
-
-    Raises
-    ------
-    InputError
-        For another shape, weights that are negative or not finite, and folds without rows.
-    """
-    weights, K = np.asarray(weights, dtype=float), len(problem.r)
-    if weights.ndim != 2 or weights.shape[1] != K:
-        raise InputError(f"weights must have shape (folds, {K}), got {weights.shape}")
-    if not (np.isfinite(weights).all() and (weights >= 0).all()):
-        raise InputError("weights must be finite and not negative")
-    highest = weights.max(axis=1, initial=0.0, keepdims=True)
-    if not highest.all():
-        fold = int(np.argmin(highest))
-        raise InputError(f"fold {fold} has no rows to fit: use fewer folds or more recordings")
-    weights = weights / highest
-    return weights / weights.sum(axis=1, keepdims=True)
