@@ -111,14 +111,16 @@ def accuracy(name: str, dataset: Any) -> list[tuple[str, str]]:
     grid = prepare(dataset, Protocol(horizons=(0.1,))).grid
     true = curves(steady_state(dataset.truth), grid)
     rows, errors = [], []
-    for recipe in (STUDY, INTEGRAL):
+    for recipe, robust in ((STUDY, None), (INTEGRAL, None), (INTEGRAL, 3.0)):
         problem = training_problem(dataset, plant_of(dataset), recipe)
         weights = np.ones((1, len(problem.r)))
-        friction = LeastSquares(AsymmetricStribeck()).fit(problem, weights, 0)[0]
+        identifier = LeastSquares(AsymmetricStribeck(), robust=robust)
+        friction = identifier.fit(problem, weights, 0)[0]
         errors.append(curve_error(curves(friction, grid), true, grid))
         shown = " / ".join(f"{100 * e:.1f} %" for e in errors[-1])
-        rows.append((f"{name}: curve error, {recipe.name} (joint 1 / 2)", shown))
-    ratio = " / ".join(f"{b / a:.2f}" for a, b in zip(*errors, strict=True))
+        how = f"{recipe.name}, robust" if robust else recipe.name
+        rows.append((f"{name}: curve error, {how} (joint 1 / 2)", shown))
+    ratio = " / ".join(f"{b / a:.2f}" for a, b in zip(*errors[:2], strict=True))
     return [*rows, ("  integral over study", ratio)]
 
 
