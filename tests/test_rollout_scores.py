@@ -1,12 +1,11 @@
 """Rollout scores: fair starts, honest horizons, the right friction, statistics that survive."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from remembering import FilmLag, Sampled
-from tiny import PENDULUM, RATE, TRUTH, dataset, disturbed, recordings, shortened
+from tiny import PENDULUM, RATE, TRUTH, dataset, disturbed, recordings, select, shortened
 
 from frictionid.errors import InputError
 from frictionid.evaluation import (
@@ -47,11 +46,6 @@ def still(time):
 def times_of(starts, data):
     clocks = [r.angle.time for r in data.recordings]
     return np.array([clocks[r][k] for r, k in zip(starts.recording, starts.index, strict=True)])
-
-
-def select(rows, **wanted):
-    found = [r for r in rows if all(getattr(r, k) == v for k, v in wanted.items())]
-    return {(r.fold, r.joint): r.value for r in found}
 
 
 # --- Truth in, truth out -------------------------------------------------------------------------
@@ -311,70 +305,6 @@ def test_one_step_scores_remember_along_the_recording_too():
     residual = prepared.euler.residual(along(friction, prepared.euler.nodes))
     rms = select(rows, score="one_step_euler", statistic="rms")["all", "all"]
     assert rms == pytest.approx(np.sqrt(np.mean(residual**2)))
-
-
-# --- Statistics ----------------------------------------------------------------------------------
-
-
-def made_up(errors):
-    """Motion, starts and folds of S rollouts with given errors (S, n) after the only horizon."""
-    errors = np.asarray(errors, float)
-    S, n = errors.shape
-    motion = SimpleNamespace(q=np.stack([np.zeros((S, n)), errors]))
-    starts = SimpleNamespace(
-        measured=np.zeros((2, S, n)),
-        truth=None,
-        horizons=np.array([0.5]),
-        last=np.ones((1, S), int),
-    )
-    return motion, starts
-
-
-def test_errors_are_norms_of_all_joints_and_distances_of_each():
-    rows = list(rollout_rows(*made_up([[0.3, 0.4], [-0.6, 0.0], [0.0, -0.9]]), np.zeros((1, 3))))
-    assert select(rows, statistic="median") == pytest.approx(
-        {("0.0", "all"): 0.6, ("all", "all"): 0.6, ("all", "1"): 0.3, ("all", "2"): 0.4}
-    )
-    assert {(row.score, row.horizon_s) for row in rows} == {("rollout_angle", 0.5)}
-
-
-def test_statistics_are_numpys_while_all_is_finite():
-    rng = np.random.default_rng(4)
-    for size in (1, 2, 3, 10, 57):
-        errors = np.abs(rng.normal(size=(size, 1)))
-        rows = list(rollout_rows(*made_up(errors), np.zeros((1, size), int)))
-        found = {row.statistic: row.value for row in rows if row.fold == "all"}
-        assert found["median"] == pytest.approx(np.median(errors), rel=1e-12)
-        assert found["q90"] == pytest.approx(np.quantile(errors, 0.9), rel=1e-12)
-        assert found["diverged"] == pytest.approx(np.mean(errors > 1.0))
-
-
-@pytest.mark.parametrize("lost", [np.nan, np.inf, 1e300])
-def test_what_diverges_counts_and_leaves_the_median_alone(lost):
-    errors = np.array([0.1, 0.2, 0.3, 0.4, 2.0, 0.5, lost, 0.1, lost, 0.2])[:, None]
-    with np.errstate(over="ignore"):
-        rows = list(rollout_rows(*made_up(errors), np.zeros((1, 10), int)))
-    found = {row.statistic: row.value for row in rows if row.fold == "all"}
-    assert found["diverged"] == pytest.approx(0.3)
-    assert found["median"] == pytest.approx(0.35)
-    assert found["q90"] > 1e299
-
-
-def test_exactly_one_radian_has_not_diverged():
-    rows = list(rollout_rows(*made_up([[1.0], [1.0 + 1e-9]]), np.zeros((1, 2), int)))
-    assert select(rows, statistic="diverged")["all", "1"] == 0.5
-
-
-def test_pooled_is_over_all_starts_and_folds_only_over_their_own():
-    errors = np.array([0.1, 0.2, 0.3, 5.0, 6.0])[:, None]
-    fold = np.array([[0, 0, 0, 1, 1]])
-    rows = list(rollout_rows(*made_up(errors), fold))
-    median = select(rows, statistic="median", joint="all")
-    assert median == pytest.approx({("0", "all"): 0.2, ("1", "all"): 5.5, ("all", "all"): 0.3})
-    without = list(rollout_rows(*made_up(errors), np.where(fold == 1, -1, fold)))
-    assert select(without, statistic="median", joint="all") == pytest.approx(
-        {("0", "all"): 0.2, ("all", "all"): 0.2}
-    )
 
 
 def test_a_friction_that_drives_the_motion_away_is_counted_and_not_an_error():

@@ -177,3 +177,9 @@ def compare_into(file, folder, resume=False, jobs=1):
         describe(folder, table.name, table.title, table.model_dump(mode="json"), tasks, grounds)
         run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=jobs, resume=resume)
         reduce(folder)
+
+
+def select(rows, **wanted):
+    """Values of the rows with the wanted entries, by fold and joint."""
+    found = [r for r in rows if all(getattr(r, k) == v for k, v in wanted.items())]
+    return {(r.fold, r.joint): r.value for r in found}
