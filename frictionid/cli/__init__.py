@@ -7,6 +7,7 @@ import sys
 import typer
 
 from frictionid.cli.compare import compare
+from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.fit import fit
 from frictionid.cli.report import report
@@ -22,6 +23,7 @@ app = typer.Typer(
 )
 for command in (compare, fit, evaluate, report, simulate):
     app.command()(command)
+app.add_typer(data, name="data")
 
 
 def main() -> int:
