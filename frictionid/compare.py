@@ -27,7 +27,7 @@ from frictionid.evaluation import (
 )
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
-from frictionid.mechanics import plant_of
+from frictionid.mechanics import mechanism_of, plant_of
 from frictionid.recipe import INTEGRAL, Recipe, training_problem
 from frictionid.recordings import Dataset
 
@@ -87,7 +87,8 @@ def run(contest: Contest, identifier: Identifier, recipe: Recipe, seed: int = 0)
     weights = np.concatenate([training, np.ones((1, len(problem.r)))])
     seconds = {"prepare": time.perf_counter() - clock}
     clock = time.perf_counter()
-    fitted = identifier.fit(problem, weights, seed)
+    angle_unit = mechanism_of(dataset.mechanism).description.angle_unit
+    fitted = replace(identifier.fit(problem, weights, seed), angle_unit=angle_unit)
     seconds["fit"] = time.perf_counter() - clock
     clock = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]

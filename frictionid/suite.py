@@ -21,7 +21,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, LeastSquares, Nothing, Published
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, MotorLoad, NoFriction, Stribeck
 from frictionid.readers.dataset import load_dataset
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.states import RTS, Backward, Estimator, SavitzkyGolay
@@ -33,6 +33,7 @@ Shape = Literal["tanh", "arctan"]
 LAWS: Mapping[str, type] = {
     "none": NoFriction,
     "coulomb_viscous": CoulombViscous,
+    "motor_load": MotorLoad,
     "stribeck": Stribeck,
     "stribeck_asymmetric": AsymmetricStribeck,
 }
@@ -46,6 +47,11 @@ def none() -> Identifier:
 def coulomb_viscous(width: float = 0.02, shape: Shape = "tanh") -> Identifier:
     """Coulomb and viscous friction by least squares."""
     return LeastSquares(CoulombViscous(width, shape))
+
+
+def motor_load(width: float = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Coulomb and viscous friction, and a share of the motor torque, by least squares."""
+    return LeastSquares(MotorLoad(width, shape))
 
 
 def stribeck(symmetric: bool = True, width: float = 0.02, shape: Shape = "tanh") -> Identifier:
@@ -62,6 +68,7 @@ def published(file: str) -> Identifier:
 IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "none": none,
     "coulomb_viscous": coulomb_viscous,
+    "motor_load": motor_load,
     "stribeck": stribeck,
     "published": published,
 }

@@ -36,7 +36,6 @@ def get(
     ] = None,
 ) -> None:
     """Put the files of a public collection into its folder, each checked by its hash."""
-    from frictionid.cli.progress import counted
     from frictionid.readers.registry import cached, collection_named, download, take
 
     collection = collection_named(name)
@@ -46,8 +45,7 @@ def get(
         if missing:
             print(f"not there: {len(missing)} of {len(collection.files)}, {', '.join(missing)}")
     else:
-        with counted(len(collection.files), f"getting {name}", str(cached(name))) as done:
-            download(name, done)
+        download(name, lambda file: print(f"  {file}", flush=True))
     if any(file.sha256 is None for file in collection.files):
         print("the SHA-256 of the original is not known: it was not verified")
     print(f"in {cached(name)}")

@@ -23,10 +23,12 @@ def fit(
     seed: Annotated[int, typer.Option(help="Seed of the fit.")] = 0,
 ) -> None:
     """Fit friction to all recordings of a data set."""
+    from dataclasses import replace
+
     import numpy as np
 
     from frictionid.compare import with_provenance
-    from frictionid.mechanics import plant_of
+    from frictionid.mechanics import mechanism_of, plant_of
     from frictionid.readers.dataset import load_dataset
     from frictionid.recipe import training_problem
     from frictionid.store import save_model
@@ -37,6 +39,8 @@ def fit(
     made = recipe_of(RecipeEntry(name=recipe))
     problem = training_problem(recordings, plant_of(recordings), made, sample_time)
     friction = chosen.fit(problem, np.ones((1, len(problem.r))), seed)[0]
+    angle_unit = mechanism_of(recordings.mechanism).description.angle_unit
+    friction = replace(friction, angle_unit=angle_unit)
     source: dict[str, Any] = {
         "dataset": recordings.name,
         "data": dict(recordings.hashes),
