@@ -17,6 +17,8 @@ from frictionid.check.rows import Rows
 
 # The mechanism's parameters may be off by this share where they are a nuisance.
 LOOSE = 0.3
+# Share of its terms that a balance usually fails by.
+MODEL = 0.02
 
 
 class Stack(NamedTuple):
@@ -58,7 +60,7 @@ def stack_of(rows: Rows, torque: Array, told: Array, loose: bool) -> Stack:
     terms = np.stack(
         [(x * told[rows.recording][:, None]).sum(-1) for x in (rows.inertia, rows.gravity)]
     )
-    weight = _weight(rows, terms, torque)
+    weight = _weight(free, np.concatenate([terms, torque[None]]))
     K, n, F = rows.friction.shape
     columns = np.zeros((K, n, n * F))
     for j in range(n):
@@ -90,13 +92,9 @@ def effect(stack: Stack, target: Array, column: Array) -> Effect:
     return Effect(size, float(error), float(left @ left))
 
 
-def _weight(rows: Rows, terms: Array, torque: Array) -> Array:
-    """Inverse of the error expected of each joint: noise of the velocities, 2 % of the terms."""
-    count = np.maximum(rows.free.sum(0), 1)
-    squares = [(np.where(rows.free, x, 0.0) ** 2).sum(0) / count for x in (*terms, torque)]
-    level = sum(squares)
-    model = 0.02**2 * level
-    inertial = squares[0] / np.maximum((np.where(rows.free, rows.w, 0) ** 2).sum(0) / count, 1e-300)
-    noise = inertial * 0.0 + model
-    out: Array = 1.0 / np.sqrt(np.where(noise > 0, noise, 1.0))
+def _weight(free: Array, terms: Array) -> Array:
+    """Inverse of the error expected of each joint: a share of its terms."""
+    count = np.maximum(free.sum(0), 1)
+    level = (np.where(free, terms, 0.0) ** 2).sum((0, 1)) / count
+    out: Array = 1.0 / np.sqrt(np.where(level > 0, level, 1.0)) / MODEL
     return out

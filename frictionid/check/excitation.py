@@ -71,7 +71,8 @@ def advice(
         out.append(f"only {passive:.0f} s of free decay: add one of {DECAY:.0f} s")
     driven = [j for j, d in enumerate(mechanism.description.driven) if d]
     if driven and (delay is None or not delay.error < 0.005):
-        out.append("the torque hardly varies: add steps or a chirp, which show its delay and gain")
+        why = "no torque varies" if delay is None else f"the delay is known to {1e3 * delay.error:.0f} ms"
+        out.append(f"{why}: add torque steps or a chirp, which show delay and gain")
     blind = sorted({name for direction in estimate.blind for name, _ in direction})
     base = [name for name in blind if name in mechanism.base_names]
     if base:

@@ -68,9 +68,11 @@ def _friction(estimate: Estimate, fact: JointFacts) -> Identifiable:
     level, error = estimate.at(f"coulomb_{fact.joint}")
     if not np.isfinite(error):
         return Identifiable(what, False, "the joint hardly slides")
-    viscous, doubt = estimate.at(f"viscous_{fact.joint}")
+    viscous, _ = estimate.at(f"viscous_{fact.joint}")
+    at = [estimate.names.index(f"{name}_{fact.joint}") for name in ("coulomb", "viscous")]
+    grade = np.array([1.0, fact.fast])
     total = abs(level) + abs(viscous) * fact.fast
-    uncertain = float(np.hypot(error, doubt * fact.fast))
+    uncertain = float(np.sqrt(grade @ estimate.covariance[np.ix_(at, at)] @ grade))
     share = 100 * uncertain / max(total, 1e-300)
     return Identifiable(
         what, share < 100 * PRECISE, f"known to {share:.2g} % of its level at {fact.fast:.2g} rad/s"

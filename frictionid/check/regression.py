@@ -49,61 +49,78 @@ class Estimate(NamedTuple):
         return float(self.value[i]), float(self.error[i])
 
 
-def regress(
-    rows: Rows,
-    torque: Array,
-    base_names: Sequence[str],
-    told: Array,
-    scale: Array | None = None,
-) -> Estimate:
+def regress(rows: Rows, torque: Array, base_names: Sequence[str], told: Array) -> Estimate:
     """Base parameters and friction of all joints from the rows.
+
+    The errors are those of errors alike within blocks, and hold how far the value moves when the
+    friction at low speed is left open (a Stribeck peak that Coulomb and viscous friction miss).
 
     Parameters
     ----------
-    rows : Rows, K windows of n joints
+    rows : Rows with unit parameter vectors, K windows of n joints
     torque : array, shape (K, n) [N m], zero where there is no motor
     base_names : names of the nb base parameters
-    told : array, shape (R, nb); recordings may differ by known amounts (an exchangeable mass): the
-        first recording's values are estimated, the differences are taken as told
-    scale : array, shape (nb,), optional; what counts as a large change of each base parameter
+    told : array, shape (R, nb)
+        Recordings may differ by known amounts (an exchangeable mass): the first recording's values
+        are estimated, the differences are taken as told.
 
-    Columns that are zero in all rows (gravity of a horizontal axis) get the value told, with an
-    infinite error.
+    What cannot be estimated keeps the value told (friction: 0), with an infinite error: base
+    parameters that do not appear (gravity of a horizontal axis), friction of a joint that hardly
+    slides and, where no torque acts, the largest base parameter, because only ratios show then.
     """
     n, nb = rows.inertia.shape[1:]
-    free = rows.free
     reference = np.asarray(told, float)[0]
     difference = (np.asarray(told, float) - reference)[rows.recording]
     y = torque - (rows.phi * difference[:, None]).sum(-1)
-    X = design(rows)
     names = (*base_names, *(f"{f}_{j + 1}" for j in range(n) for f in FRICTION))
-    alive = (np.abs(X) > 1e-12).any(1).any(0) & np.append(np.ones(nb, bool), _seen(rows))
+    X = np.concatenate([rows.phi, _friction_columns(rows, slice(None))], axis=-1)
+    size, alive = _sizes(rows, torque, reference), _alive(X, rows, torque, reference)
+    value = np.where(alive, 0.0, np.append(reference, np.zeros(3 * n)))
     at = np.flatnonzero(alive)
-    size = _sizes(rows, torque, reference if scale is None else np.asarray(scale, float))
-    fixed = np.where(alive, 0.0, np.append(reference, np.zeros(3 * n)))
-    part = _solve(X[..., at], y - X @ fixed, rows, size[at])
-    value, covariance = fixed, np.full((len(names), len(names)), np.nan)
+    y = y - X @ value
+    part = _solve(X[..., at], y, rows, size[at])
+    drift = part.value - _open_value(X[..., at], y, rows, size[at])
     value[at] = part.value
-    covariance[np.ix_(at, at)] = part.covariance
+    covariance = np.full((len(names), len(names)), np.nan)
+    covariance[np.ix_(at, at)] = part.covariance + np.outer(drift, drift)
     error = np.full(len(names), np.inf)
-    error[at] = np.sqrt(np.maximum(np.diag(part.covariance), 0.0))
-    residual = np.where(rows.free, y - X @ value, np.nan)
+    error[at] = np.sqrt(np.maximum(np.diag(covariance)[at], 0.0))
+    residual = np.where(rows.free, y - X[..., at] @ part.value, np.nan)
     blind = tuple(
         tuple((names[at[i]], float(v[i])) for i in np.argsort(-np.abs(v)) if abs(v[i]) > 0.2)
         for v in part.blind
     )
-    return Estimate(names, value, error, covariance, residual, _spread(residual, free), blind)
+    return Estimate(names, value, error, covariance, residual, _spread(residual, rows.free), blind)
 
 
-def design(rows: Rows) -> Array:
-    """Columns of base parameters and of each joint's Coulomb, viscous and offset, (K, n, P)."""
-    K, n, nb = rows.inertia.shape
-    own = rows.friction[..., : len(FRICTION)]
-    X = np.zeros((K, n, nb + 3 * n))
-    X[..., :nb] = rows.phi
-    for j in range(n):
-        X[:, j, nb + 3 * j : nb + 3 * j + 3] = own[:, j]
-    return X
+def _friction_columns(rows: Rows, joints: slice, shapes: slice = slice(0, len(FRICTION))) -> Array:
+    """Columns of friction shapes, those of each joint in its own balance only, (K, n, n F)."""
+    own = rows.friction[..., shapes]
+    K, n, F = own.shape
+    out = np.zeros((K, n, n, F))
+    each = np.arange(n)[joints]
+    out[:, each, each] = own[:, each]
+    return out.reshape(K, n, n * F)
+
+
+def _open_value(X: Array, y: Array, rows: Rows, size: Array) -> Array:
+    """Estimate with the shapes of slow friction as further columns."""
+    slow = _friction_columns(rows, slice(None), slice(len(FRICTION), None))
+    slow = slow[..., (np.abs(slow[rows.free.any(1)]) > 0).any((0, 1))]
+    level = np.full(slow.shape[-1], size[-1] if len(size) else 1.0)
+    wide = np.concatenate([X, slow], axis=-1)
+    value: Array = _solve(wide, y, rows, np.append(size, level)).value[: X.shape[-1]]
+    return value
+
+
+def _alive(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
+    """Whether each parameter can be estimated at all."""
+    alive = (np.abs(X[rows.free]) > 1e-12).any(0)
+    alive[len(reference) :] &= _seen(rows)
+    if not np.abs(torque).any():
+        terms = (rows.phi[rows.free] * reference) ** 2
+        alive[int(np.argmax(terms.sum(0)))] = False
+    return alive
 
 
 def block_numbers(rows: Rows) -> Array:

@@ -31,8 +31,7 @@ class Rows(NamedTuple):
 
     inertia, gravity (K, n, m) : means of d(M w)/dt and -dL/dq for each of m parameter vectors
     friction (K, n, F) : friction shapes per joint, see `SHAPE_NAMES`
-    w (K, n) [rad/s] mean velocity; free (K, n) : the joint neither rests nor turns round
-    noise (K, n) [rad/s^2] : of the mean acceleration, from the noise of the velocities
+    w (K, n) [rad/s] mean velocity ; free (K, n) : the joint neither rests nor turns round
     recording (K,) ; start, stop (K,) [s]
     """
 
@@ -41,7 +40,6 @@ class Rows(NamedTuple):
     friction: Array
     w: Array
     free: Array
-    noise: Array
     recording: Array
     start: Array
     stop: Array
@@ -66,10 +64,13 @@ def fast_speed(motions: Sequence[Motion]) -> Array:
     return np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
 
 
-def unit_rows(mechanism: Mechanism, motions: Sequence[Motion]) -> Rows:
+def unit_rows(
+    mechanism: Mechanism, motions: Sequence[Motion], width: float = WIDTH, every: bool = False
+) -> Rows:
     """Rows whose parameter vectors are the units of the base parameters: responses to them."""
     nb = len(mechanism.base_names)
-    return rows_of(mechanism, motions, np.broadcast_to(np.eye(nb)[:, None], (nb, len(motions), nb)))
+    units = np.broadcast_to(np.eye(nb)[:, None], (nb, len(motions), nb))
+    return rows_of(mechanism, motions, units, width=width, every=every)
 
 
 def rows_of(
@@ -78,6 +79,7 @@ def rows_of(
     parameters: Array,
     map_: Array | None = None,
     width: float = WIDTH,
+    every: bool = False,
 ) -> Rows:
     """Rows of all recordings, each window overlapping the next by half.
 
@@ -90,6 +92,8 @@ def rows_of(
     map_ : array, shape (n, n), optional
         Linear map of angles and velocities to be tried, such as a flipped sign.
     width : float [s] of a window; at least two samples
+    every : bool
+        Whether windows count in which a joint rests or turns round, at the mean of sgn(w).
     """
     if map_ is not None:
         motions = [mapped_motion(motion, map_) for motion in motions]
@@ -109,10 +113,9 @@ def rows_of(
     inertia = (momentum[b] - momentum[a]) / length[..., None]
     fast = np.maximum(fast_speed(motions), 1e-12)
     friction = mean(_shapes(w, fast), _shapes(middle_w, fast))
-    noise = np.array([m.velocity_noise for m in motions])[recording] * np.sqrt(2) / length
-    free = _free(w, a, b, rest_speed(motions))
+    free = _free(w, a, b, rest_speed(motions)) | every
     mean_w = mean(w, middle_w)
-    return Rows(inertia, gravity, friction, mean_w, free, noise, recording, time[a], time[b])
+    return Rows(inertia, gravity, friction, mean_w, free, recording, time[a], time[b])
 
 
 def mapped_motion(motion: Motion, map_: Array) -> Motion:
@@ -169,4 +172,4 @@ def _free(w: Array, a: Array, b: Array, rest: Array) -> Array:
     up = np.concatenate([np.zeros_like(w[:1]), np.cumsum(w > rest, axis=0)])
     down = np.concatenate([np.zeros_like(w[:1]), np.cumsum(w < -rest, axis=0)])
     count = (b - a + 1)[:, None]
-    return (up[b + 1] - up[a] == count) | (down[b + 1] - down[a] == count)
+    return np.asarray((up[b + 1] - up[a] == count) | (down[b + 1] - down[a] == count))

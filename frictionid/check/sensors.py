@@ -55,7 +55,7 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
             "unusable",
             f"angle {j + 1} jumps by a whole turn {jumps[j]} times: it is wrapped at half a turn",
             "unwrap it (numpy.unwrap) when the tables are written; checked on as if it were",
-            j + 1,
+            int(j) + 1,
             {"jumps": float(jumps[j])},
         )
         for j in np.flatnonzero(jumps)

@@ -78,6 +78,8 @@ def freed(rows: Rows, torque: Array, told: Array) -> float:
     clean = stack.clean(torque - (rows.phi * told[rows.recording][:, None]).sum(-1))
     columns = stack.clean(np.moveaxis(rows.phi, -1, 0)).T
     size = np.sqrt((columns**2).sum(0))
+    if not np.abs(torque).any():  # only ratios show: hold the largest
+        size[np.argmax(size * np.abs(told[0]))] = 0.0
     columns = columns[:, size > 0] / size[size > 0]
     left = clean - columns @ np.linalg.lstsq(columns, clean, rcond=1e-7)[0]
     return float(left @ left) / max(float(clean @ clean), 1e-300)

@@ -76,7 +76,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Data set, motions and rows that the verdict was made from; torque (K, n) [N m] of the rows."""
+    """What the verdict was made from; torque (K, n) [N m] of the rows."""
 
     dataset: Dataset
     motions: tuple[Motion, ...]
