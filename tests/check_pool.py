@@ -1,6 +1,6 @@
 """Healthy simulated recordings, and the faults that the tests of `check` plant in copies of them.
 
-Eight rigs are simulated once, 16 recordings of 6 s each; a case draws 4 to 6 of them, noise of its
+Eight rigs are simulated once, 12 recordings of 6 s each; a case draws 4 or 5 of them, noise of its
 own and, where asked, a fault.
 """
 
@@ -27,7 +27,7 @@ from frictionid.simulate import (
     simulate,
 )
 
-SAMPLES, DECAYS, DRIVEN = 361, 3, 13
+SAMPLES, DECAYS, DRIVEN = 361, 2, 10
 
 
 def pool(seed=0):
@@ -68,7 +68,7 @@ def rig(kind, number, rng, locked=None):
         tuple(runs),
         drive=Drive(60.0),
         seed=number,
-        substeps=8,
+        substeps=6,
     )
 
 
@@ -122,7 +122,7 @@ def _run(i, level, motors, rng, locked):
     return Run(f"{i:02d}_driven", tuple(start), (), tuple(torques))
 
 
-def case(dataset, rng, driven=(3, 6), noise=(3e-4, 2e-3)):
+def case(dataset, rng, driven=(3, 5), noise=(3e-4, 2e-3)):
     """A free decay and some driven recordings of a data set, with measurement noise."""
     decay = rng.choice(DECAYS, 1)
     chosen = rng.choice(np.arange(DECAYS, DECAYS + DRIVEN), int(rng.integers(*driven)), False)

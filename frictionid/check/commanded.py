@@ -16,7 +16,7 @@ from frictionid.signals import sample
 
 # Remainder over the torque's root mean square: friction and inertia leave more in any measurement.
 EQUAL = 0.01
-_MOST = 2000  # samples looked at
+_MOST = 500  # samples looked at
 
 
 def commanded(dataset: Dataset, mechanism: Mechanism) -> list[Finding]:

@@ -12,8 +12,8 @@ from frictionid.check.regression import Estimate
 from frictionid.check.rows import Rows
 from frictionid.mechanics import Mechanism
 
-# Windows in which a joint slides that its friction needs, and its speed in units of the noise.
-FEWEST, ABOVE = 20, 6.0
+# Windows in which a joint slides that its friction needs.
+FEWEST = 20
 # Speeds [rad/s] that show the viscous part, and slow ones that show the Stribeck part.
 FAST, SLOW = 2.0, (0.1, 0.5)
 DECAY = 20.0  # [s] of free decay that fix the friction of joints without motor
@@ -24,7 +24,7 @@ def still_joints(rows: Rows, facts: list[JointFacts]) -> list[Finding]:
     found = []
     for fact in facts:
         slides = int(rows.free[:, fact.joint - 1].sum())
-        if slides >= FEWEST and fact.fast >= ABOVE * fact.velocity_noise:
+        if slides >= FEWEST:
             continue
         found.append(
             Finding(
@@ -71,7 +71,11 @@ def advice(
         out.append(f"only {passive:.0f} s of free decay: add one of {DECAY:.0f} s")
     driven = [j for j, d in enumerate(mechanism.description.driven) if d]
     if driven and (delay is None or not delay.error < 0.005):
-        why = "no torque varies" if delay is None else f"the delay is known to {1e3 * delay.error:.0f} ms"
+        why = (
+            "no torque varies"
+            if delay is None
+            else f"the delay is known to {1e3 * delay.error:.0f} ms"
+        )
         out.append(f"{why}: add torque steps or a chirp, which show delay and gain")
     blind = sorted({name for direction in estimate.blind for name, _ in direction})
     base = [name for name in blind if name in mechanism.base_names]

@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.motion import Motion
-from frictionid.check.rows import fast_speed, rest_speed
+from frictionid.check.rows import speeds_of
 from frictionid.recordings import Recording
 
 
@@ -92,7 +92,7 @@ def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> lis
     w = np.concatenate([m.states.w for m in motions])
     q = np.concatenate([r.angle.value for r in recordings])
     u = np.concatenate([r.torque.value for r in recordings])
-    rest, fast = rest_speed(motions), fast_speed(motions)
+    rest, fast = speeds_of(motions)
     angle_noise = np.median([m.angle_noise for m in motions], axis=0)
     velocity_noise = np.median([m.velocity_noise for m in motions], axis=0)
     out = []

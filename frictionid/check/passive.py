@@ -45,16 +45,27 @@ def passive_time(recordings: Sequence[Recording], motions: Sequence[Motion], res
     return total
 
 
+def energy_rises(
+    mechanism: Mechanism, recordings: Sequence[Recording], motions: Sequence[Motion], told: Array
+) -> list[tuple[float, str, float]]:
+    """Largest rise of energy in each passive phase, over its range; recording and start [s]."""
+    return [
+        (
+            energy_rise(mechanism, told[i], motion, phase),
+            recording.name,
+            float(motion.states.time[phase.start]),
+        )
+        for i, (recording, motion) in enumerate(zip(recordings, motions, strict=True))
+        for phase in passive_phases(recording, motion)
+    ]
+
+
 def energy(
     mechanism: Mechanism, recordings: Sequence[Recording], motions: Sequence[Motion], told: Array
 ) -> list[Finding]:
     """A finding where the told mechanism's energy rises in passive phases: something is wrong."""
-    worst, where, at = 0.0, "", 0.0
-    for i, (recording, motion) in enumerate(zip(recordings, motions, strict=True)):
-        for phase in passive_phases(recording, motion):
-            rise = energy_rise(mechanism, told[i], motion, phase)
-            if rise > worst:
-                worst, where, at = rise, recording.name, float(motion.states.time[phase.start])
+    rises = energy_rises(mechanism, recordings, motions, told)
+    worst, where, at = max(rises, default=(0.0, "", 0.0))
     if worst <= RISE:
         return []
     return [

@@ -24,6 +24,8 @@ from frictionid.mechanics import Mechanism
 WIDTH = 0.15
 # Speeds of the Stribeck shapes that stand for unknown friction, as shares of the fast speed.
 SHAPES = (0.04, 0.15)
+# A joint moves where its fast speed is this many times the noise.
+ABOVE = 6.0
 
 
 class Rows(NamedTuple):
@@ -44,6 +46,14 @@ class Rows(NamedTuple):
     start: Array
     stop: Array
 
+    def at(self, parameters: Array) -> Rows:
+        """Rows of unit vectors taken at one parameter vector per recording, (R, nb)."""
+        p = parameters[self.recording][:, None]
+        return self._replace(
+            inertia=(self.inertia * p).sum(-1, keepdims=True),
+            gravity=(self.gravity * p).sum(-1, keepdims=True),
+        )
+
     @property
     def phi(self) -> Array:
         """The whole left side for each parameter vector, (K, n, m)."""
@@ -53,15 +63,23 @@ class Rows(NamedTuple):
 SHAPE_NAMES = ("coulomb", "viscous", "offset", "slow", "slower")
 
 
-def rest_speed(motions: Sequence[Motion]) -> Array:
-    """Speed (n,) [rad/s] below which a joint may be at rest: noise, or 2 % of fast motion."""
+class Speeds(NamedTuple):
+    """Speeds (..., n) [rad/s] of each joint that set scales.
+
+    rest : below it a joint may be at rest (noise, or 2 % of fast motion), infinite for a joint that
+    never rises from the noise ; fast : exceeded in 5 % of the time
+    """
+
+    rest: Array
+    fast: Array
+
+
+def speeds_of(motions: Sequence[Motion]) -> Speeds:
+    """Speeds of the joints over all motions, (n,) each."""
     noise = np.median([m.velocity_noise for m in motions], axis=0)
-    return np.maximum(3.0 * noise, 0.02 * fast_speed(motions))
-
-
-def fast_speed(motions: Sequence[Motion]) -> Array:
-    """Speed (n,) [rad/s] that each joint exceeds in 5 % of the time."""
-    return np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
+    fast = np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
+    rest = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
+    return Speeds(rest, np.maximum(fast, 1e-12))
 
 
 def unit_rows(
@@ -77,7 +95,7 @@ def rows_of(
     mechanism: Mechanism,
     motions: Sequence[Motion],
     parameters: Array,
-    map_: Array | None = None,
+    speeds: Speeds | None = None,
     width: float = WIDTH,
     every: bool = False,
 ) -> Rows:
@@ -89,14 +107,12 @@ def rows_of(
     motions : sequence of R Motion
     parameters : array, shape (m, R, nb)
         Base parameters of each recording, m vectors side by side.
-    map_ : array, shape (n, n), optional
-        Linear map of angles and velocities to be tried, such as a flipped sign.
+    speeds : Speeds, shape (R, n), optional
+        Of each recording; by default those of all motions together.
     width : float [s] of a window; at least two samples
     every : bool
         Whether windows count in which a joint rests or turns round, at the mean of sgn(w).
     """
-    if map_ is not None:
-        motions = [mapped_motion(motion, map_) for motion in motions]
     q, w, middle_q, middle_w, dt, time = _joined(motions)
     first = np.concatenate([[0], np.cumsum([len(m.states.time) for m in motions])])
     a, b, recording = _windows(motions, first, width)
@@ -111,11 +127,16 @@ def rows_of(
     momentum, dLdq = _terms(mechanism, p, q, w)
     gravity = -mean(dLdq, _terms(mechanism, p[:, :-1], middle_q, middle_w)[1])
     inertia = (momentum[b] - momentum[a]) / length[..., None]
-    fast = np.maximum(fast_speed(motions), 1e-12)
-    friction = mean(_shapes(w, fast), _shapes(middle_w, fast))
-    free = _free(w, a, b, rest_speed(motions)) | every
+    rest, fast = (_per_sample(v, first) for v in speeds or speeds_of(motions))
+    friction = mean(_shapes(w, fast), _shapes(middle_w, fast[:-1]))
+    free = _free(w, a, b, rest) | every
     mean_w = mean(w, middle_w)
     return Rows(inertia, gravity, friction, mean_w, free, recording, time[a], time[b])
+
+
+def _per_sample(speed: Array, first: Array) -> Array:
+    R, count = len(first) - 1, np.diff(first)
+    return np.repeat(np.broadcast_to(speed, (R, speed.shape[-1])), count, axis=0)
 
 
 def mapped_motion(motion: Motion, map_: Array) -> Motion:

@@ -78,8 +78,8 @@ class Stretch(NamedTuple):
     length: float
 
 
-def frozen(dataset: Dataset, motions: Sequence[Motion]) -> list[Finding]:
-    """Findings of readings that repeat exactly while the joint must have moved."""
+def frozen(dataset: Dataset, motions: Sequence[Motion]) -> tuple[list[Finding], set[int]]:
+    """Findings of readings that repeat while the joint must have moved, and the recordings."""
     stretches = [
         stretch
         for i, motion in enumerate(motions)
@@ -102,7 +102,7 @@ def frozen(dataset: Dataset, motions: Sequence[Motion]) -> list[Finding]:
                 {"longest": worst.length, "stretches": float(len(own))},
             )
         )
-    return found
+    return found, {s.recording for s in stretches}
 
 
 def _stretches(number: int, angle: Signal, motion: Motion) -> list[Stretch]:

@@ -17,8 +17,8 @@ from frictionid.check.alone import Stack, effect, stack_of
 from frictionid.check.rows import Rows
 from frictionid.mechanics import Mechanism
 
-# Told numbers are rarely better than this share, and smaller errors do little harm.
-LARGE = 0.05
+# Told numbers of real machines are rarely better than this share.
+LARGE = 0.1
 # A suspect is named where it takes away this share of the sum of squares ...
 EXPLAINS = 0.3
 # ... and others are named beside it that leave less than this much more than it.

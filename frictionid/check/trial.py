@@ -17,7 +17,7 @@ from frictionid.check.delay import Delay, delay_of
 from frictionid.check.findings import Finding
 from frictionid.check.misfit import misfit
 from frictionid.check.motion import Motion
-from frictionid.check.rows import Rows, rows_of, unit_rows
+from frictionid.check.rows import Rows, unit_rows
 from frictionid.check.told import Suspect, freed, suspects, wrong
 from frictionid.check.torque import Impulse
 from frictionid.mechanics import Mechanism, Plant
@@ -35,7 +35,7 @@ FREED = 0.5
 class Trial:
     """Findings about conventions, delay and mechanism, and the data with all that put right.
 
-    shift : [s] delay taken into account, 0 where none was found
+    shift : [s] delay taken into account, 0 where none was found ; given : rows of the data as given
     """
 
     mechanism: Mechanism
@@ -47,6 +47,7 @@ class Trial:
     motions: tuple[Motion, ...]
     impulse: Impulse
     rows: Rows
+    given: Rows
     shift: float
 
 
@@ -58,12 +59,12 @@ def tried(plant: Plant, motions: Sequence[Motion], impulse: Impulse, judged: boo
     mechanism, told = plant.mechanism, np.asarray(plant.p)
     if not judged:
         rows = unit_rows(mechanism, motions)
-        return Trial(mechanism, False, [], [], None, [], tuple(motions), impulse, rows, 0.0)
+        return Trial(mechanism, False, [], [], None, [], tuple(motions), impulse, rows, rows, 0.0)
     findings: list[Finding] = []
     scored = scores(mechanism, motions, impulse, told)
-    rows = unit_rows(mechanism, motions)
+    rows = given = unit_rows(mechanism, motions)
     delay = delay_of(rows, impulse, told)
-    limit = min(scored[0].score, _delayed_score(mechanism, motions, impulse, told, delay))
+    limit = min(scored[0].score, _delayed_score(rows, impulse, told, delay))
     wrong_ones = better(scored, limit)
     if wrong_ones:
         findings.append(_convention(wrong_ones, scored[0]))
@@ -78,21 +79,24 @@ def tried(plant: Plant, motions: Sequence[Motion], impulse: Impulse, judged: boo
     suspected = suspects(mechanism, physical, rows, torque, told)
     findings += _mechanism(mechanism, suspected, rows, torque, told)
     return Trial(
-        mechanism, True, findings, scored, delay, suspected, tuple(motions), impulse, rows, shift
+        mechanism,
+        True,
+        findings,
+        scored,
+        delay,
+        suspected,
+        tuple(motions),
+        impulse,
+        rows,
+        given,
+        shift,
     )
 
 
-def _delayed_score(
-    mechanism: Mechanism,
-    motions: Sequence[Motion],
-    impulse: Impulse,
-    told: Array,
-    delay: Delay | None,
-) -> float:
+def _delayed_score(rows: Rows, impulse: Impulse, told: Array, delay: Delay | None) -> float:
     if delay is None:
         return np.inf
-    rows = rows_of(mechanism, motions, told[None])
-    return float(misfit(rows, impulse.means(rows, delay.seconds)).mean())
+    return float(misfit(rows.at(told), impulse.means(rows, delay.seconds)).mean())
 
 
 def _convention(wrong_ones: list[Scored], given: Scored) -> Finding:

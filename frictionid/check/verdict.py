@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.answers import Answer, answers
 from frictionid.check.commanded import commanded
 from frictionid.check.conventions import Scored
 from frictionid.check.delay import Delay
@@ -19,7 +20,7 @@ from frictionid.check.motion import Motion, motions_of
 from frictionid.check.passive import energy, gravity_at_rest, passive_time
 from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.regression import Estimate, regress
-from frictionid.check.rows import Rows, rest_speed, unit_rows
+from frictionid.check.rows import Rows, speeds_of
 from frictionid.check.sensors import frozen, unwrapped
 from frictionid.check.torque import impulse_of
 from frictionid.check.told import Suspect
@@ -47,6 +48,8 @@ class Verdict:
     delay : Delay or None, where no torque varies
     suspects : tuple of Suspect
         Changes of the told mechanism, the one that explains most first.
+    answers : tuple of Answer
+        To the classic questions, also where nothing is wrong.
     estimate : Estimate
         Least squares of base parameters and friction, conventions and delay put right before.
     identifiable : tuple of Identifiable
@@ -66,6 +69,7 @@ class Verdict:
     conventions: tuple[Scored, ...]
     delay: Delay | None
     suspects: tuple[Suspect, ...]
+    answers: tuple[Answer, ...]
     estimate: Estimate
     told: Array
     identifiable: tuple[Identifiable, ...]
@@ -116,21 +120,23 @@ def judge(
 
     `found` are findings made before; for the rest see `check`.
     """
+    facts, clock = joints_of(dataset.recordings, motions), clock_of(dataset.recordings)
+    stuck, where = frozen(dataset, motions)
+    dataset, motions = _without(dataset, motions, where)
     plant = plant_of(dataset)
     mechanism, told = plant.mechanism, np.asarray(plant.p)
     command = commanded(dataset, mechanism)
     impulse = impulse_of(dataset.recordings)
-    facts = joints_of(dataset.recordings, motions)
     trial = tried(plant, motions, impulse, judged=not any(f.level == "unusable" for f in command))
     rows = trial.rows
     torque = trial.impulse.means(rows, trial.shift)
     estimate = regress(rows, torque, mechanism.base_names, told)
-    rest = rest_speed(trial.motions)
+    rest = speeds_of(trial.motions).rest
     findings = [
         *found,
         *command,
-        *frozen(dataset, motions),
-        *still_joints(unit_rows(mechanism, motions), facts),
+        *stuck,
+        *still_joints(trial.given, facts),
         *trial.findings,
         *_physics(trial, dataset, estimate, told, rest),
     ]
@@ -145,12 +151,15 @@ def judge(
         dataset=dataset.name,
         level=max((f.level for f in findings), key=LEVELS.index, default="good"),
         findings=tuple(findings),
-        clock=clock_of(dataset.recordings),
+        clock=clock,
         joints=tuple(facts),
         passive=passive,
         conventions=tuple(trial.conventions),
         delay=trial.delay,
         suspects=tuple(trial.suspects),
+        answers=tuple(
+            answers(trial, dataset.recordings, told, estimate, {f.kind for f in findings})
+        ),
         estimate=estimate,
         told=told[0],
         identifiable=tuple(identifiable(mechanism, facts, estimate, trial, bool(command))),
@@ -158,6 +167,17 @@ def judge(
         published=model,
         evidence=Evidence(dataset, tuple(trial.motions), rows, torque),
     )
+
+
+def _without(
+    dataset: Dataset, motions: Sequence[Motion], where: set[int]
+) -> tuple[Dataset, Sequence[Motion]]:
+    """Data without some recordings, where any remain: their fault would raise suspicion of others."""
+    kept = [i for i in range(len(motions)) if i not in where]
+    if not where or not kept:
+        return dataset, motions
+    recordings = tuple(dataset.recordings[i] for i in kept)
+    return replace(dataset, recordings=recordings), [motions[i] for i in kept]
 
 
 def _physics(
