@@ -130,7 +130,9 @@ def run(
     begin = time.perf_counter()
     ground = ground or ground_of(contest, [recipe])
     ready = time.perf_counter()
-    fitted = fit(identifier, ground.problems[recipe.name], ground.weights[recipe.name], seed)
+    unit = ground.prepared.plant.mechanism.description.angle_unit
+    problem, weights = ground.problems[recipe.name], ground.weights[recipe.name]
+    fitted = fit(identifier, problem, weights, seed, unit)
     done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]
     prepared = under(ground.prepared, fitted.parameters)
@@ -145,8 +147,12 @@ def run(
     return Result(tuple(rows), friction, overall, lines, tuple(pictures), tests, seconds)
 
 
-def fit(identifier: Identifier, problem: Problem, weights: Array, seed: int) -> Friction:
+def fit(
+    identifier: Identifier, problem: Problem, weights: Array, seed: int, angle_unit: str = "rad"
+) -> Friction:
     """Friction (F, n, P) that an identifier finds under weights (F, K), checked.
+
+    `angle_unit` is that of the mechanism's joints, "rad" or "m".
 
     Raises
     ------
@@ -161,7 +167,7 @@ def fit(identifier: Identifier, problem: Problem, weights: Array, seed: int) -> 
     finite = np.isfinite(friction.theta).all(axis=(1, 2))
     if not finite.all():
         raise InputError(f"{identifier!r} gives numbers that are not finite")
-    return friction
+    return replace(friction, angle_unit=angle_unit)
 
 
 def compare(

@@ -89,6 +89,7 @@ class Friction:
 
     `parameters` are mechanism parameters that belong to this friction (published models bring their
     own inertias); empty where those of the data set hold. `provenance` says where it comes from.
+    `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`.
 
     Examples
     --------
@@ -108,6 +109,7 @@ class Friction:
     theta: Array
     parameters: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    angle_unit: str = "rad"
 
     def __post_init__(self) -> None:
         P = len(self.law.names)
@@ -125,6 +127,11 @@ class Friction:
     def n(self) -> int:
         """Number of joints."""
         return int(self.theta.shape[-2])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the law's parameters for these joints."""
+        return units_of(self.law, self.angle_unit)
 
     def torque(self, x: Inputs, memory: Memory = ()) -> Array:
         """Friction torque at inputs whose batch axes broadcast against theta's, (..., n) [N m]."""
@@ -156,10 +163,22 @@ class Friction:
         for j in range(self.n):
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"
-                for i, (name, unit) in enumerate(zip(self.law.names, self.law.units, strict=True))
+                for i, (name, unit) in enumerate(zip(self.law.names, self.units, strict=True))
             )
             lines.append(f"  joint {j + 1}  " + ", ".join(values))
         return "\n".join(lines)
+
+
+def units_of(law: Law, angle_unit: str = "rad") -> tuple[str, ...]:
+    """Units of a law's parameters for joints whose positions are in `angle_unit`, "rad" or "m".
+
+    >>> from frictionid.laws import CoulombViscous
+    >>> units_of(CoulombViscous()), units_of(CoulombViscous(), "m")
+    (('N m', 'N m s/rad'), ('N', 'N s/m'))
+    """
+    if angle_unit == "rad":
+        return tuple(law.units)
+    return tuple(unit.replace("N m", "N").replace("rad", angle_unit) for unit in law.units)
 
 
 def _number(values: Array) -> str:

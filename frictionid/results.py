@@ -125,8 +125,13 @@ def task_documents(folder: Path) -> list[dict[str, Any]]:
 def scores(folder: Path) -> pd.DataFrame:
     """All scores of a result folder as one long table with the columns of scores.csv."""
     suite = read_json(folder / "provenance.json")["suite"]
+    about = read_json(folder / "datasets.json")
     lines = [
-        (suite, dataset, task["identifier"], task["fit"], *_values(row), task["seed"])
+        (
+            *(suite, dataset, task["identifier"], task["fit"]),
+            *_values(row, about[dataset]["angle_unit"]),
+            task["seed"],
+        )
         for task in task_documents(folder)
         for dataset, rows in task["rows"].items()
         for row in rows
@@ -134,10 +139,11 @@ def scores(folder: Path) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
-def _values(row: Sequence[Any]) -> tuple[Any, ...]:
+def _values(row: Sequence[Any], angle_unit: str = "rad") -> tuple[Any, ...]:
+    """A row as scores.csv has it; rows count angles, positions of prismatic joints are in m."""
     fold, score, statistic, horizon, joint, value, unit = row
     number = float("nan") if value is None else float(value)
-    return fold, score, statistic, horizon, joint, number, unit
+    return fold, score, statistic, horizon, joint, number, unit.replace("rad", angle_unit)
 
 
 def reduce(folder: Path) -> pd.DataFrame:

@@ -117,7 +117,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
         {
             name: {"value": float(mean[j, i]), "unit": unit}
             for i, (name, unit) in enumerate(
-                zip(friction.law.names, friction.law.units, strict=True)
+                zip(friction.law.names, friction.units, strict=True)
             )
         }
         for j in range(friction.n)
@@ -130,6 +130,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
         "shape": list(theta.shape),
         "parameters": dict(friction.parameters),
         "provenance": dict(friction.provenance),
+        **({} if friction.angle_unit == "rad" else {"angle_unit": friction.angle_unit}),
     }
 
 
@@ -163,7 +164,8 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str
     try:
         theta = _theta(document, law, where)
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
-        friction = Friction(law, theta, parameters, dict(document.get("provenance", {})))
+        unit = str(document.get("angle_unit", "rad"))
+        friction = Friction(law, theta, parameters, dict(document.get("provenance", {})), unit)
     except InputError:
         raise
     except (TypeError, ValueError, AttributeError) as error:

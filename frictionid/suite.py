@@ -22,7 +22,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, LeastSquares, Nothing, Published
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, MotorLoad, NoFriction, Stribeck
 from frictionid.mechanics import plant_of
 from frictionid.readers.dataset import load_dataset
 from frictionid.readers.layout import nearest
@@ -40,6 +40,7 @@ Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 LAWS: Mapping[str, type] = {
     "none": NoFriction,
     "coulomb_viscous": CoulombViscous,
+    "motor_load": MotorLoad,
     "stribeck": Stribeck,
     "stribeck_asymmetric": AsymmetricStribeck,
 }
@@ -53,6 +54,11 @@ def none() -> Identifier:
 def coulomb_viscous(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
     """Coulomb and viscous friction by least squares."""
     return LeastSquares(CoulombViscous(width, shape))
+
+
+def motor_load(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Coulomb and viscous friction, and a share of the motor torque, by least squares."""
+    return LeastSquares(MotorLoad(width, shape))
 
 
 def stribeck(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
@@ -96,6 +102,7 @@ def folds(
 IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "none": none,
     "coulomb_viscous": coulomb_viscous,
+    "motor_load": motor_load,
     "stribeck": stribeck,
     "published": published,
 }

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from frictionid.cli.compare import compare
+from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.fit import fit
 from frictionid.cli.report import report
@@ -21,6 +22,7 @@ app = typer.Typer(
 )
 for command in (compare, fit, evaluate, report, simulate):
     app.command()(command)
+app.add_typer(data, name="data")
 
 
 def _version(wanted: bool) -> None:

@@ -38,8 +38,10 @@ def fit(
     made = recipe_named(recipe)
     apart = Protocol(sample_time=sample_time).sample_time
     recordings = load_dataset(dataset, data)
-    problem = training_problem(recordings, plant_of(recordings), made, apart)
-    friction = find(chosen, problem, np.ones((1, len(problem.r))), seed)[0]
+    plant = plant_of(recordings)
+    problem = training_problem(recordings, plant, made, apart)
+    unit = plant.mechanism.description.angle_unit
+    friction = find(chosen, problem, np.ones((1, len(problem.r))), seed, unit)[0]
     source: dict[str, Any] = {
         "dataset": recordings.name,
         "data": dict(recordings.hashes),

@@ -3,6 +3,7 @@
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter, Terms
+from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import Plant, plant_of
 from frictionid.mechanics.table import mechanism_of, parameters_of
@@ -17,6 +18,7 @@ __all__ = [
     "Terms",
     "acrobot",
     "double_pendulum",
+    "linear_axis",
     "mechanism_of",
     "parameters_of",
     "pendulum",

@@ -12,11 +12,13 @@ from frictionid.errors import InputError
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.lagrange import Mechanism
+from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.pendulum import pendulum
 
 _KINDS: Mapping[str, Callable[..., Mechanism]] = {
     "acrobot": acrobot,
     "double_pendulum": double_pendulum,
+    "linear_axis": linear_axis,
     "pendulum": pendulum,
 }
 

@@ -13,9 +13,12 @@ from typing import Any
 import numpy as np
 
 from frictionid.errors import InputError
-from frictionid.readers.layout import UNITS, Layout, check_layout, nearest
-from frictionid.readers.table import Table, read_table, table_name
-from frictionid.recordings import Dataset, Motion, Recording, first_fault
+from frictionid.readers.columns import signal_of
+from frictionid.readers.kinds import Reader, reader_of
+from frictionid.readers.layout import UNITS, ColumnNames, Layout, check_layout, nearest
+from frictionid.readers.registry import cached, check_file, way_to_get
+from frictionid.readers.table import Table, content_of, read_table, table_name
+from frictionid.recordings import Dataset, Motion, Recording
 from frictionid.signals import Signal, cut
 
 
@@ -47,11 +50,14 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
     names = _matching(layout.recordings.patterns, folder, file)
     _check_names(layout.sha256, names, f"{file}: sha256")
     _check_names(layout.recordings.parameters, names, f"{file}: recordings.parameters")
+    read = None if layout.reader is None else reader_of(layout.reader.kind, file)
     recordings, hashes = [], {}
     for name in names:
-        content = _content(folder / name)
+        content = content_of(folder / name)
         hashes[name] = _sha256(content, folder / name, layout.sha256.get(name))
-        recordings.append(_recording(content, folder, name, layout))
+        if layout.collection is not None:
+            check_file(layout.collection, name, hashes[name], folder)
+        recordings.append(_recording(content, folder, name, layout, read))
     origin = {key: getattr(layout, key) for key in ("description", "origin", "licence", "citation")}
     return Dataset(
         name=layout.name,
@@ -73,7 +79,7 @@ def _description(path: Path) -> Path:
 
 def _parse(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(_content(file).decode("utf-8"))
+        return tomllib.loads(content_of(file).decode("utf-8"))
     # ValueError: no UTF-8, no TOML, or an integer with thousands of digits.
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
@@ -81,25 +87,22 @@ def _parse(file: Path) -> dict[str, Any]:
         raise InputError(f"{file} is no TOML ({error}); correct it") from None
 
 
-def _content(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise InputError(f"{file} cannot be read ({error.strerror}); check it") from None
-
-
 def _tables_folder(layout: Layout, file: Path, data: Path | None) -> Path:
     """Folder that the patterns are relative to."""
+    collection = layout.collection
     if data is not None:
         folder = data
-    elif layout.collection is None:
+    elif collection is None:
         folder = file.parent
     elif collections := os.environ.get("FRICTIONID_DATA"):
-        folder = Path(collections) / layout.collection
+        folder = Path(collections) / collection
+    elif cached(collection).is_dir():
+        folder = cached(collection)
     else:
         raise InputError(
-            f"{file}: its tables are in the collection {layout.collection!r}; name their folder "
+            f"{file}: its tables are in the collection {collection!r}; name their folder "
             "with --data FOLDER, or set FRICTIONID_DATA to the folder of the collections"
+            f"{way_to_get(collection)}"
         )
     if not folder.is_dir():
         raise InputError(
@@ -146,17 +149,33 @@ def _sha256(content: bytes, file: Path, expected: str | None) -> str:
     return found
 
 
-def _recording(content: bytes, folder: Path, name: str, layout: Layout) -> Recording:
+def _recording(
+    content: bytes, folder: Path, name: str, layout: Layout, read: Reader | None
+) -> Recording:
+    if read is None:
+        recording = _from_table(content, folder, name, layout)
+    else:
+        assert layout.reader is not None
+        own = read(folder / name, layout.reader.settings)
+        parameters = {**own.parameters, **layout.recordings.parameters.get(name, {})}
+        recording = replace(own, name=table_name(name), parameters=parameters)
+        recording = _with_sigma(recording, layout)
+    start, stop = layout.recordings.start, layout.recordings.stop
+    return recording if (start, stop) == (0.0, math.inf) else _within(recording, start, stop)
+
+
+def _from_table(content: bytes, folder: Path, name: str, layout: Layout) -> Recording:
     columns = layout.columns
+    assert columns is not None
     table = read_table(content, str(folder / name), columns.names())
-    signals = partial(_signal, table, layout)
+    signals = partial(_signal, table, layout, columns)
     truth = None
     if columns.truth:
         truth = Motion(
             signals("angle", columns.truth.angle)._replace(sigma=None),
             signals("velocity", columns.truth.velocity)._replace(sigma=None),
         )
-    recording = Recording(
+    return Recording(
         name=table_name(name),
         angle=signals("angle", columns.angle),
         torque=signals("torque", columns.torque),
@@ -165,37 +184,41 @@ def _recording(content: bytes, folder: Path, name: str, layout: Layout) -> Recor
         covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
         truth=truth,
     )
-    start, stop = layout.recordings.start, layout.recordings.stop
-    return recording if (start, stop) == (0.0, math.inf) else _within(recording, start, stop)
 
 
-def _signal(table: Table, layout: Layout, quantity: str, names: list[str]) -> Signal:
+def _with_sigma(recording: Recording, layout: Layout) -> Recording:
+    """The recording with the stated noise, in SI units: a reader leaves no others."""
+    signals: dict[str, Any] = {}
+    for quantity, deviations in layout.sigma:
+        signal = getattr(recording, quantity)
+        if deviations is not None and signal is not None:
+            joints = signal.value.shape[1]
+            if len(deviations) not in (1, joints):
+                raise InputError(
+                    f"sigma.{quantity} has {len(deviations)} numbers for {joints} joints; "
+                    "give one, or one per joint"
+                )
+            signals[quantity] = signal._replace(sigma=np.broadcast_to(deviations, joints).copy())
+    return replace(recording, **signals)
+
+
+def _signal(
+    table: Table, layout: Layout, columns: ColumnNames, quantity: str, names: list[str]
+) -> Signal:
     """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
     torque = quantity == "torque"
-    clocks = layout.columns.time
-    clock = clocks.torque if torque and any(names) else clocks.angle
-    time = table.columns[clock]
-    value = np.column_stack([table.columns[n] if n else np.zeros(len(time)) for n in names])
-    rows = table.rows
-    if layout.columns.two_clocks:
-        # Each row belongs to the clocks that have a time in it.
-        has_time = ~np.isnan(time)
-        time, value, rows = time[has_time], value[has_time], rows[has_time]
-    if not len(time):
-        raise InputError(f"{table.file}: the column {clock!r} is empty; name the column of a clock")
-    fault = first_fault(time, value, (clock, *names))
-    if fault:
-        raise InputError(f"{table.file}, row {rows[fault[0]]}: {fault[1]}; repair or delete it")
+    clock = columns.time.torque if torque and any(names) else columns.time.angle
     sigma = getattr(layout.sigma, quantity) if quantity else None
-    unit = UNITS[quantity][getattr(layout.units, quantity)] if quantity else 1.0
-    # A number too large for its unit becomes infinite, which the recording refuses.
-    with np.errstate(over="ignore"):
-        return Signal(
-            time=time * UNITS["time"][layout.units.time],
-            value=value * unit,
-            hold=layout.hold.torque if torque else "linear",
-            sigma=None if sigma is None else np.full(len(names), sigma) * unit,
-        )
+    return signal_of(
+        table,
+        clock,
+        names,
+        second=UNITS["time"][layout.units.time],
+        unit=UNITS[quantity][getattr(layout.units, quantity)] if quantity else 1.0,
+        hold=layout.hold.torque if torque else "linear",
+        sparse=columns.two_clocks,
+        sigma=None if sigma is None else np.full(len(names), sigma),
+    )
 
 
 def _within(recording: Recording, start: float, stop: float) -> Recording:

@@ -2,8 +2,8 @@
 
 import difflib
 import math
-from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -53,7 +53,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(map(repr, names))}"
 
 
-class _Table(BaseModel):
+class Strict(BaseModel):
     """A table of dataset.toml: no other keys, no conversion of types, no infinite numbers."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -67,10 +67,11 @@ class _Table(BaseModel):
         return table
 
 
+Checked = TypeVar("Checked", bound=BaseModel)
 Column = Annotated[str, Field(min_length=1)]
 
 
-class Clocks(_Table):
+class Clocks(Strict):
     """Time columns of the two clocks."""
 
     angle: Column
@@ -91,14 +92,14 @@ Deviations = Annotated[
 ]
 
 
-class TruthColumns(_Table):
+class TruthColumns(Strict):
     """Columns of the noise-free motion."""
 
     angle: Columns
     velocity: Columns
 
 
-class ColumnNames(_Table):
+class ColumnNames(Strict):
     """Which column holds what; one entry per joint, "" in ``torque`` where there is no motor."""
 
     time: Annotated[Clocks, BeforeValidator(_both_clocks)]
@@ -155,7 +156,7 @@ class ColumnNames(_Table):
         return [name for name in dict.fromkeys(names) if name]
 
 
-class Units(_Table):
+class Units(Strict):
     """Unit of each quantity in the tables."""
 
     time: str = "s"
@@ -172,13 +173,13 @@ class Units(_Table):
         return unit
 
 
-class Hold(_Table):
+class Hold(Strict):
     """What the torque does between two samples."""
 
     torque: Literal["previous", "linear"] = "previous"
 
 
-class Sigma(_Table):
+class Sigma(Strict):
     """Standard deviation of the noise in the unit of the tables, one for all joints or one each."""
 
     angle: Deviations | None = None
@@ -186,7 +187,7 @@ class Sigma(_Table):
     torque: Deviations | None = None
 
 
-class Recordings(_Table):
+class Recordings(Strict):
     """Which tables there are, which span of each [s] is used and what differs between them."""
 
     patterns: Annotated[list[str], Field(min_length=1)]
@@ -210,7 +211,20 @@ class Mechanism(BaseModel):
     parameters: dict[str, float] = {}
 
 
-class Layout(_Table):
+class Reader(BaseModel):
+    """The reader of the files, in place of columns and units; all other keys are its settings."""
+
+    model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
+
+    kind: str
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What is to be given to the reader."""
+        return dict(self.model_extra or {})
+
+
+class Layout(Strict):
     """dataset.toml as a whole."""
 
     name: str
@@ -220,7 +234,8 @@ class Layout(_Table):
     citation: str = ""
     collection: str | None = None
     mechanism: Mechanism
-    columns: ColumnNames
+    columns: ColumnNames | None = None
+    reader: Reader | None = None
     units: Units = Units()
     hold: Hold = Hold()
     sigma: Sigma = Sigma()
@@ -229,7 +244,19 @@ class Layout(_Table):
     truth: dict[str, Any] | None = None
 
     @model_validator(mode="after")
+    def _columns_or_reader(self) -> Self:
+        if self.columns is None and self.reader is None:
+            raise ValueError("the key 'columns' is missing; add it, or a [reader] that needs none")
+        if self.reader is not None:
+            for key in ("columns", "units", "hold"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
+        return self
+
+    @model_validator(mode="after")
     def _one_sigma_per_joint(self) -> Self:
+        if self.columns is None:
+            return self
         joints = len(self.columns.angle)
         for label, deviations in self.sigma:
             if deviations is not None and len(deviations) not in (1, joints):
@@ -260,15 +287,20 @@ def check_layout(document: dict[str, Any], file: str) -> Layout:
         ...
     frictionid.errors.InputError: dataset.toml: unknown key 'nane'; did you mean 'name'?
     """
+    return checked(Layout, document, file)
+
+
+def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Checked:
+    """The document as a model of its keys; mistakes are named with where it stands."""
     try:
-        return Layout.model_validate(document)
+        return model.model_validate(document)
     except ValidationError as invalid:
         # One mistake at a time: the first one often causes the others.
         error = invalid.errors(include_url=False)[0]
     place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in error["loc"])
     if error["type"] == "missing":
-        raise InputError(f"{file}: the key {place[1:]!r} is missing; add it")
+        raise InputError(f"{where}: the key {place[1:]!r} is missing; add it")
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
     if error["type"] != "value_error":
         reason += f", not {repr(error['input'])[:60]}"
-    raise InputError(f"{file}: {place[1:]}: {reason}" if place else f"{file}: {reason}")
+    raise InputError(f"{where}: {place[1:]}: {reason}" if place else f"{where}: {reason}")

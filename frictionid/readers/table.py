@@ -1,4 +1,4 @@
-"""Tables of numbers: CSV, gzipped CSV and Parquet, column by column, with the rows of the file."""
+"""Tables of numbers: CSV, gzipped CSV, Parquet and MAT, by column, with the rows of the file."""
 
 import csv
 import gzip
@@ -6,15 +6,19 @@ import io
 import zlib
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.errors import InputError
+from frictionid.readers.mat import mat_column, read_mat
 from frictionid.signals import Array
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet")
+SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
+# Formats that only readers of their own understand.
+OTHERS = (".json", ".json.gz", ".txt", ".txt.gz")
 
 
 class Table(NamedTuple):
@@ -58,8 +62,10 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
     lower = file.lower()
     if lower.endswith(".parquet"):
         table = _parquet(content, file, columns)
+    elif lower.endswith(".mat"):
+        table = _mat(content, file, columns)
     elif lower.endswith(".csv.gz"):
-        table = _csv(_unzip(content, file), file, columns)
+        table = _csv(unzip(content, file), file, columns)
     elif lower.endswith(".csv"):
         table = _csv(content, file, columns)
     else:
@@ -77,13 +83,24 @@ def table_name(file: str) -> str:
     >>> table_name("day_1/07.csv.gz")
     'day_1/07'
     """
-    for suffix in sorted(SUFFIXES, key=len, reverse=True):
+    for suffix in sorted(SUFFIXES + OTHERS, key=len, reverse=True):
         if file.lower().endswith(suffix):
             return file[: -len(suffix)]
     return file
 
 
-def _unzip(content: bytes, file: str) -> bytes:
+def content_of(file: Path) -> bytes:
+    """Bytes of a file, or the reason why there are none as an InputError."""
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}); check it") from None
+
+
+def unzip(content: bytes, file: str) -> bytes:
+    """Content of a file, unpacked where its name ends with .gz; InputError where it is damaged."""
+    if not file.lower().endswith(".gz"):
+        return content
     try:
         return gzip.decompress(content)
     except (OSError, EOFError, zlib.error) as error:
@@ -162,6 +179,17 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
         picked[name] = cells.to_numpy().astype(float)
     # Rows are counted as in a CSV file: the first one below the header is row 2.
     return Table(file, np.arange(2, table.num_rows + 2), picked)
+
+
+def _mat(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    variables = read_mat(content, file)
+    picked = {name: mat_column(variables, name, file) for name in columns}
+    lengths = {name: len(column) for name, column in picked.items()}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name!r} {length}" for name, length in lengths.items())
+        raise InputError(f"{file}: the columns differ in length ({told}); export them alike")
+    # MATLAB counts from 1, and there is no header.
+    return Table(file, np.arange(1, next(iter(lengths.values()), 0) + 1), picked)
 
 
 def _first_line(error: Exception) -> str:

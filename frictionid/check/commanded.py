@@ -1,0 +1,75 @@
+"""Torque that is no measurement: a column that equals a gravity model holds a command.
+
+Such a column is a function of the angle alone; friction does not appear in it, and nothing can be
+identified from it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.check.findings import Finding
+from frictionid.mechanics import Mechanism
+from frictionid.recordings import Dataset, Recording
+from frictionid.signals import sample
+
+# Remainder over the torque's root mean square: friction and inertia leave more in any measurement.
+EQUAL = 0.01
+_MOST = 500  # samples looked at
+
+
+def commanded(dataset: Dataset, mechanism: Mechanism) -> list[Finding]:
+    """Findings of joints whose torque is a function of the angles, b + sum of gravity terms."""
+    found = []
+    for j, driven in enumerate(mechanism.description.driven):
+        if not driven:
+            continue
+        shares = [_remainder(recording, mechanism, j) for recording in dataset.recordings]
+        hits = [i for i, share in enumerate(shares) if share is not None and share < EQUAL]
+        moved = [share for share in shares if share is not None]
+        if hits:
+            found.append(
+                _finding(dataset, j, hits, max(shares[i] or 0.0 for i in hits), len(moved))
+            )
+    return found
+
+
+def _finding(dataset: Dataset, j: int, hits: list[int], worst: float, moved: int) -> Finding:
+    everywhere = len(hits) == moved
+    names = ", ".join(repr(dataset.recordings[i].name) for i in hits[:3])
+    where = "" if everywhere else f" in {names}{' and others' if len(hits) > 3 else ''}"
+    return Finding(
+        "commanded_torque",
+        "unusable" if everywhere else "doubtful",
+        f"nothing to identify{where}: the torque equals a gravity model (torque {j + 1} is a "
+        f"function of the angle to {100 * worst:.2g} %), so it is a command, not a measurement",
+        "record the torque that the drive reports (its current), or leave these recordings out",
+        j + 1,
+        {"recordings": float(len(hits)), "remainder": worst},
+    )
+
+
+def _remainder(recording: Recording, mechanism: Mechanism, j: int) -> float | None:
+    """Share of the torque that no gravity model explains, None where torque or angle rest."""
+    keep = slice(None, None, max(len(recording.torque.time) // _MOST, 1))
+    time, torque = recording.torque.time[keep], recording.torque.value[keep, j]
+    power = float(np.sqrt((torque**2).mean()))
+    if power < 1e-9 or len(time) < 30 or np.std(torque) < 0.05 * power:
+        return None
+    dt = float(np.median(np.diff(recording.torque.time)))
+    # a controller computes from the sample before or from this one
+    return min(_unexplained(recording, mechanism, j, time - late, torque) for late in (0.0, dt)) / (
+        power
+    )
+
+
+def _unexplained(
+    recording: Recording, mechanism: Mechanism, j: int, time: Array, torque: Array
+) -> float:
+    q = sample(recording.angle, time)
+    unit = np.eye(len(mechanism.base_names))[:, None, :]
+    gravity = -mechanism.terms(unit, q, np.zeros_like(q)).dLdq[..., j].T
+    columns = np.column_stack([gravity[:, np.abs(gravity).max(0) > 0], np.ones(len(q))])
+    left = torque - columns @ np.linalg.lstsq(columns, torque, rcond=1e-10)[0]
+    return float(np.sqrt((left**2).mean()))

@@ -1,0 +1,139 @@
+"""Plain facts of the recordings, joint by joint: motion, torque, clock, noise and resolution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.check.motion import Motion
+from frictionid.check.rows import speeds_of
+from frictionid.recordings import Recording
+
+
+@dataclass(frozen=True)
+class JointFacts:
+    """Facts of one joint; SI units.
+
+    range : span of all angles ; fast : speed exceeded in 5 % of the time ; top : largest speed ;
+    forward : share of the moving time in the positive direction ; rest : share of the time below
+    `rest_speed` ; reversals : changes of direction ; torque : RMS ; torque_top ; torque_noise and
+    angle_noise : standard deviations ; velocity_noise : of the smoothed velocity ; angle_step and
+    torque_step : resolution, 0 where none is seen
+    """
+
+    joint: int
+    range: float
+    fast: float
+    top: float
+    rest_speed: float
+    rest: float
+    forward: float
+    reversals: int
+    torque: float
+    torque_top: float
+    angle_noise: float
+    velocity_noise: float
+    torque_noise: float
+    angle_step: float
+    torque_step: float
+
+
+@dataclass(frozen=True)
+class ClockFacts:
+    """Facts of the angles' clock: recordings, duration [s], rate [Hz], jitter and losses.
+
+    jitter : standard deviation of the sample intervals over their median, gaps left out ;
+    dropped : samples missing at 1.5 to 5 intervals ; gaps : intervals longer than 5
+    """
+
+    recordings: int
+    duration: float
+    samples: int
+    rate: float
+    jitter: float
+    dropped: int
+    gaps: int
+    longest_gap: float
+
+
+def clock_of(recordings: Sequence[Recording]) -> ClockFacts:
+    """Facts of the clock of the angles.
+
+    >>> from frictionid.signals import Signal
+    >>> time = np.delete(np.arange(100) * 0.01, [20, 50, 51])
+    >>> angle = Signal(time, np.zeros((97, 1)))
+    >>> clock = clock_of([Recording("a", angle, angle)])
+    >>> clock.dropped, clock.gaps
+    (3, 0)
+    """
+    steps = [np.diff(r.angle.time) for r in recordings]
+    usual = [np.full(len(s), np.median(s)) for s in steps]
+    dt, middle = np.concatenate(steps), np.concatenate(usual)
+    ratio = dt / middle
+    lost = (ratio > 1.5) & (ratio <= 5.0)
+    plain = ratio <= 1.5
+    return ClockFacts(
+        recordings=len(recordings),
+        duration=float(sum(np.ptp(r.angle.time) for r in recordings)),
+        samples=len(dt) + len(recordings),
+        rate=float(1.0 / np.median(middle)),
+        jitter=float(np.std(ratio[plain])) if plain.any() else 0.0,
+        dropped=int(np.rint(ratio[lost] - 1).sum()),
+        gaps=int((ratio > 5.0).sum()),
+        longest_gap=float(dt[ratio > 1.5].max(initial=0.0)),
+    )
+
+
+def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> list[JointFacts]:
+    """Facts of each joint."""
+    w = np.concatenate([m.states.w for m in motions])
+    q = np.concatenate([r.angle.value for r in recordings])
+    u = np.concatenate([r.torque.value for r in recordings])
+    rest, fast = speeds_of(motions)
+    angle_noise = np.median([m.angle_noise for m in motions], axis=0)
+    velocity_noise = np.median([m.velocity_noise for m in motions], axis=0)
+    out = []
+    for j in range(w.shape[1]):
+        moving = np.abs(w[:, j]) > rest[j]
+        out.append(
+            JointFacts(
+                joint=j + 1,
+                range=float(np.ptp(q[:, j])),
+                fast=float(fast[j]),
+                top=float(np.abs(w[:, j]).max()),
+                rest_speed=float(rest[j]),
+                rest=float(1 - moving.mean()),
+                forward=float((w[moving, j] > 0).mean()) if moving.any() else 0.0,
+                reversals=sum(_reversals(m.states.w[:, j], rest[j]) for m in motions),
+                torque=float(np.sqrt((u[:, j] ** 2).mean())),
+                torque_top=float(np.abs(u[:, j]).max()),
+                angle_noise=float(angle_noise[j]),
+                velocity_noise=float(velocity_noise[j]),
+                torque_noise=_ripple(recordings, j),
+                angle_step=_resolution(q[:, j]),
+                torque_step=_resolution(u[:, j]),
+            )
+        )
+    return out
+
+
+def _reversals(w: Array, rest: float) -> int:
+    side = np.sign(w[np.abs(w) > rest])
+    return int((side[1:] != side[:-1]).sum())
+
+
+def _ripple(recordings: Sequence[Recording], j: int) -> float:
+    """Standard deviation of white noise on the torque, from second differences, robustly."""
+    second = np.concatenate([np.diff(r.torque.value[:, j], n=2) for r in recordings])
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
+
+
+def _resolution(values: Array) -> float:
+    """Step between neighbouring readings that occur, 0 where hardly any reading occurs twice."""
+    levels = np.unique(values)
+    if len(levels) < 3 or len(levels) > 0.5 * len(values):
+        return 0.0
+    return float(np.quantile(np.diff(levels), 0.1))

@@ -1,0 +1,90 @@
+"""Other people's numbers against the data: do a model's inertias and friction explain them?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.check.findings import Finding
+from frictionid.check.regression import Estimate
+from frictionid.check.rows import Rows
+from frictionid.friction import Friction
+
+# Incompatible: the remainder is this many times that of least squares, and some number is off by
+# this share and this many standard errors.
+WORSE, OFF, ERRORS = 1.5, 0.2, 4.0
+
+
+class Compared(NamedTuple):
+    """A published model beside the least squares of the data.
+
+    names, published, estimated, error (P,) : base parameters, and Coulomb and viscous per joint ;
+    spread, best (n,) [N m] : RMS remainder of the published model and of least squares
+    """
+
+    names: tuple[str, ...]
+    published: Array
+    estimated: Array
+    error: Array
+    spread: Array
+    best: Array
+
+
+def compared(
+    rows: Rows, torque: Array, estimate: Estimate, told: Array, friction: Friction
+) -> Compared:
+    """Published numbers, estimates and remainders side by side.
+
+    told : (R, nb) base parameters by the published model. Its friction curve is read as Coulomb and
+    viscous friction by a line through the speeds that occur.
+    """
+    n = torque.shape[1]
+    left = torque - (rows.phi * told[rows.recording][:, None]).sum(-1)
+    names, values = list(estimate.names[: told.shape[1]]), list(told[0])
+    spread = np.zeros(n)
+    for j in range(n):
+        use = rows.free[:, j]
+        w = rows.w[use, j]
+        grid = np.repeat(w[:, None], n, axis=1)
+        curve = friction.curve(w)[:, j] if len(w) else grid[:, j]
+        spread[j] = np.sqrt(np.mean((left[use, j] - curve) ** 2)) if len(w) else np.nan
+        if len(w):
+            line = np.linalg.lstsq(np.column_stack([np.sign(w), w]), curve, rcond=None)[0]
+            names += [f"coulomb_{j + 1}", f"viscous_{j + 1}"]
+            values += list(line)
+    at = [estimate.names.index(name) for name in names]
+    return Compared(
+        tuple(names),
+        np.array(values),
+        estimate.value[at],
+        estimate.error[at],
+        spread,
+        estimate.spread,
+    )
+
+
+def incompatible(model: Compared) -> list[Finding]:
+    """A finding with figures where the published numbers contradict the data."""
+    off = np.abs(model.published - model.estimated)
+    wrong = (off > ERRORS * model.error) & (off > OFF * np.abs(model.estimated))
+    ratio = float(np.nanmax(model.spread / np.maximum(model.best, 1e-300)))
+    if not wrong.any() or ratio < WORSE:
+        return []
+    figures = "; ".join(
+        f"{name} {p:.3g} published, {v:.3g} +- {e:.1g} from the data"
+        for name, p, v, e, w in zip(*model[:4], wrong, strict=True)
+        if w
+    )
+    return [
+        Finding(
+            "published",
+            "good",  # the data are not to blame
+            f"the published numbers are incompatible with the data: {figures}; they leave "
+            f"{ratio:.1f} times the remainder of least squares",
+            "do not take them over without asking what they were fitted to",
+            None,
+            {"ratio": ratio},
+        )
+    ]

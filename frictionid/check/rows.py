@@ -1,0 +1,196 @@
+"""Momentum balances over short windows: what all checks of the mechanics are computed from.
+
+Over a window [a, b] of length L, and for each joint on its own,
+
+    (M w)|b - (M w)|a - integral of dL/dq dt = integral of (u - Tf) dt      [N m s]
+
+needs no acceleration. Divided by L it is a balance of mean torques, linear in the base parameters:
+the left side is kept as its response to given parameter vectors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.check.motion import Motion
+from frictionid.mechanics import Mechanism
+
+# Long enough that the noise of two velocities does not hide friction, short enough to lie between
+# two reversals of a swinging joint.
+WIDTH = 0.15
+# Speeds of the Stribeck shapes that stand for unknown friction, as shares of the fast speed.
+SHAPES = (0.04, 0.15)
+# A joint moves where its fast speed is this many times the noise.
+ABOVE = 6.0
+
+
+class Rows(NamedTuple):
+    """K windows of all recordings; torques are means over the window [N m].
+
+    inertia, gravity (K, n, m) : means of d(M w)/dt and -dL/dq for each of m parameter vectors
+    friction (K, n, F) : friction shapes per joint, see `SHAPE_NAMES`
+    w (K, n) [rad/s] mean velocity ; free (K, n) : the joint neither rests nor turns round
+    recording (K,) ; start, stop (K,) [s]
+    """
+
+    inertia: Array
+    gravity: Array
+    friction: Array
+    w: Array
+    free: Array
+    recording: Array
+    start: Array
+    stop: Array
+
+    def at(self, parameters: Array) -> Rows:
+        """Rows of unit vectors taken at one parameter vector per recording, (R, nb)."""
+        p = parameters[self.recording][:, None]
+        return self._replace(
+            inertia=(self.inertia * p).sum(-1, keepdims=True),
+            gravity=(self.gravity * p).sum(-1, keepdims=True),
+        )
+
+    @property
+    def phi(self) -> Array:
+        """The whole left side for each parameter vector, (K, n, m)."""
+        return self.inertia + self.gravity
+
+
+SHAPE_NAMES = ("coulomb", "viscous", "offset", "slow", "slower")
+
+
+class Speeds(NamedTuple):
+    """Speeds (..., n) [rad/s] of each joint that set scales.
+
+    rest : below it a joint may be at rest (noise, or 2 % of fast motion), infinite for a joint that
+    never rises from the noise ; fast : exceeded in 5 % of the time
+    """
+
+    rest: Array
+    fast: Array
+
+
+def speeds_of(motions: Sequence[Motion]) -> Speeds:
+    """Speeds of the joints over all motions, (n,) each."""
+    noise = np.median([m.velocity_noise for m in motions], axis=0)
+    fast = np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
+    rest = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
+    return Speeds(rest, np.maximum(fast, 1e-12))
+
+
+def unit_rows(
+    mechanism: Mechanism, motions: Sequence[Motion], width: float = WIDTH, every: bool = False
+) -> Rows:
+    """Rows whose parameter vectors are the units of the base parameters: responses to them."""
+    nb = len(mechanism.base_names)
+    units = np.broadcast_to(np.eye(nb)[:, None], (nb, len(motions), nb))
+    return rows_of(mechanism, motions, units, width=width, every=every)
+
+
+def rows_of(
+    mechanism: Mechanism,
+    motions: Sequence[Motion],
+    parameters: Array,
+    speeds: Speeds | None = None,
+    width: float = WIDTH,
+    every: bool = False,
+) -> Rows:
+    """Rows of all recordings, each window overlapping the next by half.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    motions : sequence of R Motion
+    parameters : array, shape (m, R, nb)
+        Base parameters of each recording, m vectors side by side.
+    speeds : Speeds, shape (R, n), optional
+        Of each recording; by default those of all motions together.
+    width : float [s] of a window; at least two samples
+    every : bool
+        Whether windows count in which a joint rests or turns round, at the mean of sgn(w).
+    """
+    q, w, middle_q, middle_w, dt, time = _joined(motions)
+    first = np.concatenate([[0], np.cumsum([len(m.states.time) for m in motions])])
+    a, b, recording = _windows(motions, first, width)
+    length = (time[b] - time[a])[:, None]
+
+    def mean(ends: Array, middle: Array) -> Array:
+        total = (ends[:-1] + 4 * middle + ends[1:]) * (dt / 6).reshape(-1, *[1] * (ends.ndim - 1))
+        sums = np.concatenate([np.zeros_like(ends[:1]), np.cumsum(total, axis=0)])
+        return (sums[b] - sums[a]) / length.reshape(-1, *[1] * (ends.ndim - 1))
+
+    p = np.repeat(parameters, np.diff(first), axis=1)
+    momentum, dLdq = _terms(mechanism, p, q, w)
+    gravity = -mean(dLdq, _terms(mechanism, p[:, :-1], middle_q, middle_w)[1])
+    inertia = (momentum[b] - momentum[a]) / length[..., None]
+    rest, fast = (_per_sample(v, first) for v in speeds or speeds_of(motions))
+    friction = mean(_shapes(w, fast), _shapes(middle_w, fast[:-1]))
+    free = _free(w, a, b, rest) | every
+    mean_w = mean(w, middle_w)
+    return Rows(inertia, gravity, friction, mean_w, free, recording, time[a], time[b])
+
+
+def _per_sample(speed: Array, first: Array) -> Array:
+    R, count = len(first) - 1, np.diff(first)
+    return np.repeat(np.broadcast_to(speed, (R, speed.shape[-1])), count, axis=0)
+
+
+def mapped_motion(motion: Motion, map_: Array) -> Motion:
+    """Motion after a linear map (n, n) of angles and velocities."""
+    s = motion.states
+    noise = [np.sqrt(map_**2 @ v**2) for v in (motion.angle_noise, motion.velocity_noise)]
+    return Motion(s._replace(q=s.q @ map_.T, w=s.w @ map_.T), *noise)
+
+
+def _joined(motions: Sequence[Motion]) -> tuple[Array, ...]:
+    """Series of all recordings end to end; the interval between two of them has length zero."""
+    time, q, w = (np.concatenate(x) for x in zip(*(m.states for m in motions), strict=True))
+    step = np.diff(time)
+    ends = np.cumsum([len(m.states.time) for m in motions])[:-1] - 1
+    safe = step.copy()
+    safe[ends] = 1.0
+    dt = safe[:, None]
+    middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
+    middle_w = 1.5 * (q[1:] - q[:-1]) / dt - (w[1:] + w[:-1]) / 4
+    step[ends] = 0.0
+    return q, w, middle_q, middle_w, step, time
+
+
+def _windows(motions: Sequence[Motion], first: Array, width: float) -> tuple[Array, Array, Array]:
+    """First and last sample of each window, and its recording."""
+    a, b, recording = [], [], []
+    for i, motion in enumerate(motions):
+        time = motion.states.time
+        half = max(round(width / 2 / float(np.median(np.diff(time)))), 1)
+        start = np.arange(0, len(time) - 2 * half, half)
+        # a gap makes a window longer: Simpson's rule would guess what happened there
+        kept = time[start + 2 * half] - time[start] < 2 * width + 1e-9
+        kept |= np.median(np.diff(time)) * 2 * half > width
+        a.append(first[i] + start[kept])
+        b.append(first[i] + start[kept] + 2 * half)
+        recording.append(np.full(kept.sum(), i))
+    return np.concatenate(a), np.concatenate(b), np.concatenate(recording)
+
+
+def _terms(mechanism: Mechanism, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
+    """Momentum and dL/dq for each parameter vector, (S, n, m) each."""
+    terms = mechanism.terms(p, q, w)
+    return np.moveaxis(terms.momentum, 0, -1), np.moveaxis(terms.dLdq, 0, -1)
+
+
+def _shapes(w: Array, fast: Array) -> Array:
+    sign = np.sign(w)
+    slow = [sign * np.exp(-np.abs(w) / (share * fast)) for share in SHAPES[::-1]]
+    return np.stack([sign, w, np.ones_like(w), *slow], axis=-1)
+
+
+def _free(w: Array, a: Array, b: Array, rest: Array) -> Array:
+    """Whether each joint is faster than `rest` all through a window, in one direction."""
+    up = np.concatenate([np.zeros_like(w[:1]), np.cumsum(w > rest, axis=0)])
+    down = np.concatenate([np.zeros_like(w[:1]), np.cumsum(w < -rest, axis=0)])
+    count = (b - a + 1)[:, None]
+    return np.asarray((up[b + 1] - up[a] == count) | (down[b + 1] - down[a] == count))

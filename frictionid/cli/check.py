@@ -1,0 +1,41 @@
+"""frictionid check: what the data can tell, before anything is fitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def check(
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml, or that file.")],
+    data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
+    published: Annotated[
+        Path | None, typer.Option(help="Model file whose numbers to hold against the data.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Everything, as JSON.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
+) -> None:
+    """Say what is wrong with recordings, what they can tell, and what to record next.
+
+    The exit status is 0 where the data are good, 1 doubtful, 2 unusable as they stand.
+    """
+    from frictionid.check import LEVELS
+    from frictionid.check import check as judged
+    from frictionid.readers.dataset import load_dataset
+    from frictionid.report.verdict import as_json, show_verdict
+    from frictionid.suite import friction_of
+
+    model = friction_of(published) if published else None
+    verdict = judged(load_dataset(dataset, data), model)
+    if json:
+        print(as_json(verdict))
+    else:
+        show_verdict(verdict)
+    if out:
+        from frictionid.report.verdict_pictures import write_pictures
+
+        for path in write_pictures(verdict, out):
+            typer.echo(f"written to {path}", err=True)
+    raise typer.Exit(LEVELS.index(verdict.level))

@@ -1,0 +1,57 @@
+"""frictionid data: public recordings, what is known of them and how they get here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
+
+
+@data.command("list")
+def list_() -> None:
+    """Say which public recordings there are, their licences and what of them is here."""
+    from frictionid.readers.registry import cached, collections, present
+
+    for name, collection in collections().items():
+        total, here = len(collection.files), present(name)
+        known = sum(file.sha256 is not None for file in collection.files)
+        print(name)
+        print(f"  {collection.title}")
+        print(f"  files            {total}, here {here} ({cached(name)})")
+        print(f"  SHA-256          {_hashes(known, total)}")
+        print(f"  licence          {collection.licence}")
+        print(f"  redistribution   {collection.redistribution}")
+        print(f"  citation         {collection.citation}")
+        print(f"  origin           {collection.page}")
+
+
+@data.command()
+def get(
+    name: Annotated[str, typer.Argument(help="Name of the collection, see: frictionid data list.")],
+    from_: Annotated[
+        Path | None, typer.Option("--from", help="Folder that has the files, instead of a network.")
+    ] = None,
+) -> None:
+    """Put the files of a public collection into its folder, each checked by its hash."""
+    from frictionid.readers.registry import cached, collection_named, download, take
+
+    collection = collection_named(name)
+    print(f"{name}: licence {collection.licence}; redistribution {collection.redistribution}")
+    if from_ is not None:
+        missing = take(name, from_)
+        if missing:
+            print(f"not there: {len(missing)} of {len(collection.files)}, {', '.join(missing)}")
+    else:
+        download(name, lambda file: print(f"  {file}", flush=True))
+    if any(file.sha256 is None for file in collection.files):
+        print("the SHA-256 of the original is not known: it was not verified")
+    print(f"in {cached(name)}")
+
+
+def _hashes(known: int, total: int) -> str:
+    if known == total:
+        return "of all originals known"
+    return f"of {known} of {total} originals known: the others are taken as they are"
