@@ -10,7 +10,7 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.errors import InputError
-from frictionid.friction import Friction
+from frictionid.friction import Friction, units_of
 
 FORMAT = "frictionid model 1"
 
@@ -116,9 +116,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     words = [
         {
             name: {"value": float(mean[j, i]), "unit": unit}
-            for i, (name, unit) in enumerate(
-                zip(friction.law.names, friction.units, strict=True)
-            )
+            for i, (name, unit) in enumerate(zip(friction.law.names, friction.units, strict=True))
         }
         for j in range(friction.n)
     ]
@@ -207,11 +205,12 @@ def _theta(document: Mapping[str, Any], law: Any, where: str) -> np.ndarray:
     joints = document.get("joints")
     if joints is not None and not (isinstance(joints, list) and joints):
         raise InputError(f'{where}: "joints" must list the parameters of each joint')
+    units = units_of(law, str(document.get("angle_unit", "rad")))
     words = (
         None
         if joints is None
         else np.array(
-            [_joint(joint, law, f"{where}: joint {j + 1}") for j, joint in enumerate(joints)]
+            [_joint(joint, law, units, f"{where}: joint {j + 1}") for j, joint in enumerate(joints)]
         )
     )
     if "theta" not in document:
@@ -227,7 +226,7 @@ def _theta(document: Mapping[str, Any], law: Any, where: str) -> np.ndarray:
     return theta
 
 
-def _joint(joint: Any, law: Any, where: str) -> list[float]:
+def _joint(joint: Any, law: Any, units: Sequence[str], where: str) -> list[float]:
     """Values of one joint's parameters, in the order of the law's names."""
     given = set(joint) if isinstance(joint, Mapping) else set()
     if given != set(law.names):
@@ -236,7 +235,7 @@ def _joint(joint: Any, law: Any, where: str) -> list[float]:
             f"it has {', '.join(sorted(given)) or 'none'}"
         )
     values = []
-    for name, unit in zip(law.names, law.units, strict=True):
+    for name, unit in zip(law.names, units, strict=True):
         entry = joint[name]
         value = entry.get("value") if isinstance(entry, Mapping) else None
         if isinstance(value, bool) or not isinstance(value, int | float):
