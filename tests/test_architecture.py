@@ -26,7 +26,7 @@ LAYERS = (
     *("kinematic", "states", "step"),
     *("rollout", "problem", "recipe"),
     *("identifiers", "shooting"),
-    *("check", "evaluation"),
+    *("check", "excitation", "evaluation"),
     *("store", "compare", "tasks", "results"),
     *("simulate", "acquire"),
     *("report", "export", "use"),

@@ -211,6 +211,7 @@ def test_the_users_cache_is_the_last_place_looked_at(toy, monkeypatch):
     (toy / "dataset.toml").write_text(DATASET)
     monkeypatch.delenv("FRICTIONID_DATA")
     monkeypatch.setattr(pooch, "os_cache", lambda name: toy / "cache" / name)
+    (toy / "cache" / "frictionid" / "toy" / "day").mkdir(parents=True)  # left by a failed download
     with pytest.raises(InputError, match="or get it with: frictionid data get toy"):
         load_dataset(toy)
     write(toy / "cache" / "frictionid" / "toy", {"one.csv": TOY["one.csv"]})

@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.check import check
 from frictionid.cli.compare import compare
 from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.fit import fit
 from frictionid.cli.report import report
 from frictionid.cli.simulate import simulate
+from frictionid.cli.suggest import suggest
 from frictionid.errors import InputError
 
 app = typer.Typer(
@@ -20,7 +22,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (compare, fit, evaluate, report, simulate):
+for command in (check, compare, fit, evaluate, report, simulate, suggest):
     app.command()(command)
 app.add_typer(data, name="data")
 

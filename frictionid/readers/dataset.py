@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.readers.columns import signal_of
 from frictionid.readers.kinds import Reader, reader_of
 from frictionid.readers.layout import UNITS, ColumnNames, Layout, check_layout, nearest
-from frictionid.readers.registry import cached, check_file, way_to_get
+from frictionid.readers.registry import cached, check_file, is_cached, way_to_get
 from frictionid.readers.table import Table, content_of, read_table, table_name
 from frictionid.recordings import Dataset, Motion, Recording
 from frictionid.signals import Signal, cut
@@ -96,7 +96,7 @@ def _tables_folder(layout: Layout, file: Path, data: Path | None) -> Path:
         folder = file.parent
     elif collections := os.environ.get("FRICTIONID_DATA"):
         folder = Path(collections) / collection
-    elif cached(collection).is_dir():
+    elif is_cached(collection):
         folder = cached(collection)
     else:
         raise InputError(

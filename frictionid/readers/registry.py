@@ -83,6 +83,11 @@ def cached(name: str) -> Path:
     return Path(home) / name
 
 
+def is_cached(name: str) -> bool:
+    """Whether anything of a collection is in its folder; a failed download leaves an empty one."""
+    return any(path.is_file() for path in cached(name).rglob("*"))
+
+
 def way_to_get(name: str) -> str:
     """Words that say how to get a collection, for errors; none where it is not known."""
     return f", or get it with: frictionid data get {name}" if name in collections() else ""

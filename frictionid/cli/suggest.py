@@ -1,0 +1,117 @@
+"""frictionid suggest: torque signals that tell friction and inertia apart, within limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def suggest(
+    mechanism: Annotated[Path, typer.Option(help="Any TOML file with a [mechanism] table.")],
+    limits: Annotated[
+        str, typer.Option(help='E.g. "torque=0.14,velocity=[10,20],angle=3.1"; SI units.')
+    ],
+    out: Annotated[Path, typer.Option(help="Torque table to write (CSV).")],
+    friction: Annotated[
+        str, typer.Option(help='Guess, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].')
+    ] = "",
+    recordings: Annotated[
+        int, typer.Option(help="How many; several are written to OUT_1.csv ...")
+    ] = 4,
+    length: Annotated[float, typer.Option(help="Length of each [s].")] = 5.0,
+    families: Annotated[str, typer.Option(help="Wave forms.")] = "multisine,chirp",
+    frequencies: Annotated[str, typer.Option(help="Lowest and highest [Hz].")] = "0.2,4",
+    start: Annotated[str, typer.Option(help="Start angles, e.g. 0,0 [searched].")] = "",
+    drive_rate: Annotated[float, typer.Option(help="Commands per second [Hz].")] = 60.0,
+    camera_rate: Annotated[float, typer.Option(help="Images per second [Hz].")] = 60.0,
+    noise: Annotated[
+        float, typer.Option(help="Angle noise, standard deviation [deg], or [mm].")
+    ] = 0.1,
+    effort: Annotated[int, typer.Option(help="Random signals to start from.")] = 384,
+    figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
+) -> None:
+    """Suggest torque signals, and say how well friction will be known from them."""
+    from frictionid import excitation
+    from frictionid.cli.progress import counted
+    from frictionid.mechanics import Plant, mechanism_of, parameters_of
+    from frictionid.report.files import write_bytes
+    from frictionid.store import write_text
+
+    places = _places(out, recordings)
+    _check_places([*places, *([] if figure is None else [figure])])
+    table = excitation.mechanism_in(mechanism)
+    machine = mechanism_of(table)
+    most = excitation.limits_of(limits, machine)
+    experiment = excitation.Experiment(
+        Plant.of(machine, parameters_of(table, {})),
+        excitation.guessed(friction, most),
+        most,
+        length=length,
+        recordings=recordings,
+        drive_rate=drive_rate,
+        camera_rate=camera_rate,
+        angle_noise=_noise(noise, machine.description.angle_unit),
+        band=_pair(frequencies),
+        start=_numbers("--start", start) or None,
+    )
+    waves = excitation.Waves(experiment, tuple(f.strip() for f in families.split(",") if f.strip()))
+    search = excitation.Search(pool=effort, children=max(1, effort // 2), seed=seed)
+    with counted(search.generations + 1, "searching", str(out)) as done:
+        advice = excitation.advise(waves, search, done)
+    for number, path in enumerate(places):
+        write_text(path, excitation.played(advice, number))
+    if figure is not None:
+        write_bytes(figure, excitation.picture(advice))
+    print(excitation.described(advice))
+    print(f"written to {', '.join(map(str, places))}")
+
+
+def _places(out: Path, recordings: int) -> list[Path]:
+    """The file itself for one recording, else numbered ones: a drive plays one at a time."""
+    if recordings == 1:
+        return [out]
+    return [out.with_name(f"{out.stem}_{r + 1}{out.suffix}") for r in range(recordings)]
+
+
+def _check_places(places: list[Path]) -> None:
+    """Complain now about what could not be written after the search."""
+    import os
+
+    from frictionid.errors import InputError
+
+    for path in places:
+        folder = next(p for p in path.absolute().parents if p.exists())
+        if path.is_dir() or not (folder.is_dir() and os.access(folder, os.W_OK)):
+            raise InputError(f"{path} cannot be written: choose another place")
+
+
+def _noise(value: float, unit: str) -> float:
+    import math
+
+    return math.radians(value) if unit == "rad" else value / 1000.0
+
+
+def _pair(text: str) -> tuple[float, float]:
+    from frictionid.errors import InputError
+
+    values = _numbers("--frequencies", text)
+    if len(values) != 2:
+        raise InputError(f"--frequencies {text!r} must be two numbers [Hz], e.g. 0.2,4")
+    return values[0], values[1]
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    import math
+
+    from frictionid.errors import InputError
+
+    try:
+        values = tuple(float(part) for part in text.split(",")) if text.strip() else ()
+    except ValueError:
+        values = (math.nan,)
+    if not all(math.isfinite(v) for v in values):
+        raise InputError(f"{option} {text!r} must be numbers with commas, e.g. 0.5,1")
+    return values

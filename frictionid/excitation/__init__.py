@@ -1,0 +1,33 @@
+"""Which torque to apply next: signals that tell friction and inertia apart, within limits."""
+
+from frictionid.excitation.advice import Advice, advise
+from frictionid.excitation.experiment import Experiment, mechanism_in
+from frictionid.excitation.guess import guessed
+from frictionid.excitation.information import Expected, covariances, expected
+from frictionid.excitation.limits import Limits, limits_of
+from frictionid.excitation.motion import Motions, moved
+from frictionid.excitation.picture import picture
+from frictionid.excitation.search import Search, best
+from frictionid.excitation.text import described, played
+from frictionid.excitation.waves import Waves
+
+__all__ = [
+    "Advice",
+    "Expected",
+    "Experiment",
+    "Limits",
+    "Motions",
+    "Search",
+    "Waves",
+    "advise",
+    "best",
+    "covariances",
+    "described",
+    "expected",
+    "guessed",
+    "limits_of",
+    "mechanism_in",
+    "moved",
+    "picture",
+    "played",
+]

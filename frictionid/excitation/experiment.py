@@ -1,0 +1,111 @@
+"""The experiment that is planned: machine, guessed friction, limits, drive and camera."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.excitation.limits import Limits
+from frictionid.friction import Friction
+from frictionid.mechanics import Plant
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is planned around the signal that is searched.
+
+    Parameters
+    ----------
+    plant : Plant, its base parameters p of shape (nb,)
+    friction : Friction, the guess, theta (n, 2)
+    limits : Limits
+    length : float [s], of each recording
+    recordings : int
+    drive_rate, camera_rate : float [Hz]
+    angle_noise : float, standard deviation [rad], or [m]
+    band : lowest and highest frequency of the torque [Hz]
+    start : start angles (n,) of each recording, at rest; None: searched as well
+    levels : shares of the guessed friction for all of which the signal shall be good
+    """
+
+    plant: Plant
+    friction: Friction
+    limits: Limits
+    length: float = 5.0
+    recordings: int = 4
+    drive_rate: float = 60.0
+    camera_rate: float = 60.0
+    angle_noise: float = math.radians(0.1)
+    band: tuple[float, float] = (0.2, 4.0)
+    start: tuple[float, ...] | None = None
+    levels: tuple[float, ...] = (1.0,)
+
+    def __post_init__(self) -> None:
+        for name in ("length", "drive_rate", "camera_rate", "angle_noise"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name.replace('_', ' ')} = {value:g} must be positive")
+        if self.recordings < 1:
+            raise InputError(f"recordings = {self.recordings} must be at least 1")
+        if self.length * self.camera_rate < 20:
+            raise InputError(
+                f"length = {self.length:g} s has {self.length * self.camera_rate:.0f} images; at "
+                "least 20 are needed: make it longer"
+            )
+        low, high = self.band
+        if not 0 < low < high <= self.drive_rate / 4:
+            raise InputError(
+                f"frequencies {low:g},{high:g} Hz must be positive, increasing and at most a "
+                f"quarter of the drive rate of {self.drive_rate:g} Hz"
+            )
+        _check_start(self.start, self.limits, self.plant.n)
+
+    @property
+    def images(self) -> Array:
+        """Times of the camera (T + 1,) [s]."""
+        return np.arange(round(self.length * self.camera_rate) + 1) / self.camera_rate
+
+    @property
+    def commands(self) -> Array:
+        """Times of the drive's commands (K + 1,) [s], the last one where the signal ends."""
+        return np.arange(round(self.length * self.drive_rate) + 1) / self.drive_rate
+
+
+def _check_start(start: tuple[float, ...] | None, limits: Limits, joints: int) -> None:
+    if start is None:
+        return
+    if len(start) != joints:
+        raise InputError(f"start has {len(start)} angles for {joints} joints")
+    for j, (angle, most) in enumerate(zip(start, limits.angle, strict=True), start=1):
+        if not abs(angle) < most:
+            raise InputError(f"start angle {angle:g} of joint {j} is not within its limit {most:g}")
+
+
+def mechanism_in(path: Path) -> dict[str, Any]:
+    """The [mechanism] table of a TOML file, or of the dataset.toml of a folder.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or has no such table.
+    """
+    file = path / "dataset.toml" if path.is_dir() else path
+    try:
+        document = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{file} cannot be read ({error.strerror}); name a file with a [mechanism] table"
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file} is no TOML ({error}); correct it") from None
+    table = document.get("mechanism")
+    if not isinstance(table, dict):
+        raise InputError(f'{file} has no [mechanism] table; add one, e.g. kind = "acrobot"')
+    return table

@@ -1,0 +1,53 @@
+"""How the smoother turns noise of the angles into noise of its angles and velocities."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.sparse import csr_array, lil_array
+
+from frictionid.arrays import Array
+from frictionid.kinematic import Series, likeliest, smoothed
+
+_SUPPORT = 60  # samples; a smoothed state depends on those farther away by less than 1e-6
+_DECADES = 4  # parts of a decade to which jerk ratios are rounded
+
+
+def jerk_ratio(q: Array, noise: Array, dt: float) -> Array:
+    """Decades of the jerk ratio that the smoother finds likeliest for noisy angles.
+
+    q and noise (T, ...) have one series for each entry of the other axes; returns (...), rounded
+    to a quarter.
+    """
+    value = (q + noise).reshape(len(q), -1)
+    series = Series(np.full(value.shape, dt), value, np.ones(value.shape, dtype=bool), ())
+    decades = np.log10(likeliest(series))
+    return (np.round(_DECADES * decades) / _DECADES).reshape(q.shape[1:])
+
+
+@lru_cache(maxsize=96)
+def gains(samples: int, dt: float, decade: float) -> tuple[csr_array, csr_array]:
+    """Matrices (T, T) from angles to smoothed angles and velocities [1/s].
+
+    >>> angle, velocity = gains(5, 0.1, 8.0)
+    >>> line = np.arange(5) * 0.1
+    >>> bool(np.allclose(angle @ line, line)), bool(np.allclose(velocity @ line, 1.0, atol=1e-3))
+    (True, True)
+    """
+    size = min(samples, 2 * _SUPPORT + 1)
+    shape = (size, size)
+    series = Series(np.full(shape, dt), np.eye(size), np.ones(shape, dtype=bool), ())
+    response = smoothed(series, np.full(size, 10.0**decade))
+    return _banded(response[:, :, 0], samples), _banded(response[:, :, 1], samples)
+
+
+def _banded(response: Array, samples: int) -> csr_array:
+    """The same response at the ends of a longer recording, its middle row between them."""
+    size = len(response)
+    half = size // 2
+    out = lil_array((samples, samples))
+    for i in range(samples):
+        row = min(i, half) if i < samples - half else size - (samples - i)
+        out[i, i - row : i - row + size] = response[row]
+    return out.tocsr()
