@@ -25,8 +25,7 @@ from frictionid.identifiers import Identifier, LeastSquares, Nothing, Published
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, MotorLoad, NoFriction, Stribeck
 from frictionid.mechanics import plant_of
 from frictionid.readers.dataset import load_dataset
-from frictionid.readers.layout import nearest
-from frictionid.readers.strict import STRICT, Table, mistake
+from frictionid.readers.strict import STRICT, Strict, mistake, nearest
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.recordings import Dataset
 from frictionid.states import RTS, Backward, Estimator, SavitzkyGolay
@@ -114,14 +113,14 @@ ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
 RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (STUDY, INTEGRAL)}
 
 
-class DatasetEntry(Table):
+class DatasetEntry(Strict):
     """A data set to fit, and data sets that only test what was fitted to it."""
 
     path: str
     tests: list[str] = []
 
 
-class RecipeEntry(Table):
+class RecipeEntry(Strict):
     """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest."""
 
     name: Name
@@ -130,7 +129,7 @@ class RecipeEntry(Table):
     rest: Annotated[float, Field(ge=0)] | None = None
 
 
-class IdentifierEntry(Table):
+class IdentifierEntry(Strict):
     """An identifier of a kind, ours or `package.module:Class`; its other keys are its settings."""
 
     model_config = ConfigDict(extra="allow", frozen=True, **STRICT)
@@ -144,7 +143,7 @@ def _split(table: Any) -> Any:
     return _call(folds, table, "folds") if isinstance(table, dict) else table
 
 
-class Suite(Table):
+class Suite(Strict):
     """A suite's tables as they are written."""
 
     name: Name

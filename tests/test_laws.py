@@ -10,11 +10,19 @@ from remembering import FilmLag, Sampled
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck, check_law
+from frictionid.laws import (
+    AsymmetricStribeck,
+    CoulombViscous,
+    MotorLoad,
+    NoFriction,
+    Stribeck,
+    check_law,
+)
 from frictionid.laws.sign import smooth_sign
 
 LAWS = [
     NoFriction(),
+    *(MotorLoad(shape=shape) for shape in ("tanh", "arctan")),
     *(CoulombViscous(shape=shape) for shape in ("tanh", "arctan")),
     *(Stribeck(width, shape) for width in (0.005, 0.02) for shape in ("tanh", "arctan")),
     *(AsymmetricStribeck(shape=shape) for shape in ("tanh", "arctan")),

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.alone import Stack, effect, stack_of
+from frictionid.check.alone import effect, stack_of
 from frictionid.check.rows import Rows
 from frictionid.mechanics import Mechanism
 

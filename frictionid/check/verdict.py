@@ -22,8 +22,8 @@ from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.regression import Estimate, regress
 from frictionid.check.rows import Rows, speeds_of
 from frictionid.check.sensors import frozen, unwrapped
-from frictionid.check.torque import impulse_of
 from frictionid.check.told import Suspect
+from frictionid.check.torque import impulse_of
 from frictionid.check.trial import Trial, tried
 from frictionid.friction import Friction
 from frictionid.mechanics import plant_of

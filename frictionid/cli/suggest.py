@@ -59,7 +59,7 @@ def suggest(
     )
     waves = excitation.Waves(experiment, tuple(f.strip() for f in families.split(",") if f.strip()))
     search = excitation.Search(pool=effort, children=max(1, effort // 2), seed=seed)
-    with counted(search.generations + 1, "searching", str(out)) as done:
+    with counted(search.generations + 1, "searching") as done:
         advice = excitation.advise(waves, search, done)
     for number, path in enumerate(places):
         write_text(path, excitation.played(advice, number))

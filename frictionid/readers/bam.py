@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.errors import InputError
-from frictionid.readers.layout import Strict, checked
+from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import content_of, table_name, unzip
 from frictionid.recordings import Recording, first_fault
 from frictionid.signals import Array, Signal

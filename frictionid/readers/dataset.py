@@ -15,8 +15,9 @@ import numpy as np
 from frictionid.errors import InputError
 from frictionid.readers.columns import signal_of
 from frictionid.readers.kinds import Reader, reader_of
-from frictionid.readers.layout import UNITS, ColumnNames, Layout, check_layout, nearest
+from frictionid.readers.layout import UNITS, ColumnNames, Layout, check_layout
 from frictionid.readers.registry import cached, check_file, is_cached, way_to_get
+from frictionid.readers.strict import nearest
 from frictionid.readers.table import Table, content_of, read_table, table_name
 from frictionid.recordings import Dataset, Motion, Recording
 from frictionid.signals import Signal, cut

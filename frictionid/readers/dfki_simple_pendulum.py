@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from frictionid.readers.columns import signal_of
-from frictionid.readers.layout import Strict, checked
+from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import content_of, read_table, table_name
 from frictionid.recordings import Recording
 

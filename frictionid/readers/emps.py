@@ -10,8 +10,8 @@ import numpy as np
 
 from frictionid.errors import InputError
 from frictionid.readers.columns import signal_of
-from frictionid.readers.layout import Strict, checked
 from frictionid.readers.mat import mat_column, read_mat
+from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import Table, content_of, read_table, table_name
 from frictionid.recordings import Recording
 

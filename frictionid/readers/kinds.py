@@ -14,9 +14,9 @@ from frictionid.readers.dfki_double_pendulum import read_dfki_double_pendulum
 from frictionid.readers.dfki_simple_pendulum import read_dfki_simple_pendulum
 from frictionid.readers.emps import read_emps
 from frictionid.readers.ibm import read_ibm
-from frictionid.readers.layout import nearest
 from frictionid.readers.markers import read_markers
 from frictionid.readers.phy180 import read_phy180
+from frictionid.readers.strict import nearest
 from frictionid.recordings import Recording
 
 # A reader makes a recording in SI units of a file and the settings that stand in [reader].

@@ -1,22 +1,20 @@
 """The layout of dataset.toml: which tables and keys there are, their types and their defaults."""
 
-import difflib
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Annotated, Any, Literal, Self, TypeVar
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
-    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
 )
 
-from frictionid.errors import InputError
+from frictionid.readers.strict import Strict, checked
 
 # SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
 UNITS = {
@@ -40,34 +38,6 @@ UNITS = {
 }
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Way out for an unknown name: the known one that looks most like it, or all of them.
-
-    Examples
-    --------
-    >>> nearest("angel", ["time", "angle"])
-    "did you mean 'angle'?"
-    """
-    names = list(known)
-    close = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(map(repr, names))}"
-
-
-class Strict(BaseModel):
-    """A table of dataset.toml: no other keys, no conversion of types, no infinite numbers."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_keys(cls, table: Any) -> Any:
-        for key in table if isinstance(table, dict) else ():
-            if key not in cls.model_fields:
-                raise ValueError(f"unknown key {key!r}; {nearest(key, cls.model_fields)}")
-        return table
-
-
-Checked = TypeVar("Checked", bound=BaseModel)
 Column = Annotated[str, Field(min_length=1)]
 
 
@@ -288,19 +258,3 @@ def check_layout(document: dict[str, Any], file: str) -> Layout:
     frictionid.errors.InputError: dataset.toml: unknown key 'nane'; did you mean 'name'?
     """
     return checked(Layout, document, file)
-
-
-def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Checked:
-    """The document as a model of its keys; mistakes are named with where it stands."""
-    try:
-        return model.model_validate(document)
-    except ValidationError as invalid:
-        # One mistake at a time: the first one often causes the others.
-        error = invalid.errors(include_url=False)[0]
-    place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in error["loc"])
-    if error["type"] == "missing":
-        raise InputError(f"{where}: the key {place[1:]!r} is missing; add it")
-    reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
-    if error["type"] != "value_error":
-        reason += f", not {repr(error['input'])[:60]}"
-    raise InputError(f"{where}: {place[1:]}: {reason}" if place else f"{where}: {reason}")

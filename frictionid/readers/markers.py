@@ -14,7 +14,8 @@ from frictionid.errors import InputError
 from frictionid.geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
 from frictionid.readers.bare import read_bare
 from frictionid.readers.columns import signal_of
-from frictionid.readers.layout import UNITS, Column, Strict, checked
+from frictionid.readers.layout import UNITS, Column
+from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import Table, content_of, read_table, table_name
 from frictionid.recordings import Recording
 from frictionid.signals import Array, Signal

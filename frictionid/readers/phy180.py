@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.readers.bare import read_bare
 from frictionid.readers.columns import signal_of
-from frictionid.readers.layout import Strict, checked
+from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import content_of, table_name
 from frictionid.recordings import Recording
 

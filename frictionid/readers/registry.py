@@ -16,7 +16,7 @@ from types import MappingProxyType
 from pydantic import Field
 
 from frictionid.errors import InputError
-from frictionid.readers.layout import Strict, nearest
+from frictionid.readers.strict import Strict, nearest
 from frictionid.readers.table import content_of
 
 

@@ -13,7 +13,7 @@ from typing import Any, get_args, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from frictionid.errors import InputError
-from frictionid.readers.layout import nearest
+from frictionid.readers.strict import nearest
 from frictionid.simulate.rig import Rig
 
 
@@ -53,7 +53,7 @@ def rig_of(document: dict[str, Any], file: str) -> Rig:
     for place, number in _infinite(document, ""):
         raise InputError(f"{file}: {place} = {number}; every number must be finite")
     try:
-        # Strict, as JSON: lists become tuples, tables dataclasses, and nothing else is converted.
+        # Table, as JSON: lists become tuples, tables dataclasses, and nothing else is converted.
         rig: Rig = TypeAdapter(Rig).validate_json(json.dumps(document, default=str), strict=True)
     except ValidationError as invalid:
         # One mistake at a time: the first one often causes the others.
