@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.alone import Stack, effect, stack_of
+from frictionid.check.alone import effect, stack_of
 from frictionid.check.rows import Rows
 from frictionid.mechanics import Mechanism
 
@@ -46,7 +46,7 @@ def suspects(
 ) -> list[Suspect]:
     """All suspects, the one that explains most first.
 
-    rows : with unit parameter vectors; torque (K, n) [N m]; told (R, nb); parameters : physical ones
+    parameters : physical ones ; rows : of unit vectors ; torque (K, n) [N m] ; told (R, nb)
     """
     stack = stack_of(rows, torque, told, loose=False)
     target = torque - (rows.phi * told[rows.recording][:, None]).sum(-1)

@@ -22,8 +22,8 @@ from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.regression import Estimate, regress
 from frictionid.check.rows import Rows, speeds_of
 from frictionid.check.sensors import frozen, unwrapped
-from frictionid.check.torque import impulse_of
 from frictionid.check.told import Suspect
+from frictionid.check.torque import impulse_of
 from frictionid.check.trial import Trial, tried
 from frictionid.friction import Friction
 from frictionid.mechanics import plant_of
@@ -172,7 +172,7 @@ def judge(
 def _without(
     dataset: Dataset, motions: Sequence[Motion], where: set[int]
 ) -> tuple[Dataset, Sequence[Motion]]:
-    """Data without some recordings, where any remain: their fault would raise suspicion of others."""
+    """Data without some recordings, where any remain: their fault would look like others."""
     kept = [i for i in range(len(motions)) if i not in where]
     if not where or not kept:
         return dataset, motions
