@@ -108,7 +108,7 @@ def _rows(
 
 
 def better(scored: list[Scored], limit: float) -> list[Scored]:
-    """Conventions that fit clearly better than a score `limit`, those alike side by side; or none."""
+    """Conventions that fit clearly better than a score `limit`, those alike together; or none."""
     best = min(scored, key=lambda s: s.score)
     if best.score > min(limit - MARGIN, EXPLAINS):
         return []

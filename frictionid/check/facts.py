@@ -132,8 +132,14 @@ def _ripple(recordings: Sequence[Recording], j: int) -> float:
 
 
 def _resolution(values: Array) -> float:
-    """Step between neighbouring readings that occur, 0 where hardly any reading occurs twice."""
-    levels = np.unique(values)
-    if len(levels) < 3 or len(levels) > 0.5 * len(values):
+    """Step of which all differences between readings are multiples, 0 where there is none.
+
+    >>> _resolution(np.array([0.1, 0.3, 0.2, 0.6, 0.2])).__round__(6)
+    0.1
+    """
+    gaps = np.diff(np.unique(values))
+    if len(gaps) < 2:
         return 0.0
-    return float(np.quantile(np.diff(levels), 0.1))
+    step = float(np.quantile(gaps, 0.1))
+    ratio = gaps / step
+    return step if np.mean(np.abs(ratio - np.rint(ratio)) < 0.05) > 0.9 else 0.0

@@ -1,4 +1,4 @@
-"""How badly a balance with the told mechanism fails, whatever the friction: the score of hypotheses.
+"""How badly a balance with the told mechanism fails, whatever the friction: a hypothesis' score.
 
 For each joint, told mechanism and torques are given and friction may be anything of the shapes in
 `rows` that opposes motion (non-negative least squares). What remains, over the sum of squares of

@@ -33,7 +33,7 @@ class Motion(NamedTuple):
 def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     """Motion of each recording, by the smoother of `states.RTS` with its own uncertainty.
 
-    The white-jerk smoother in steady state has the bandwidth w0 = (rho/dt)^(1/6) [rad/s], and leaves
+    In steady state the white-jerk smoother has the bandwidth w0 = (rho/dt)^(1/6) [rad/s] and leaves
 
     var q = s^2 dt w0 / 3,    var w = s^2 dt w0^3 / 6
 

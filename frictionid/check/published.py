@@ -1,4 +1,4 @@
-"""Other people's numbers against the data: do a model's inertias and friction explain them?"""
+"""Other people's numbers against the data, and how far they are off."""
 
 from __future__ import annotations
 

@@ -4,9 +4,9 @@ One balance per window and joint (see `rows`), torque alone on the left:
 
     B u = phi p + coulomb sgn(w) + viscous w + offset     [N m]
 
-Windows in which a joint rests or turns round say nothing of its sliding friction and are left out of
-its own balance, as in `problem.sliding`; in the torque balance another joint's friction does not
-appear. [Gautier1990]
+Windows in which a joint rests or turns round say nothing of its sliding friction and are left out
+of its own balance, as in `problem.sliding`; in the torque balance another joint's friction does
+not appear. [Gautier1990]
 """
 
 from __future__ import annotations
@@ -52,8 +52,10 @@ class Estimate(NamedTuple):
 def regress(rows: Rows, torque: Array, base_names: Sequence[str], told: Array) -> Estimate:
     """Base parameters and friction of all joints from the rows.
 
-    The errors are those of errors alike within blocks, and hold how far the value moves when the
-    friction at low speed is left open (a Stribeck peak that Coulomb and viscous friction miss).
+    The errors are those of errors alike within blocks. They also hold two systematic ones: how far
+    the value moves when the friction at low speed is left open (a Stribeck peak that Coulomb and
+    viscous friction miss), and how much smaller all values may look because the motion, on the
+    right side, has errors too: by the remainder's share of the torque's squares.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], told: Array) -
     difference = (np.asarray(told, float) - reference)[rows.recording]
     y = torque - (rows.phi * difference[:, None]).sum(-1)
     names = (*base_names, *(f"{f}_{j + 1}" for j in range(n) for f in FRICTION))
-    X = np.concatenate([rows.phi, _friction_columns(rows, slice(None))], axis=-1)
+    X = np.concatenate([rows.phi, _friction_columns(rows, slice(len(FRICTION)))], axis=-1)
     size, alive = _sizes(rows, torque, reference), _alive(X, rows, torque, reference)
     value = np.where(alive, 0.0, np.append(reference, np.zeros(3 * n)))
     at = np.flatnonzero(alive)
@@ -82,7 +84,8 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], told: Array) -
     drift = part.value - _open_value(X[..., at], y, rows, size[at])
     value[at] = part.value
     covariance = np.full((len(names), len(names)), np.nan)
-    covariance[np.ix_(at, at)] = part.covariance + np.outer(drift, drift)
+    shrunk = _shrinkage(torque, y - X[..., at] @ part.value, rows.free) * part.value
+    covariance[np.ix_(at, at)] = part.covariance + np.outer(drift, drift) + np.outer(shrunk, shrunk)
     error = np.full(len(names), np.inf)
     error[at] = np.sqrt(np.maximum(np.diag(covariance)[at], 0.0))
     residual = np.where(rows.free, y - X[..., at] @ part.value, np.nan)
@@ -93,19 +96,26 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], told: Array) -
     return Estimate(names, value, error, covariance, residual, _spread(residual, rows.free), blind)
 
 
-def _friction_columns(rows: Rows, joints: slice, shapes: slice = slice(0, len(FRICTION))) -> Array:
+def _shrinkage(torque: Array, residual: Array, free: Array) -> float:
+    """Mean square of the remainder over that of the torque, of the joints with torque."""
+    power, left = _spread(torque, free) ** 2, _spread(residual, free) ** 2
+    acts = power > 0
+    return float(min(left[acts].sum() / power[acts].sum(), 1.0)) if acts.any() else 0.0
+
+
+def _friction_columns(rows: Rows, shapes: slice) -> Array:
     """Columns of friction shapes, those of each joint in its own balance only, (K, n, n F)."""
     own = rows.friction[..., shapes]
     K, n, F = own.shape
     out = np.zeros((K, n, n, F))
-    each = np.arange(n)[joints]
+    each = np.arange(n)
     out[:, each, each] = own[:, each]
     return out.reshape(K, n, n * F)
 
 
 def _open_value(X: Array, y: Array, rows: Rows, size: Array) -> Array:
     """Estimate with the shapes of slow friction as further columns."""
-    slow = _friction_columns(rows, slice(None), slice(len(FRICTION), None))
+    slow = _friction_columns(rows, slice(len(FRICTION), None))
     slow = slow[..., (np.abs(slow[rows.free.any(1)]) > 0).any((0, 1))]
     level = np.full(slow.shape[-1], size[-1] if len(size) else 1.0)
     wide = np.concatenate([X, slow], axis=-1)
@@ -133,9 +143,9 @@ def block_numbers(rows: Rows) -> Array:
 
 
 def sandwich(X: Array, residual: Array, block: Array, inverse: Array) -> Array:
-    """Covariance of least squares with errors alike within blocks, (P, P) [LiangZeger1986].
+    """Covariance of least squares with errors alike within blocks, (P, P).
 
-    X (N, P), residual (N,), block (N,), inverse: (X'X)^-1.
+    X (N, P), residual (N,), block (N,), inverse: (X'X)^-1. The sandwich of Liang and Zeger, 1986.
     """
     scores = np.zeros((int(block.max()) + 1, X.shape[1]))
     np.add.at(scores, block, X * residual[:, None])
@@ -160,16 +170,16 @@ def _solve(X: Array, y: Array, rows: Rows, size: Array) -> _Solved:
     spread = _spread(np.where(free, (np.abs(X) * size).max(-1), 0.0), free)
     for _ in range(3):
         weight = 1.0 / np.where(spread > 0, spread, 1.0)[joint]
-        Aw, bw = A * weight[:, None], b * weight
-        U, s, V = np.linalg.svd(Aw, full_matrices=False)
+        weighted, target = A * weight[:, None], b * weight
+        U, s, V = np.linalg.svd(weighted, full_matrices=False)
         kept = s > 1e-7 * s[0]
-        x = V[kept].T @ ((U[:, kept].T @ bw) / s[kept])
+        x = V[kept].T @ ((U[:, kept].T @ target) / s[kept])
         residual = b - A @ x
         full = np.zeros(free.shape)
         full[free] = residual
         spread = _spread(full, free)
     inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
-    covariance = sandwich(Aw, residual * weight, block, inverse)
+    covariance = sandwich(weighted, residual * weight, block, inverse)
     return _Solved(x * size, covariance * np.outer(size, size), _blind(covariance, V[~kept]))
 
 

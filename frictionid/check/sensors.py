@@ -17,7 +17,7 @@ from frictionid.signals import Signal
 TURN = 2 * np.pi
 # A reading is frozen where it repeats for at least this long [s] and this many samples ...
 STILL, SAMPLES = 0.08, 5
-# ... while the joint came in or went out with this many times the largest step of noise or rounding.
+# ... while the joint came in or went out with this many times the step of noise or rounding.
 LEAP = 6.0
 
 
@@ -32,11 +32,11 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     >>> from frictionid.recordings import Recording
     >>> from frictionid.signals import Signal
     >>> time = np.arange(50) * 0.02
-    >>> angle = (3.0 * time[:, None] + np.pi) % TURN - np.pi
+    >>> angle = (4.0 * time[:, None] + np.pi) % TURN - np.pi
     >>> wrapped = Dataset("a", {}, (Recording("r", Signal(time, angle), Signal(time, 0 * angle)),))
     >>> mended, found = unwrapped(wrapped)
     >>> float(mended.recordings[0].angle.value[-1, 0].round(6)), found[0].kind
-    (2.94, 'wrapped_angle')
+    (3.92, 'wrapped_angle')
     """
     span = _span(dataset)
     jumps = np.zeros(len(span), int)

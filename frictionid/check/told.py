@@ -46,7 +46,7 @@ def suspects(
 ) -> list[Suspect]:
     """All suspects, the one that explains most first.
 
-    rows : with unit parameter vectors; torque (K, n) [N m]; told (R, nb); parameters : physical ones
+    parameters : physical ones ; rows : of unit vectors ; torque (K, n) [N m] ; told (R, nb)
     """
     stack = stack_of(rows, torque, told, loose=False)
     target = torque - (rows.phi * told[rows.recording][:, None]).sum(-1)

@@ -55,8 +55,8 @@ def impulse_of(recordings: Sequence[Recording]) -> Impulse:
     >>> angle = Signal(time, np.zeros((2, 1)))
     >>> held = Signal(time, np.array([[2.0], [4.0]]), "previous")
     >>> impulse = impulse_of([Recording("a", angle, held)])
-    >>> float(np.interp(1.5, impulse.clock, impulse.value[:, 0])
-    ...       - np.interp(0.5, impulse.clock, impulse.value[:, 0]))
+    >>> at = np.array([0.5, 1.5]) + impulse.shift[0]
+    >>> float(np.diff(np.interp(at, impulse.clock, impulse.value[:, 0]))[0].round(9))
     3.0
     """
     clocks, heights, shifts, end = [], [], [], 0.0

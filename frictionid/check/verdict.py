@@ -172,7 +172,7 @@ def judge(
 def _without(
     dataset: Dataset, motions: Sequence[Motion], where: set[int]
 ) -> tuple[Dataset, Sequence[Motion]]:
-    """Data without some recordings, where any remain: their fault would raise suspicion of others."""
+    """Data without some recordings, where any remain: their fault would look like others."""
     kept = [i for i in range(len(motions)) if i not in where]
     if not where or not kept:
         return dataset, motions

@@ -154,7 +154,7 @@ class Mechanism:
         """Number of joints."""
         return len(self.description.q)
 
-    @property
+    @cached_property
     def defaults(self) -> dict[str, float]:
         """Default values of the physical parameters, SI units."""
         return {str(a.symbol): a.default for a in self.description.parameters}

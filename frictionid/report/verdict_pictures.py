@@ -1,4 +1,4 @@
-"""Pictures of a verdict: where the joints have been, what moved them, and friction before any fit."""
+"""Pictures of a verdict: where the joints have been, what moved them, friction before any fit."""
 
 from __future__ import annotations
 

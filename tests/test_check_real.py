@@ -1,0 +1,76 @@
+"""What `check` says of measured recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from frictionid.check import check
+from frictionid.check.motion import motions_of
+from frictionid.check.regression import regress
+from frictionid.check.rows import unit_rows
+from frictionid.check.torque import impulse_of
+from frictionid.mechanics import plant_of
+from frictionid.readers.dataset import load_dataset
+from frictionid.suite import friction_of
+
+DATA = Path(__file__).parents[1] / "data"
+COMMANDED = """
+name = "commanded"
+collection = "dfki_simple_pendulum"
+[mechanism]
+kind = "pendulum"
+[mechanism.parameters]
+mass = 0.7
+length = 0.5
+[columns]
+time = "time"
+angle = ["position"]
+torque = ["torque"]
+[recordings]
+patterns = ["gravity_compensation_torque_is_commanded*"]
+"""
+
+
+def test_the_real_double_pendulum_is_usable(real_data):
+    verdict = check(load_dataset(DATA / "dfki_c1", real_data / "dfki_double_pendulum"))
+    assert verdict.level != "unusable"
+    assert all(entry.possible for entry in verdict.identifiable)
+    # told from its published model: torques push the right way, at the right size and time
+    gains = [s for s in verdict.suspects if s.kind == "gain"]
+    assert all(s.size == pytest.approx(1.0, abs=0.1) for s in gains)
+    assert abs(verdict.delay.seconds) < 0.006
+
+
+def test_a_commanded_torque_leaves_nothing_to_identify(real_data, tmp_path):
+    (tmp_path / "dataset.toml").write_text(COMMANDED)
+    verdict = check(load_dataset(tmp_path, real_data / "dfki_simple_pendulum"))
+    assert verdict.level == "unusable"
+    assert verdict.findings[0].text.startswith(
+        "nothing to identify: the torque equals a gravity model"
+    )
+    assert [entry.possible for entry in verdict.identifiable] == [False]
+
+
+def test_the_published_simple_pendulum_contradicts_its_data(real_data):
+    dataset = load_dataset(DATA / "simple_pendulum", real_data / "dfki_simple_pendulum")
+    verdict = check(dataset, friction_of(DATA / "simple_pendulum" / "published.json"))
+    finding = next(f for f in verdict.findings if f.kind == "published")
+    assert "incompatible with the data: inertia 0.0626 published, 0.18" in finding.text
+    inertia, gravity = (verdict.estimate.at(name)[0] for name in ("inertia", "gravity"))
+    assert 0.16 < inertia < 0.19 and 0.33 < gravity / 9.81 < 0.37
+
+
+def test_least_squares_of_the_carriage_agree_with_the_published_ones(real_data):
+    """M, Fc, Fv and offset within 1 %, from all windows, also those in which it turns round."""
+    dataset = load_dataset(DATA / "emps", real_data / "emps")
+    plant = plant_of(dataset)
+    rows = unit_rows(plant.mechanism, motions_of(dataset.recordings), width=0.05, every=True)
+    torque = impulse_of(dataset.recordings).means(rows)
+    estimate = regress(rows, torque, plant.mechanism.base_names, plant.p)
+    published = {"coulomb_1": 20.3935, "viscous_1": 203.5034, "offset_1": -3.1648}
+    for name, value in {plant.mechanism.base_names[0]: 95.1089, **published}.items():
+        assert estimate.at(name)[0] == pytest.approx(value, rel=0.01), name
+    assert np.all(np.isfinite(estimate.error))
