@@ -18,7 +18,9 @@ from frictionid.evaluation import Split, make_folds
 from frictionid.friction import Friction, along
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.bounded import bounded
+from frictionid.identifiers.linearised import Rows
 from frictionid.identifiers.practice import practice_problem, practice_weights
+from frictionid.identifiers.starts import best_starts
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.mechanics import plant_of
 from frictionid.problem import sliding
@@ -50,6 +52,20 @@ def test_quadratic_problems_within_bounds_are_solved_as_scipy_does(N):
     for i in range(50):
         exact = lsq_linear(A[i], b[i], (low[i], high[i]), method="bvls", tol=1e-14, max_iter=999)
         assert np.sum((A[i] @ d[i] - b[i]) ** 2) <= 2 * exact.cost * (1 + 1e-9)
+
+
+def test_columns_that_are_nearly_alike_do_not_send_the_pivots_in_circles():
+    rng = np.random.default_rng(1)
+    for N in (3, 5, 8):
+        A = rng.normal(size=(500, N + 1, N))
+        A[:, :, 1:] += rng.uniform(0, 30, (500, 1, 1)) * A[:, :, :1]
+        H, g = np.swapaxes(A, 1, 2) @ A, 10 * rng.normal(size=(500, N))
+        low = -np.abs(rng.normal(size=(500, N))) * (rng.uniform(size=(500, N)) < 0.5)
+        high = 1e-3 + np.abs(rng.normal(size=(500, N)))
+        d = bounded(H, g, low, high)
+        slope = (g - np.einsum("bij,bj->bi", H, d)) / np.abs(g).max(axis=1, keepdims=True)
+        assert (slope[d > low] > -1e-7).all()
+        assert (slope[d < high] < 1e-7).all()
 
 
 def test_what_has_no_influence_stays_and_what_stands_beside_does_not_matter():
@@ -95,6 +111,33 @@ def test_laws_without_a_gradient_find_their_truth(theta):
     problem = explained_by(Drag(), theta)
     found = fit(Drag(), problem, everything(problem)).theta[0]
     np.testing.assert_allclose(found, theta, rtol=1e-6)
+
+
+@dataclass(frozen=True)
+class Strict(Drag):
+    """A law that is not defined outside its bounds."""
+
+    def torque(self, theta, x, memory):
+        low, high = np.transpose(self.bounds)
+        assert ((low <= theta) & (theta <= high)).all()
+        return super().torque(theta, x, memory)
+
+
+def test_numeric_slopes_never_leave_the_bounds():
+    truth = np.array([[0.1, 0.001, 3.0]])  # the best power is its upper bound
+    problem = explained_by(Strict(), truth)
+    found = fit(Strict(), problem, everything(problem)).theta[0]
+    np.testing.assert_allclose(found, truth, rtol=1e-6)
+
+
+def test_a_start_that_is_the_truth_is_taken_by_each_joint():
+    truth = np.array([[0.1, 0.02, 1.4], [0.05, 0.01, 2.2]])
+    starts = ((0.3, 0.1, 0.8), *truth, (0.0, 0.5, 2.9))
+    law = type("Started", (Drag,), {"initial": starts})()
+    problem = explained_by(Drag(), truth)
+    begin, end = best_starts(Rows(law, problem), everything(problem))
+    np.testing.assert_array_equal(begin, truth.reshape(1, 6))
+    np.testing.assert_allclose(end, begin, rtol=1e-6)
 
 
 def test_laws_without_a_gradient_are_scipys_least_squares():
