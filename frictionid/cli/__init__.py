@@ -19,6 +19,7 @@ from frictionid.errors import InputError
 
 app = typer.Typer(
     name="frictionid",
+    rich_markup_mode=None,  # brackets in help are units, not markup
     add_completion=False,
     pretty_exceptions_enable=False,
 )
