@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 from frictionid.problem import Problem, euler_problem, integral_problem, sliding
@@ -88,15 +89,19 @@ def problem_of(
     if states is None:
         states = states_of(dataset, recipe.states, sample_time)
     make = euler_problem if recipe.scheme == "euler" else integral_problem
-    steps = np.concatenate([np.diff(s.time) for s in states])
-    if not len(steps):
+    if all(len(s.time) < 2 for s in states):
         raise InputError(
             f"data set {dataset.name!r}: samples {sample_time} s apart leave no interval of any "
             "recording: lower sample_time"
         )
-    before = max(round(history / float(np.median(steps))), 1)
     lost = 1 if isinstance(recipe.states, Backward) else 0
-    return make(plant, dataset.recordings, states, before - lost)
+    before = [max(_samples(history, s.time), 1) - lost for s in states]
+    return make(plant, dataset.recordings, states, before)
+
+
+def _samples(seconds: float, time: Array) -> int:
+    """Samples of a clock in so many seconds."""
+    return round(seconds / float(np.median(np.diff(time)))) if len(time) > 1 else 0
 
 
 def training_problem(

@@ -206,8 +206,14 @@ def _check_sigma(where: str, sigma: Array, columns: int) -> None:
         raise InputError(f"{where}: sigma must be positive and finite, not {sigma.tolist()}")
 
 
+_COVER = 5.0  # gaps of its own that a torque may begin late or end early by
+
+
 def _check_clocks(where: str, angle: Signal, torque: Signal) -> None:
-    """A held torque lasts beyond its last sample, so only one that starts too late is foreign."""
+    """A torque must be known while the joints move; beyond its samples nothing is made up.
+
+    A held torque may be logged only where it changes: what is missing is judged by its own gaps.
+    """
     late = torque.time[0] > angle.time[-1]
     early = torque.hold == "linear" and torque.time[-1] < angle.time[0]
     if late or early:
@@ -215,6 +221,16 @@ def _check_clocks(where: str, angle: Signal, torque: Signal) -> None:
             f"{where}: torque ({torque.time[0]:g} to {torque.time[-1]:g} s) and angle "
             f"({angle.time[0]:g} to {angle.time[-1]:g} s) share no moment; both clocks must count "
             "from the same instant"
+        )
+    if len(torque.time) < 2 or not np.any(torque.value):
+        return
+    usual = np.max(np.diff(torque.time)) + np.median(np.diff(angle.time))
+    missing = max(torque.time[0] - angle.time[0], angle.time[-1] - torque.time[-1])
+    if missing > _COVER * usual:
+        raise InputError(
+            f"{where}: torque is known from {torque.time[0]:g} to {torque.time[-1]:g} s only, the "
+            f"angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start "
+            "and stop in [recordings]"
         )
 
 

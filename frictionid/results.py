@@ -23,11 +23,16 @@ import pandas as pd
 
 from frictionid.compare import Ground
 from frictionid.errors import InputError
-from frictionid.evaluation import Prepared, curves, speeds, steady_state
+from frictionid.evaluation import Prepared, Row, curves, speeds, steady_state
 from frictionid.mechanics import mechanism_of
 from frictionid.store import read_json, remove_unfinished, write_json, write_text
 from frictionid.tasks import Task, file_name
 
+# What a task's document must have for tables and figures.
+DOCUMENT = (
+    *("dataset", "identifier", "fit", "seed", "settings", "rows"),
+    *("model", "folds", "curves", "motions", "seconds"),
+)
 COLUMNS = (
     "suite",
     "dataset",
@@ -116,10 +121,26 @@ def task_documents(folder: Path) -> list[dict[str, Any]]:
     """
     order = read_json(folder / "provenance.json").get("tasks", [])
     found = [folder / "tasks" / name for name in order]
-    documents = [read_json(path) for path in found if path.exists()]
+    documents = {path: read_json(path) for path in found if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
-    return documents
+    about = read_json(folder / "datasets.json")
+    for path, task in documents.items():
+        if not _whole(task, about):
+            raise InputError(
+                f"{path}: is no whole result, or does not fit datasets.json: finish the comparison "
+                "anew with --resume"
+            )
+    return list(documents.values())
+
+
+def _whole(task: Mapping[str, Any], about: Mapping[str, Any]) -> bool:
+    """Whether a task's document has all its parts, and rows of data sets that are described."""
+    rows = task.get("rows")
+    if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(about):
+        return False
+    lengths = {len(row) if isinstance(row, list) else 0 for own in rows.values() for row in own}
+    return lengths <= {len(Row._fields)}
 
 
 def scores(folder: Path) -> pd.DataFrame:

@@ -96,13 +96,14 @@ def _parts(value: Any) -> Iterator[bytes]:
         yield from _parts({} if kind is value else {name: getattr(value, name) for name in names})
 
 
-def _own_code(identifier: Identifier) -> bytes:
-    """Source of an identifier from outside this package: a result depends on it too."""
-    module = sys.modules.get(type(identifier).__module__)
-    place = getattr(module, "__file__", None)
-    if place is None or type(identifier).__module__.startswith("frictionid."):
-        return b""
-    return Path(place).read_bytes()
+def _own_code(part: Any) -> bytes:
+    """Source of an identifier, and of its law, from outside this package: results depend on it."""
+    name = type(part).__module__
+    place = getattr(sys.modules.get(name), "__file__", None)
+    foreign = place is not None and name.partition(".")[0] not in ("frictionid", "builtins")
+    own = Path(place).read_bytes() if foreign and place else b""
+    inner = (getattr(part, f.name) for f in fields(part)) if is_dataclass(part) else ()
+    return own + b"".join(_own_code(value) for value in inner if is_dataclass(value))
 
 
 def lock(folder: Path) -> AbstractContextManager[Any]:

@@ -36,10 +36,10 @@ def fit(
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
     made = recipe_named(recipe)
-    apart = Protocol(sample_time=sample_time).sample_time
+    protocol = Protocol(sample_time=sample_time)
     recordings = load_dataset(dataset, data)
     plant = plant_of(recordings)
-    problem = training_problem(recordings, plant, made, apart)
+    problem = training_problem(recordings, plant, made, protocol.sample_time, protocol.history)
     unit = plant.mechanism.description.angle_unit
     friction = find(chosen, problem, np.ones((1, len(problem.r))), seed, unit)[0]
     source: dict[str, Any] = {

@@ -12,6 +12,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
 from frictionid.friction import Inputs, Nodes
 from frictionid.mechanics import Plant
+from frictionid.problem import GAP
 from frictionid.recordings import Dataset
 from frictionid.signals import averages, sample
 from frictionid.states import States
@@ -112,14 +113,16 @@ def _indices(time: Array, shortest: float, every: float, begin: float) -> Array:
 def _reach(time: Array, index: int, horizons: Array) -> Array:
     """Intervals from a start to the sample nearest each horizon, -1 where none is near.
 
-    That is beyond the recording's end, in a gap, or before the next sample.
+    That is beyond the recording's end, in or behind a gap, or before the next sample.
     """
     ahead = time[index:] - time[index]
     nearest = np.searchsorted((ahead[1:] + ahead[:-1]) / 2, horizons)
     interval = float(np.median(np.diff(time)))
     off = np.abs(ahead[nearest] - horizons)
     inside = horizons <= ahead[-1] + 0.5 * interval
-    return np.where(inside & (nearest > 0) & (off <= interval), nearest, -1)
+    gaps = np.flatnonzero(np.diff(ahead) > GAP * interval)
+    whole = nearest <= (gaps[0] if len(gaps) else len(ahead))
+    return np.where(inside & whole & (nearest > 0) & (off <= interval), nearest, -1)
 
 
 def _truths(dataset: Dataset, states: Sequence[States]) -> list[Array]:

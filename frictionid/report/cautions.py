@@ -19,7 +19,7 @@ ASTRAY = 0.02  # distance of the fit to all data from the folds' mean curve, in 
 def cautions(evidence: Evidence, fitted: Sequence[Matter], scored: Sequence[Matter]) -> list[str]:
     """Sentences of what to read with care; matters of the data sets fitted, and of all scored."""
     parts = [_unfinished(evidence), _shuffled(evidence), _diverged(scored), _infinite(scored)]
-    parts += [_astray(fitted), _loose(fitted)]
+    parts += [_astray(fitted), _loose(fitted), _unscored(fitted)]
     return [sentence for sentence in parts if sentence]
 
 
@@ -39,6 +39,16 @@ def _shuffled(evidence: Evidence) -> str:
     return (
         "The folds are shuffled samples: held-out samples have neighbours in the training set, so "
         "losses flatter models that interpolate, and rollouts are not held out at all."
+    )
+
+
+def _unscored(fitted: Sequence[Matter]) -> str:
+    names = [code(m.dataset) for m in fitted if m.joints and not m.entries("truth")]
+    if not names:
+        return ""
+    return (
+        f"The true friction of {listed(names)} remembers: its curve at steady speed is known and "
+        "compared, but no law here can be it, so that the truth has no row of its own."
     )
 
 

@@ -185,9 +185,11 @@ def true_prediction(m: Matter) -> str:
         first = best(m.entries("fitted"), m.dataset, m.last)
     if not truth or first is None:
         return ""
-    own, fitted = (level(e, m.dataset, m.last) for e in (truth[0], first))
     size = _size(m, truth[0], m.last)
-    if fitted < own:
+    apart = paired(truth[0], first, m.dataset, m.last)
+    if not apart.clear:
+        return f"The true friction itself is {size} off, not distinguishable from that."
+    if apart.mean > 0:
         return (
             f"The true friction itself is further off, {size}: the fitted one makes up for errors "
             "that are not friction's."
