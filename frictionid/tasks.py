@@ -9,13 +9,15 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -227,7 +229,20 @@ def _results(
     with parallel_config(backend="loky", inner_max_num_threads=1):
         # max_nbytes: arrays travel with their task, no files are left behind in shared memory
         parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)
-        yield from parallel(delayed(_in_worker)(os.getpid(), *call) for call in calls)
+        with _blocked(signal.SIGINT):
+            results = parallel(delayed(_in_worker)(os.getpid(), *call) for call in calls)
+        yield from results
+
+
+@contextmanager
+def _blocked(number: signal.Signals) -> Iterator[None]:
+    """Put a signal off. Processes started meanwhile never see it: Ctrl-C is the parent's affair."""
+    resource_tracker.ensure_running()  # Python's own start of it would let the signal in
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [number])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _in_worker(parent: int, index: int, task: Task, ground: Ground) -> tuple[int, Result]:

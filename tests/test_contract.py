@@ -196,6 +196,18 @@ class Wild(CoulombViscous):
 
 
 @dataclass(frozen=True)
+class Forgetful(CoulombViscous):
+    def __reduce__(self):
+        return Forgetful, ()
+
+
+@dataclass(frozen=True)
+class Mixing(CoulombViscous):
+    def torque(self, theta, x, memory):
+        return super().torque(theta + theta.mean(0), x, memory)
+
+
+@dataclass(frozen=True)
 class Told(Ill):
     """Friction of another law than the one that was fitted."""
 
@@ -203,6 +215,12 @@ class Told(Ill):
 
     def after(self, friction, problem, weights):
         return replace(friction, law=self.law)
+
+
+@dataclass(frozen=True)
+class Forgotten(Ill):
+    def after(self, friction, problem, weights):
+        return replace(friction, law=Forgetful(width=1.0))
 
 
 @dataclass(frozen=True)
@@ -227,6 +245,8 @@ VIOLATIONS = [
     (Told(Pulling()), "limit must not be negative"),
     (Told(Jointless()), "limit must be .* at the nodes"),
     (Told(Wild()), "torque must be finite along the nodes"),
+    (Told(Mixing()), "fold 0 must be the same alone"),
+    (Forgotten(), "pickled friction must give the same torque"),
     (Local(), "its friction must pickle"),
 ]
 
