@@ -23,6 +23,8 @@ from frictionid.laws import CoulombViscous
 from frictionid.mechanics import plant_of
 from frictionid.readers.dataset import load_dataset
 from frictionid.recordings import Dataset, Recording
+from frictionid.report.verdict import as_json
+from frictionid.report.verdict_pictures import write_pictures
 from frictionid.signals import Signal
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, simulate
 
@@ -198,3 +200,25 @@ def test_the_command_prints_everything_as_json_and_draws(monkeypatch, capsys, tm
     assert verdict["estimate"]["names"][0] == "inertia_11"
     made = sorted(path.name for path in (tmp_path / "p").iterdir())
     assert made == ["coverage.png", "motion.png", "residual.png"]
+
+
+@pytest.mark.parametrize("samples", [2, 3, 12, 600])
+@pytest.mark.parametrize("speed", [0.0, 3.0])
+def test_recordings_too_short_or_still_are_unusable_and_no_more(samples, speed, tmp_path):
+    t = np.arange(samples) / 60
+    q, u = np.sin(speed * t)[:, None], np.cos(7 * t)[:, None]
+    dataset = Dataset("few", {"kind": "pendulum"}, (Recording("a", Signal(t, q), Signal(t, u)),))
+    verdict = check(dataset)
+    json.loads(as_json(verdict))
+    assert len(write_pictures(verdict, tmp_path)) == 3
+    if samples < 600 or speed == 0.0:
+        assert verdict.level == "unusable"
+        assert verdict.findings[0].kind == "missing_excitation"
+
+
+def test_recordings_of_another_machine_are_not_called_good():
+    """The torque has nothing to do with this motion: no convention explains it."""
+    t = np.arange(900) / 60
+    q, u = 0.5 * np.sin(3 * t)[:, None], 5 * np.cos(t)[:, None]
+    dataset = Dataset("odd", {"kind": "pendulum"}, (Recording("a", Signal(t, q), Signal(t, u)),))
+    assert check(dataset).level != "good"

@@ -13,7 +13,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.alone import effect, stack_of
-from frictionid.check.rows import Rows
+from frictionid.check.rows import FEWEST, Rows
 from frictionid.check.torque import Impulse
 
 # Largest delay looked for [s]; steps [s] of both searches and of the derivative.
@@ -52,6 +52,8 @@ def delay_of(rows: Rows, impulse: Impulse, told: Array) -> Delay | None:
         return None
     widest = min(WIDEST, _shortest(rows) / 6)
     inside = _inside(rows, widest)
+    if inside.free.any(1).sum() < FEWEST:
+        return None
     lags = np.arange(-np.floor(widest / COARSE), np.floor(widest / COARSE) + 1) * COARSE
     profile = _profile(inside, impulse, told, lags)
     best = float(lags[np.argmin(profile)])

@@ -9,11 +9,9 @@ from frictionid.check.delay import Delay
 from frictionid.check.facts import JointFacts
 from frictionid.check.findings import Finding
 from frictionid.check.regression import Estimate
-from frictionid.check.rows import Rows
+from frictionid.check.rows import FEWEST, Rows
 from frictionid.mechanics import Mechanism
 
-# Windows in which a joint slides that its friction needs.
-FEWEST = 20
 # Speeds [rad/s] that show the viscous part, and slow ones that show the Stribeck part.
 FAST, SLOW = 2.0, (0.1, 0.5)
 DECAY = 20.0  # [s] of free decay that fix the friction of joints without motor
@@ -22,6 +20,7 @@ DECAY = 20.0  # [s] of free decay that fix the friction of joints without motor
 def still_joints(rows: Rows, facts: list[JointFacts]) -> list[Finding]:
     """Findings of joints that hardly move anywhere."""
     found = []
+    anything = bool((rows.free.sum(0) >= FEWEST).any())
     for fact in facts:
         slides = int(rows.free[:, fact.joint - 1].sum())
         if slides >= FEWEST:
@@ -29,7 +28,7 @@ def still_joints(rows: Rows, facts: list[JointFacts]) -> list[Finding]:
         found.append(
             Finding(
                 "missing_excitation",
-                "doubtful",
+                "doubtful" if anything else "unusable",
                 f"joint {fact.joint} hardly moves: 95 % of the time below {fact.fast:.2g} rad/s "
                 f"(noise {fact.velocity_noise:.2g}), {slides} windows of sliding",
                 "its friction cannot be identified; record motion of this joint",

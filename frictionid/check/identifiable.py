@@ -32,7 +32,7 @@ def identifiable(
 ) -> list[Identifiable]:
     """Friction of each joint, inertia combinations, gain and delay."""
     if not trial.judged:
-        nothing = "the torque is a command" if command else "nothing was judged"
+        nothing = "the torque is a command" if command else "no joint slides long enough"
         return [Identifiable("everything", False, nothing)]
     out = [_friction(estimate, fact) for fact in facts]
     out.append(_base(mechanism, estimate))

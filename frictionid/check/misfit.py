@@ -15,6 +15,9 @@ from frictionid.check.rows import Rows
 
 # Below this share of the terms a balance is good; smaller differences mean nothing.
 FLOOR = 0.02
+# A reading that makes the mechanism's terms smaller than this share of the torque explains nothing:
+# free friction alone would take all of it.
+MATTERS = 0.3
 
 
 def misfit(rows: Rows, torque: Array) -> Array:
@@ -32,6 +35,8 @@ def misfit(rows: Rows, torque: Array) -> Array:
         if use.sum() < 10:
             continue
         terms = np.stack([inertia[use, j], gravity[use, j], torque[use, j]])
+        if (terms[:2] ** 2).sum() < MATTERS**2 * (terms[2] ** 2).sum():
+            continue
         target = terms[2] - terms[0] - terms[1]
         share = _remainder(rows.friction[use, j], target) / max((terms**2).sum(), 1e-300)
         out[j] = np.log(share + FLOOR**2)

@@ -80,6 +80,11 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], told: Array) -
     value = np.where(alive, 0.0, np.append(reference, np.zeros(3 * n)))
     at = np.flatnonzero(alive)
     y = y - X @ value
+    if not len(at):
+        unknown = np.full(len(names), np.inf)
+        residual = np.where(rows.free, y, np.nan)
+        spread = _spread(y, rows.free)
+        return Estimate(names, value, unknown, np.diag(unknown), residual, spread, ())
     part = _solve(X[..., at], y, rows, size[at])
     drift = part.value - _open_value(X[..., at], y, rows, size[at])
     value[at] = part.value
@@ -199,7 +204,7 @@ def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     mean = (rows.phi * base).sum(-1)
     level = np.maximum(_spread(mean, rows.free), _spread(torque, rows.free))
     level = np.where(level > 0, level, 1.0)
-    fast = np.maximum(np.abs(rows.w).max(0), 1e-12)
+    fast = np.maximum(np.abs(rows.w).max(0, initial=0.0), 1e-12)
     friction = np.stack([level, level / fast, level], axis=-1) * 0.2
     small = 1e-3 * np.abs(base).max()
     return np.concatenate([np.maximum(np.abs(base), small), friction.ravel()])

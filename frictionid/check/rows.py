@@ -24,6 +24,8 @@ from frictionid.mechanics import Mechanism
 WIDTH = 0.15
 # Speeds of the Stribeck shapes that stand for unknown friction, as shares of the fast speed.
 SHAPES = (0.04, 0.15)
+# Windows in which a joint slides that anything said of it needs.
+FEWEST = 20
 # A joint moves where its fast speed is this many times the noise.
 ABOVE = 6.0
 

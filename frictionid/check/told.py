@@ -19,6 +19,8 @@ from frictionid.mechanics import Mechanism
 
 # Told numbers of real machines are rarely better than this share.
 LARGE = 0.1
+# Another gear or torque constant stays within these factors; beyond them something else is wrong.
+GAINS = (0.2, 5.0)
 # A suspect is named where it takes away this share of the sum of squares ...
 EXPLAINS = 0.3
 # ... and others are named beside it that leave less than this much more than it.
@@ -67,6 +69,8 @@ def wrong(found: list[Suspect]) -> list[Suspect]:
     if not good or 1 - good[0].left < EXPLAINS:
         return []
     best = good[0]
+    if best.kind == "gain" and not GAINS[0] < best.size < GAINS[1]:
+        return []
     if abs(best.share) < LARGE or abs(best.size - (best.kind == "gain")) < 4 * best.error:
         return []
     return [s for s in good if s.left <= ALIKE * best.left]

@@ -69,7 +69,8 @@ def impulse_of(recordings: Sequence[Recording]) -> Impulse:
     clock, height = np.concatenate(clocks), np.concatenate(heights)
     steps = height[:-1] * np.diff(clock)[:, None]
     value = np.concatenate([np.zeros_like(steps[:1]), np.cumsum(steps, axis=0)])
-    usual = float(np.median([np.median(np.diff(r.torque.time)) for r in recordings]))
+    gaps = [np.median(np.diff(r.torque.time)) for r in recordings if len(r.torque.time) > 1]
+    usual = float(np.median(gaps)) if gaps else 0.0
     return Impulse(clock, value, np.array(shifts), usual)
 
 

@@ -17,7 +17,7 @@ from frictionid.check.delay import Delay, delay_of
 from frictionid.check.findings import Finding
 from frictionid.check.misfit import misfit
 from frictionid.check.motion import Motion
-from frictionid.check.rows import Rows, unit_rows
+from frictionid.check.rows import FEWEST, Rows, unit_rows
 from frictionid.check.told import Suspect, freed, suspects, wrong
 from frictionid.check.torque import Impulse
 from frictionid.mechanics import Mechanism, Plant
@@ -29,6 +29,8 @@ ERRORS, SAMPLE, LEAST, EXPLAINS = 4.0, 0.35, 0.002, 0.1
 HOPELESS = 0.1
 # The told mechanism is called wrong where free base parameters leave less than this share.
 FREED = 0.5
+# More unexplained than this (log of the squared share) is no description of the data.
+UNEXPLAINED = np.log(0.2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,15 +56,16 @@ class Trial:
 def tried(plant: Plant, motions: Sequence[Motion], impulse: Impulse, judged: bool = True) -> Trial:
     """Trial of recordings against the told mechanism; `judged` false leaves them as they are.
 
+    So do recordings in which no joint slides: nothing can be said of them.
+
     plant : one batch entry per recording
     """
     mechanism, told = plant.mechanism, np.asarray(plant.p)
-    if not judged:
-        rows = unit_rows(mechanism, motions)
+    rows = given = unit_rows(mechanism, motions)
+    if not judged or not (rows.free.sum(0) >= FEWEST).any():
         return Trial(mechanism, False, [], [], None, [], tuple(motions), impulse, rows, rows, 0.0)
     findings: list[Finding] = []
     scored = scores(mechanism, motions, impulse, told)
-    rows = given = unit_rows(mechanism, motions)
     delay = delay_of(rows, impulse, told)
     limit = min(scored[0].score, _delayed_score(rows, impulse, told, delay))
     wrong_ones = better(scored, limit)
@@ -78,6 +81,8 @@ def tried(plant: Plant, motions: Sequence[Motion], impulse: Impulse, judged: boo
     physical = {name: float(value[0]) for name, value in plant.parameters.items()}
     suspected = suspects(mechanism, physical, rows, torque, told)
     findings += _mechanism(mechanism, suspected, rows, torque, told)
+    if not findings:
+        findings += _unexplained(float(misfit(rows.at(told), torque).mean()))
     return Trial(
         mechanism,
         True,
@@ -91,6 +96,22 @@ def tried(plant: Plant, motions: Sequence[Motion], impulse: Impulse, judged: boo
         given,
         shift,
     )
+
+
+def _unexplained(score: float) -> list[Finding]:
+    if score < UNEXPLAINED:
+        return []
+    return [
+        Finding(
+            "unexplained",
+            "doubtful",
+            f"{100 * np.exp(score / 2):.0f} % of the torque stays unexplained by what is told, "
+            "with any friction, and none of the known mistakes explains it",
+            "check that mechanism, columns and units belong to these recordings",
+            None,
+            {"score": score},
+        )
+    ]
 
 
 def _delayed_score(rows: Rows, impulse: Impulse, told: Array, delay: Delay | None) -> float:
