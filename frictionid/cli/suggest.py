@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -29,6 +29,9 @@ def suggest(
     noise: Annotated[
         float, typer.Option(help="Angle noise, standard deviation [deg], or [mm].")
     ] = 0.1,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Good also at half and twice the guessed friction.")
+    ] = False,
     effort: Annotated[int, typer.Option(help="Random signals to start from.")] = 384,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
@@ -37,10 +40,8 @@ def suggest(
     from frictionid import excitation
     from frictionid.cli.progress import counted
     from frictionid.mechanics import Plant, mechanism_of, parameters_of
-    from frictionid.report.files import write_bytes
-    from frictionid.store import write_text
 
-    places = _places(out, recordings)
+    places = _places(out, max(1, recordings))
     _check_places([*places, *([] if figure is None else [figure])])
     table = excitation.mechanism_in(mechanism)
     machine = mechanism_of(table)
@@ -56,11 +57,20 @@ def suggest(
         angle_noise=_noise(noise, machine.description.angle_unit),
         band=_pair(frequencies),
         start=_numbers("--start", start) or None,
+        levels=(0.5, 1.0, 2.0) if robust else (1.0,),
     )
     waves = excitation.Waves(experiment, tuple(f.strip() for f in families.split(",") if f.strip()))
     search = excitation.Search(pool=effort, children=max(1, effort // 2), seed=seed)
     with counted(search.generations + 1, "searching") as done:
         advice = excitation.advise(waves, search, done)
+    _write(advice, places, figure)
+
+
+def _write(advice: Any, places: list[Path], figure: Path | None) -> None:
+    from frictionid import excitation
+    from frictionid.report.files import write_bytes
+    from frictionid.store import write_text
+
     for number, path in enumerate(places):
         write_text(path, excitation.played(advice, number))
     if figure is not None:

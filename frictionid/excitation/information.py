@@ -1,9 +1,9 @@
 """What recordings will tell: the expected covariance of least squares on the momentum balance.
 
-With e the one-step residual, linear in friction and base parameters phi, A = de/dphi, and angles
-of noise sigma that reach e through the smoother, e = E dy,
+With e the one-step residual, linear in friction and base parameters phi, A = de/dphi, and D the
+derivatives of the sum of A'e by the angles y, through the smoother, whose noise is sigma,
 
-    H = sum A'A        V = sigma^2 sum (A'E)(A'E)'        covariance = H^-1 V H^-1
+    H = sum A'A        V = sigma^2 D D'        covariance = H^-1 V H^-1
 
 Both sums add up over recordings. It is what a fit by the integral recipe scatters by, not a bound:
 its residuals are correlated, and it does not weight them [Walter1997].
@@ -19,7 +19,7 @@ import numpy as np
 from frictionid.arrays import Array, inverse
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.motion import Motions
-from frictionid.excitation.smoothing import gains, jerk_ratio
+from frictionid.excitation.smoothing import gains, jerk_ratio, seen
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Plant
 from frictionid.problem import Problem, integral_problem, sliding
@@ -65,60 +65,51 @@ def expected(experiment: Experiment, motions: Motions, seed: int) -> Expected:
     images, L, N, n = motions.q.shape
     dt = 1.0 / experiment.camera_rate
     noise = np.random.default_rng(seed).normal(0.0, experiment.angle_noise, (images, 1, 1, n))
-    decades = jerk_ratio(motions.q, noise, dt).reshape(L * N, n)
-    A, E = _linear(experiment, motions)
-    H = np.einsum("ckip,ckiq->cpq", A, A)
+    decades = jerk_ratio(motions.q, noise, dt)
+    q, w = seen(motions.q, decades, dt)
+    parts = [_one_level(experiment, motions._replace(q=q, w=w), level) for level in range(L)]
+    H, reach = (np.concatenate(x) for x in zip(*parts, strict=True))
     V = np.zeros_like(H)
+    flat = decades.reshape(L * N, n)
     for j in range(n):
-        reach_q, reach_w = (_reach(A, E[what, ..., j]) for what in (0, 1))
-        for decade in np.unique(decades[:, j]):
-            own = decades[:, j] == decade
-            V[own] += _through(reach_q[own], reach_w[own], gains(images, dt, float(decade)))
+        for decade in np.unique(flat[:, j]):
+            own = flat[:, j] == decade
+            V[own] += _through(reach[own, ..., j], gains(images, dt, float(decade)))
     V *= experiment.angle_noise**2
     P = H.shape[-1]
     return Expected(H.reshape(L, N, P, P), V.reshape(L, N, P, P))
 
 
-def _reach(A: Array, E: Array) -> Array:
-    """Sum of A'E at each sample (C, P, T + 1), E (2, C, T, n) for both ends of the intervals."""
-    C, T, _, P = A.shape
-    out = np.zeros((C, P, T + 1))
-    out[:, :, :-1] += np.einsum("ckip,cki->cpk", A, E[0])
-    out[:, :, 1:] += np.einsum("ckip,cki->cpk", A, E[1])
-    return out
-
-
-def _through(reach_q: Array, reach_w: Array, gain: tuple[Array, Array]) -> Array:
-    """D D' (C, P, P) with D = A'E the reach of each angle's noise through the smoother."""
-    C, P, samples = reach_q.shape
-    flat = [
-        (g.T @ r.reshape(C * P, samples).T).T for g, r in zip(gain, (reach_q, reach_w), strict=True)
-    ]
-    D = (flat[0] + flat[1]).reshape(C, P, samples)
+def _through(reach: Array, gain: tuple[Array, Array]) -> Array:
+    """D D' (C, P, P): what noise of one joint's angles does to the equations, (C, 2, P, T + 1)."""
+    C, _, P, samples = reach.shape
+    flat = (
+        r.reshape(C * P, samples) @ g for g, r in zip(gain, np.swapaxes(reach, 0, 1), strict=True)
+    )
+    D = sum(flat).reshape(C, P, samples)
     return D @ np.swapaxes(D, -1, -2)
 
 
-def _linear(experiment: Experiment, motions: Motions) -> tuple[Array, Array]:
-    """A (C, T, n, P) and derivatives of e (2, 2, C, T, n, n) by q or w at both ends; C = L N."""
-    levels = range(len(experiment.levels))
-    A, E = zip(*(_one_level(experiment, motions, level) for level in levels), strict=True)
-    return np.concatenate(A), np.concatenate(E, axis=2)
-
-
 def _one_level(experiment: Experiment, motions: Motions, level: int) -> tuple[Array, Array]:
-    """The same at one level, its motions glued to one recording, so that one call serves all."""
-    images, _, N, _ = motions.q.shape
+    """H (N, P, P), and what q and w do to the equations, (N, 2, P, T + 1, n), at one level.
+
+    The motions are glued to one recording, so that one call serves all.
+    """
+    images, _, N, n = motions.q.shape
     theta = experiment.levels[level] * experiment.friction.theta
     friction = Friction(experiment.friction.law, theta)
     glued = _Glued.of(experiment, motions, level)
-    problem = glued.problem(glued.q, glued.w)
-    open_ = sliding(problem, INTEGRAL.rest).G @ inverse(problem.G)  # blind where a joint rests
-    parts = [friction_part(friction, problem), base_part(experiment.plant, problem)]
-    A = _cut(open_ @ np.concatenate(parts, axis=-1), images, N, axis=0)
-    # the integral recipe does not use the first interval either
-    A[:, 0] = 0.0
-    E = np.einsum("kil,abklj->abkij", open_, state_part(friction, glued, problem))
-    return A, _cut(E, images, N, axis=2)
+    A, _ = _rows(friction, glued, glued.q, glued.w)
+    # rows between two motions, and the first interval, which the recipe does not use either
+    used = np.ones(N * images, dtype=bool)
+    used[0::images] = used[images - 1 :: images] = False
+    A = A[used[:-1]].reshape(N, -1, *A.shape[1:])
+    change = state_part(friction, glued) * used[:-1, None, None]
+    reach = np.zeros((2, N * images, *change.shape[-2:]))
+    reach[:, :-1] += change[:, 0]
+    reach[:, 1:] += change[:, 1]
+    reach = np.moveaxis(reach.reshape(2, N, images, -1, n), (1, 2), (0, 3))
+    return np.einsum("ckip,ckiq->cpq", A, A), reach
 
 
 class _Glued(NamedTuple):
@@ -149,32 +140,35 @@ class _Glued(NamedTuple):
         return integral_problem(self.plant, (self.recording,), (states,))
 
 
-def state_part(friction: Friction, glued: _Glued, problem: Problem) -> Array:
-    """Derivatives of e by q or w at the start or end of each interval, (2, 2, K, n, n).
+def _rows(friction: Friction, glued: _Glued, q: Array, w: Array) -> tuple[Array, Array]:
+    """A (K, n, P) and A'e (K, P) of glued motions, blind where a joint rests."""
+    problem = glued.problem(q, w)
+    e = problem.residual(along(friction, problem.nodes))
+    open_ = sliding(problem, INTEGRAL.rest).G @ inverse(problem.G)
+    A = [friction_part(friction, problem), base_part(glued.plant[0], problem)]
+    A = open_ @ np.concatenate(A, axis=-1)
+    return A, (A * e[..., None]).sum(-2)
 
-    Every other sample is shifted, so that one difference serves all intervals.
+
+def state_part(friction: Friction, glued: _Glued) -> Array:
+    """Derivatives of A'e by q or w at the start or end of each interval, (2, 2, K, P, n).
+
+    A changes as well, which counts where the smoother has bent the motion and e is not zero. Every
+    other sample is shifted, so that one difference serves all intervals.
     """
     n = glued.q.shape[-1]
-    e = problem.residual(along(friction, problem.nodes))
-    E = np.zeros((2, 2, len(e), n, n))
+    _, now = _rows(friction, glued, glued.q, glued.w)
+    out = np.zeros((2, 2, *now.shape, n))
     even = np.arange(len(glued.q)) % 2 == 0
     for parity, what, j in product((True, False), (0, 1), range(n)):
         shift = np.zeros((2, *glued.q.shape))
         shift[what, even == parity, j] = _SHIFT
-        near = glued.problem(glued.q + shift[0], glued.w + shift[1])
-        change = (near.residual(along(friction, near.nodes)) - e) / _SHIFT
+        _, near = _rows(friction, glued, glued.q + shift[0], glued.w + shift[1])
+        change = (near - now) / _SHIFT
         starts = even[:-1] == parity
-        E[what, 0, starts, :, j] = change[starts]
-        E[what, 1, ~starts, :, j] = change[~starts]
-    return E
-
-
-def _cut(values: Array, images: int, count: int, axis: int) -> Array:
-    """Rows of glued motions as (..., N, T, ...), without those between two motions."""
-    values = np.moveaxis(values, axis, 0)
-    last = np.zeros_like(values[:1])
-    rows = np.concatenate([values, last]).reshape(count, images, *values.shape[1:])[:, :-1]
-    return np.moveaxis(rows, (0, 1), (axis, axis + 1))
+        out[what, 0, starts, :, j] = change[starts]
+        out[what, 1, ~starts, :, j] = change[~starts]
+    return out
 
 
 def friction_part(friction: Friction, problem: Problem) -> Array:

@@ -26,6 +26,14 @@ def jerk_ratio(q: Array, noise: Array, dt: float) -> Array:
     return (np.round(_DECADES * decades) / _DECADES).reshape(q.shape[1:])
 
 
+def seen(q: Array, decades: Array, dt: float) -> tuple[Array, Array]:
+    """Angles and velocities that the smoother makes of noise-free angles q (T, ...)."""
+    flat = q.reshape(len(q), -1)
+    series = Series(np.full(flat.shape, dt), flat, np.ones(flat.shape, dtype=bool), ())
+    out = smoothed(series, 10.0 ** decades.ravel())
+    return out[:, :, 0].reshape(q.shape), out[:, :, 1].reshape(q.shape)
+
+
 @lru_cache(maxsize=96)
 def gains(samples: int, dt: float, decade: float) -> tuple[csr_array, csr_array]:
     """Matrices (T, T) from angles to smoothed angles and velocities [1/s].
