@@ -43,7 +43,7 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({}, r"kind = '' is unknown; known are acrobot, double_pendulum, pendulum"),
+        ({}, r"kind = '' is unknown; known are acrobot, double_pendulum, linear_axis, pendulum"),
         ({"kind": "acrobott"}, r"kind = 'acrobott' is unknown; did you mean 'acrobot'\?"),
         ({"kind": 3}, r"kind = '3' is unknown"),
         (

@@ -234,8 +234,21 @@ def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_
     recordings, states = three(np.random.default_rng(12))
     problem = build(plant_of(3), recordings, states, history=17)
     assert set(problem.recording) == {1}
-    with pytest.raises(InputError, match="no recording is longer than the history of 24 samples"):
+    with pytest.raises(InputError, match="no recording is longer than the 24 samples of history"):
         build(plant_of(3), recordings, states, history=24)
+
+
+@pytest.mark.parametrize("build", [euler_problem, integral_problem])
+def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
+    recordings, states = three(np.random.default_rng(15))
+    whole = build(plant_of(3), recordings, states)
+    s = states[1]
+    lost = slice(8, 16)  # of 25 samples
+    holed = States(*(np.delete(part, lost, axis=0) for part in s))
+    problem = build(plant_of(3), recordings, [states[0], holed, states[2]])
+    assert problem.dt.max() < 2 * np.median(np.diff(s.time))
+    gone = (whole.recording == 1) & (whole.time >= s.time[7] - 1e-9) & (whole.time < s.time[16])
+    np.testing.assert_array_equal(problem.r, whole.r[~gone])
 
 
 def test_nodes_are_in_order_and_rows_find_theirs():

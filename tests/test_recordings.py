@@ -323,3 +323,15 @@ def test_a_data_set_needs_recordings_of_one_mechanism():
     other = Recording("other", still(joints=1), still(joints=1))
     with pytest.raises(InputError, match="'other' has 1 joints, the first one has 2"):
         Dataset("rig", {"kind": "pendulum"}, (one, other))
+
+
+@pytest.mark.parametrize("span", [slice(0, 30), slice(40, None)])
+def test_a_torque_that_ends_early_or_begins_late_is_refused_and_a_silent_one_is_not(span):
+    """Nobody knows what the motor did there; a motor that did nothing at all did nothing there."""
+    time = np.arange(100) * 0.01
+    angle = Signal(time, np.sin(time)[:, None])
+    push = Signal(time[span], np.cos(9 * time[span])[:, None], "previous")
+    with pytest.raises(InputError, match="keep the common span by start and stop"):
+        Recording("cut", angle, push)
+    Recording("idle", angle, push._replace(value=0 * push.value))
+    Recording("almost", angle, Signal(time[2:-3], np.cos(time[2:-3])[:, None]))

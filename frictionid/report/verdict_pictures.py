@@ -134,7 +134,7 @@ def _residual(verdict: Verdict, figure: Any) -> None:
         left = verdict.evidence.torque[use, j] - rows.phi[use, j] @ verdict.told
         axes.scatter(w, left, s=4, color=BLUE, alpha=0.4, linewidths=0, rasterized=True)
         low, high = np.quantile(left, [0.005, 0.995])
-        margin = 0.3 * (high - low)
+        margin = 0.3 * (high - low) + 1e-9 * max(abs(low), abs(high), 1.0)
         axes.set_ylim(low - margin, high + margin)
         coulomb, viscous, offset = estimate.value[nb + 3 * j : nb + 3 * j + 3]
         for side in (-1.0, 1.0):
