@@ -206,7 +206,9 @@ def _check_sigma(where: str, sigma: Array, columns: int) -> None:
         raise InputError(f"{where}: sigma must be positive and finite, not {sigma.tolist()}")
 
 
-_COVER = 5.0  # gaps of its own that a torque may begin late or end early by
+# A torque may begin late or end early by some gaps of its own, and by this share of the motion: a
+# clock that is half a second off is found by a check, where this would only be in its way.
+_GAPS, _SHARE = 5.0, 0.2
 
 
 def _check_clocks(where: str, angle: Signal, torque: Signal) -> None:
@@ -226,7 +228,7 @@ def _check_clocks(where: str, angle: Signal, torque: Signal) -> None:
         return
     usual = np.max(np.diff(torque.time)) + np.median(np.diff(angle.time))
     missing = max(torque.time[0] - angle.time[0], angle.time[-1] - torque.time[-1])
-    if missing > _COVER * usual:
+    if missing > max(_GAPS * usual, _SHARE * (angle.time[-1] - angle.time[0])):
         raise InputError(
             f"{where}: torque is known from {torque.time[0]:g} to {torque.time[-1]:g} s only, the "
             f"angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start "
