@@ -101,7 +101,7 @@ def sliding(problem: Problem, rest: float) -> Problem:
         P = I - Gs Gs^+,  Gs the columns of G of those joints,
 
     as if it were a free unknown of that row; the row still counts for the other joints. On the
-    simulated acrobot this takes the curve error from 12 % to 1 %.
+    simulated `acrobot_clean` this takes the curve errors from 23 % and 24 % to 0.9 % and 2.1 %.
 
     >>> from frictionid.friction import at_rest
     >>> w = np.array([[1.0, 0.0], [1.0, 0.0]])
