@@ -63,10 +63,11 @@ class Law(Protocol):
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         """Memory after dt [s], shape (..., 1), at inputs x."""
 
-    def limit(self, theta: Array, x: Inputs) -> Array:
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         """Break-away level (..., n) [N m]: smaller loads cannot move the joint from rest.
 
-        The sign of x.w tells the direction of the impending motion.
+        The sign of x.w tells the direction of the impending motion; memory is that at this moment.
+        Zero where the memory itself holds the joint, as a bristle does.
         """
 
 

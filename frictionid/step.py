@@ -215,7 +215,8 @@ def _balance(plant: Plant, friction: Friction, state: State, u: Array) -> _Balan
     M, h = plant.dynamics(state.q, state.w)
     x = inputs(plant, friction, state, u)
     one = 0.0 * state.w + 1.0
-    low, high = (friction.law.limit(friction.theta, x._replace(w=s * one)) for s in (-1.0, 1.0))
+    law, theta, memory = friction.law, friction.theta, state.memory
+    low, high = (law.limit(theta, x._replace(w=s * one), memory) for s in (-1.0, 1.0))
     smooth = friction.torque(x, state.memory)
     return _Balance(M, h + _driven(plant, u), smooth, low + 0.0 * smooth, high + 0.0 * smooth)
 

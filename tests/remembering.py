@@ -36,7 +36,7 @@ class FilmLag:
         share = namespace(z).exp(-dt / theta[..., 4])
         return (abs(x.w) + (z - abs(x.w)) * share,)
 
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return theta[..., 0] + theta[..., 1] + 0.0 * x.w
 
 
@@ -61,7 +61,7 @@ class Sampled:
     def advance(self, theta, x, memory, dt):
         return (*memory[1:], x.w + x.u + 0.0 * theta[..., 0] + 0.0 * dt)
 
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return 0.0 * (theta[..., 0] + x.w)
 
 
@@ -83,5 +83,5 @@ class Follower:
         share = namespace(dt).exp(-dt / 0.1)
         return (x.w + (memory[0] - x.w) * share + 0.0 * theta[..., 0],)
 
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return 0.0 * (theta[..., 0] + x.w)

@@ -179,13 +179,13 @@ class Shapeless(CoulombViscous):
 
 @dataclass(frozen=True)
 class Pulling(CoulombViscous):
-    def limit(self, theta, x):
-        return -super().limit(theta, x)
+    def limit(self, theta, x, memory):
+        return -super().limit(theta, x, memory)
 
 
 @dataclass(frozen=True)
 class Jointless(CoulombViscous):
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return theta[..., 0, 0]
 
 

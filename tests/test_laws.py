@@ -64,7 +64,8 @@ def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
 def test_laws_run_alike_on_torch(law):
     theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
     tensors = torch.as_tensor(theta), Inputs(*(torch.as_tensor(field) for field in x))
-    for method in (law.limit, law.gradient, lambda a, b: law.torque(a, b, ())):
+    methods = (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ()))
+    for method in (*methods, law.gradient):
         np.testing.assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
 
 
@@ -119,7 +120,7 @@ def test_turning_the_axis_round_swaps_the_directions():
     law, x = AsymmetricStribeck(), speeds(1)
     back = x._replace(w=-x.w)
     np.testing.assert_array_equal(law.torque(theta, x, ()), -law.torque(turned, back, ()))
-    np.testing.assert_array_equal(law.limit(theta, x), law.limit(turned, back))
+    np.testing.assert_array_equal(law.limit(theta, x, ()), law.limit(turned, back, ()))
 
 
 @pytest.mark.parametrize("law", [CoulombViscous, Stribeck, AsymmetricStribeck])
@@ -180,7 +181,7 @@ class Plain:
     def advance(self, theta, x, memory, dt):
         return memory
 
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return theta[..., 0] + 0.0 * x.w
 
 
@@ -194,7 +195,7 @@ class Rough(Plain):
     def torque(self, theta, x, memory):
         return theta[..., 0] * x.load * np.tanh(x.w / self.width) + theta[..., 1] * x.w
 
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return theta[..., 0] * x.load + 0.0 * x.w
 
 
@@ -230,14 +231,14 @@ class Turned(Plain):
 
 @dataclass(frozen=True, repr=False)
 class Low(Plain):
-    def limit(self, theta, x):
-        return super().limit(theta, x) / 2
+    def limit(self, theta, x, memory):
+        return super().limit(theta, x, memory) / 2
 
 
 @dataclass(frozen=True, repr=False)
 class Negative(Plain):
-    def limit(self, theta, x):
-        return -super().limit(theta, x)
+    def limit(self, theta, x, memory):
+        return -super().limit(theta, x, memory)
 
 
 @dataclass(frozen=True, repr=False)

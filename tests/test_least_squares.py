@@ -102,7 +102,7 @@ class Drag:
     def advance(self, theta, x, memory, dt):
         return memory
 
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return theta[..., 0] + 0.0 * x.w
 
 

@@ -33,7 +33,7 @@ def test_the_gear_passes_on_less_when_driving_and_holds_more_when_braking():
 def test_it_never_drives_and_breaks_away_at_its_level():
     law, x = MotorLoad(), inputs(np.random.default_rng(1))
     assert np.all(law.torque(THETA, x, ()) * x.w >= 0)
-    np.testing.assert_allclose(law.limit(THETA, x), 0.01 + 0.3 * np.abs(x.u))
+    np.testing.assert_allclose(law.limit(THETA, x, ()), 0.01 + 0.3 * np.abs(x.u))
 
 
 def test_the_gradient_is_that_of_the_torque():

@@ -34,7 +34,7 @@ def test_it_neither_holds_a_joint_nor_has_a_curve():
     friction = Nothing().fit(practice_problem(2), np.ones((1, 120)), 0)[0]
     np.testing.assert_array_equal(friction.curve(np.array([-3.0, 3.0])), np.zeros((2, 2)))
     x = practice_problem(2).nodes.inputs
-    np.testing.assert_array_equal(friction.law.limit(friction.theta, x), np.zeros(x.w.shape))
+    np.testing.assert_array_equal(friction.law.limit(friction.theta, x, ()), np.zeros(x.w.shape))
 
 
 def test_it_prints_and_keeps_itself(tmp_path):

@@ -84,7 +84,7 @@ def test_the_models_of_the_real_acrobot_hold_friction_and_their_own_inertias(ver
     found = made.fit(problem, practice_weights(problem), 0)
     assert found.theta.shape == (3, 2, len(found.law.names))
     assert {"m1", "m2", "l1", "I1", "I2"} <= set(found.parameters)
-    level = found.law.limit(found.theta[0], problem.nodes.inputs)
+    level = found.law.limit(found.theta[0], problem.nodes.inputs, ())
     assert ((level > 0.01) & (level < 1.0)).all()
 
 

@@ -85,7 +85,7 @@ def test_coulomb_friction_stops_a_rotor_when_and_where_it_should(speed, share, s
 class Unheld(CoulombViscous):
     """The smoothed law alone, as if friction had no level at rest."""
 
-    def limit(self, theta, x):
+    def limit(self, theta, x, memory):
         return 0.0 * (theta[..., 0] + x.w)
 
 
@@ -341,6 +341,6 @@ def test_without_input_energy_falls_until_all_joints_rest_within_the_band_for_go
     assert rests[-1].all()
     _, load = plant.dynamics(motion.q, motion.w)
     x = Inputs(motion.q, 0 * load, 0 * load, 0 * load)
-    below = (np.abs(load) < friction.law.limit(friction.theta, x)).all(axis=-1)
+    below = (np.abs(load) < friction.law.limit(friction.theta, x, ())).all(axis=-1)
     # for an instant all joints may rest before one falls again
     np.testing.assert_array_equal(rests[1:][rests[:-1]], below[:-1][rests[:-1]])

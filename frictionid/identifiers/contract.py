@@ -113,8 +113,9 @@ class _Check(NamedTuple):
             torque.shape == shape, f"torque must be {shape} along the nodes, not {torque.shape}"
         )
         self.require(np.isfinite(torque).all(), "torque must be finite along the nodes")
+        memory = friction.law.start(theta[:, None], x)
         for sign in (1.0, -1.0):
-            limit = friction.law.limit(theta[:, None], x._replace(w=sign + 0.0 * x.w))
+            limit = friction.law.limit(theta[:, None], x._replace(w=sign + 0.0 * x.w), memory)
             given = np.shape(limit)
             self.require(_fills(given, shape), f"limit must be {shape} at the nodes, not {given}")
             self.require((np.asarray(limit) >= 0).all(), "limit must not be negative")

@@ -116,7 +116,8 @@ def _values(law: Law, theta: Array, x: Inputs) -> Iterator[tuple[str, Array]]:
     yield from ((f"entry {i} of advance", value) for i, value in enumerate(later))
     yield "torque", law.torque(theta, x, memory)
     yield "torque after advance", law.torque(theta, x, later)
-    yield "limit", law.limit(theta, x)
+    yield "limit", law.limit(theta, x, memory)
+    yield "limit after advance", law.limit(theta, x, later)
     if not memory and hasattr(law, "gradient"):
         yield "gradient", law.gradient(theta, x)
 
@@ -166,8 +167,10 @@ def _check_load(law: Law, theta: Array, x: Inputs) -> None:
 
 
 def _check_limit(law: Law, theta: Array, x: Inputs) -> None:
-    limit = np.asarray(law.limit(theta, x))
-    _require((limit >= 0).all(), law, f"limit must not be negative, it is {limit.min()}")
+    for name, value in _values(law, theta, x):
+        if name.startswith("limit"):
+            least = np.min(value)
+            _require(least >= 0, law, f"{name} must not be negative, it is {least}")
 
 
 def _check_gradient(law: Law, theta: Array, x: Inputs) -> None:
@@ -199,7 +202,7 @@ def _check_level(law: Law, theta: Array, x: Inputs) -> None:
     for sign, side in ((1.0, "positive"), (-1.0, "negative")):
         # extrapolated to rest, without the rise of the smoothing and the slope of viscous friction
         near = sign * (2 * torque(sign * speed) - torque(2 * sign * speed))
-        limit = law.limit(theta, x._replace(w=sign + 0.0 * x.w)) + 0.0 * near
+        limit = law.limit(theta, x._replace(w=sign + 0.0 * x.w), ()) + 0.0 * near
         close = np.abs(near - limit) <= tolerance * np.abs(limit) + 1e-3 * np.abs(near).max()
         if not close.all():
             first = f"{limit[~close][0]:.3g}, the torque {near[~close][0]:.3g} N m"

@@ -45,5 +45,5 @@ class CoulombViscous:
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
-    def limit(self, theta: Array, x: Inputs) -> Array:
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + 0.0 * x.w

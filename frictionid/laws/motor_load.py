@@ -34,7 +34,7 @@ class MotorLoad:
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
-        return self.limit(theta, x) * sign + theta[..., 1] * x.w
+        return self.limit(theta, x, memory) * sign + theta[..., 1] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
@@ -45,5 +45,5 @@ class MotorLoad:
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
-    def limit(self, theta: Array, x: Inputs) -> Array:
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + theta[..., 2] * namespace(theta, x.u).abs(x.u) + 0.0 * x.w

@@ -32,5 +32,5 @@ class NoFriction:
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
-    def limit(self, theta: Array, x: Inputs) -> Array:
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.torque(theta, x, ())

@@ -59,7 +59,7 @@ class Stribeck:
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
-    def limit(self, theta: Array, x: Inputs) -> Array:
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + theta[..., 1] + 0.0 * x.w
 
 
@@ -115,7 +115,7 @@ class AsymmetricStribeck:
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
-    def limit(self, theta: Array, x: Inputs) -> Array:
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         up = (x.w > 0) * 1.0
         positive, negative = theta[..., 0] + theta[..., 2], theta[..., 1] + theta[..., 3]
         return positive * up + negative * (1.0 - up)
