@@ -12,6 +12,7 @@ loads of joints that stick together are found by projected Gauss-Seidel [Stewart
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -68,14 +69,18 @@ def step(
 
 
 def _substep(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
-    grip = _grip(plant, friction, state, u)
-    memory = _advanced(plant, friction, state, u, dt / 2)
-    q, w = _rk4(plant, friction, State(state.q, state.w, memory), u, dt, grip)
-    memory = _advanced(plant, friction, State(q, w, memory), u, dt / 2)
-    return _stop(plant, friction, state, State(q, w, memory), u, dt, grip)
+    held = grip(plant, friction, state, u)
+    memory = advanced(plant, friction, state, u, dt / 2)
+
+    def accelerate(q: Array, w: Array) -> Array:
+        return acceleration(plant, friction, State(q, w, memory), u, held)
+
+    q, w = rk4(accelerate, state.q, state.w, dt)
+    memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
+    return _stop(plant, friction, state, State(q, w, memory), u, dt, held)
 
 
-class _Grip(NamedTuple):
+class Grip(NamedTuple):
     """What friction does beyond the smooth law: joints held at rest, and the least it brakes with.
 
     held (..., n), true or false; brakes (..., n) [N m] has the sign of the velocity, and is zero
@@ -86,31 +91,32 @@ class _Grip(NamedTuple):
     brakes: Array
 
 
-def _rk4(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, grip: _Grip | None
+def rk4(
+    accelerate: Callable[[Array, Array], Array], q: Array, w: Array, dt: Array
 ) -> tuple[Array, Array]:
-    q, w, memory = state
-    a1 = acceleration(plant, friction, state, u, grip)
+    """Angles and velocities after dt by the classical Runge-Kutta method, dw/dt = accelerate(q, w)."""
+    a1 = accelerate(q, w)
     w2 = w + dt / 2 * a1
-    a2 = acceleration(plant, friction, State(q + dt / 2 * w, w2, memory), u, grip)
+    a2 = accelerate(q + dt / 2 * w, w2)
     w3 = w + dt / 2 * a2
-    a3 = acceleration(plant, friction, State(q + dt / 2 * w2, w3, memory), u, grip)
+    a3 = accelerate(q + dt / 2 * w2, w3)
     w4 = w + dt * a3
-    a4 = acceleration(plant, friction, State(q + dt * w3, w4, memory), u, grip)
+    a4 = accelerate(q + dt * w3, w4)
     return q + dt / 6 * (w + 2 * w2 + 2 * w3 + w4), w + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
 def acceleration(
-    plant: Plant, friction: Friction, state: State, u: Array, grip: _Grip | None = None
+    plant: Plant, friction: Friction, state: State, u: Array, grip: Grip | None = None
 ) -> Array:
     """Joint accelerations dw/dt (..., n) [rad/s^2]."""
     M, h = plant.dynamics(state.q, state.w)
-    f = h + _driven(plant, u)
+    f = h + driven(plant, u)
     Tf = friction.torque(inputs(plant, friction, state, u), state.memory)
-    return solve(M, f - Tf) if grip is None else _constrained(M, f - _braked(Tf, grip), grip.held)
+    return solve(M, f - Tf) if grip is None else constrained(M, f - braked(Tf, grip), grip.held)
 
 
-def _braked(Tf: Array, grip: _Grip) -> Array:
+def braked(Tf: Array, grip: Grip) -> Array:
+    """Friction torque (..., n) [N m], on gripped joints no less than the break-away level."""
     xp = namespace(Tf)
     most = xp.where(grip.brakes < 0, xp.minimum(Tf, grip.brakes), Tf)
     return xp.where(grip.brakes > 0, xp.maximum(Tf, grip.brakes), most)
@@ -122,13 +128,14 @@ def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
     return Inputs(state.q, state.w, u, load)
 
 
-def _driven(plant: Plant, u: Array) -> Array:
+def driven(plant: Plant, u: Array) -> Array:
+    """Torques B u (..., n) [N m]: those of joints that have a motor."""
     xp = namespace(u)
     driven = [float(d) for d in plant.mechanism.description.driven]
     return u * xp.asarray(driven, dtype=u.dtype)
 
 
-def _constrained(M: Array, f: Array, held: Array) -> Array:
+def constrained(M: Array, f: Array, held: Array) -> Array:
     """Solution of M a = f for the free joints, with a = 0 for the held ones."""
     xp = namespace(M)
     free = 1.0 - xp.astype(held, M.dtype)
@@ -141,14 +148,15 @@ def _diagonal(x: Array) -> Array:
     return x[..., None] * xp.eye(x.shape[-1], dtype=x.dtype)
 
 
-def _advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:
+def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:
+    """Memory after dt at a state, for laws whose memory advances with each substep."""
     law = friction.law
     if not state.memory or law.sample_time is not None:
         return state.memory
     return law.advance(friction.theta, inputs(plant, friction, state, u), state.memory, dt)
 
 
-def _grip(plant: Plant, friction: Friction, state: State, u: Array) -> _Grip | None:
+def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip | None:
     """Grip of friction on joints that are slow or at rest (w = 0 exactly), None where none is.
 
     Slow joints whose load is below break-away feel that level: under the smoothed law they would
@@ -159,48 +167,76 @@ def _grip(plant: Plant, friction: Friction, state: State, u: Array) -> _Grip | N
     slow = xp.abs(state.w) <= _SLOW
     if not bool(slow.any()):
         return None
-    now = _balance(plant, friction, state, u)
+    now = balance(plant, friction, state, u)
     held = _below_break_away(now, slow)
     resting = state.w == 0.0
     level = xp.where(state.w > 0, now.high, -now.low)
-    grip = _Grip(held & resting, xp.where(held & ~resting, level, 0.0 * level))
+    grip = Grip(held & resting, xp.where(held & ~resting, level, 0.0 * level))
     if not bool(resting.any()) or not bool((held & ~resting).any()):
         return grip
     # a joint at rest feels that the others still slide
-    now = now._replace(sliding=_braked(now.sliding, grip))
+    now = now._replace(sliding=braked(now.sliding, grip))
     return grip._replace(held=_below_break_away(now, resting))
+
+
+class Landing(NamedTuple):
+    """Joints that come to rest in a substep: which stop, which stand still after it, and M there.
+
+    stops, still (..., n), true or false; M (..., n, n).
+    """
+
+    stops: Array
+    still: Array
+    M: Array
+
+
+def landing(
+    plant: Plant, friction: Friction, before: State, after: State, u: Array, held: Grip | None
+) -> Landing | None:
+    """Joints that crossed w = 0 in a substep under a load below break-away, None where none did."""
+    xp = namespace(after.w)
+    crossed = (before.w != 0.0) & (before.w * after.w <= 0.0)
+    if not bool(crossed.any()):
+        return None
+    now = balance(plant, friction, after, u)
+    resting = xp.zeros_like(crossed)
+    if held is not None:
+        now, resting = now._replace(sliding=braked(now.sliding, held)), held.held
+    stops = crossed & _below_break_away(now, crossed | resting)
+    return Landing(stops, stops | resting, now.M)
 
 
 def _stop(
     plant: Plant,
     friction: Friction,
     before: State,
-    state: State,
+    after: State,
     u: Array,
     dt: Array,
-    grip: _Grip | None,
+    held: Grip | None,
 ) -> State:
-    """State with w = 0 for the joints that crossed zero under a load below break-away.
+    """State with w = 0 for the joints that land, their angle that of the crossing.
 
-    Their angle is that of the crossing: behind it friction would have pushed them back.
+    Behind it friction would have pushed them back. Joints at rest or stopping take any impulse, the
+    others keep their momentum.
     """
-    xp = namespace(state.w)
-    crossed = (before.w != 0.0) & (before.w * state.w <= 0.0)
-    if not bool(crossed.any()):
-        return state
-    now = _balance(plant, friction, state, u)
-    held = xp.zeros_like(crossed)
-    if grip is not None:
-        now, held = now._replace(sliding=_braked(now.sliding, grip)), grip.held
-    stops = crossed & _below_break_away(now, crossed | held)
-    share = before.w / xp.where(stops, before.w - state.w, 1.0)  # of the substep, until it stops
-    q = xp.where(stops, before.q + share * dt / 2 * before.w, state.q)
-    # joints at rest or stopping take any impulse, the others keep their momentum
-    w = _constrained(now.M, times(now.M, state.w), stops | held)
-    return State(q, xp.where(stops.any(-1)[..., None], w, state.w), state.memory)
+    stop = landing(plant, friction, before, after, u, held)
+    if stop is None:
+        return after
+    xp = namespace(after.w)
+    q = xp.where(stop.stops, crossing(before, after, stop.stops, dt), after.q)
+    w = constrained(stop.M, times(stop.M, after.w), stop.still)
+    return State(q, xp.where(stop.stops.any(-1)[..., None], w, after.w), after.memory)
 
 
-class _Balance(NamedTuple):
+def crossing(before: State, after: State, stops: Array, dt: Array) -> Array:
+    """Angles at which the joints that stop in a substep do so, by a line through w, (..., n)."""
+    xp = namespace(after.w)
+    share = before.w / xp.where(stops, before.w - after.w, 1.0)  # of the substep, until it stops
+    return before.q + share * dt / 2 * before.w
+
+
+class Balance(NamedTuple):
     """What acts on the joints: M, f = h + B u, friction while sliding, and break-away levels."""
 
     M: Array
@@ -210,7 +246,7 @@ class _Balance(NamedTuple):
     high: Array
 
 
-def _balance(plant: Plant, friction: Friction, state: State, u: Array) -> _Balance:
+def balance(plant: Plant, friction: Friction, state: State, u: Array) -> Balance:
     """Torques at a state; `low` and `high` limit negative and positive friction, both positive."""
     M, h = plant.dynamics(state.q, state.w)
     x = inputs(plant, friction, state, u)
@@ -218,10 +254,10 @@ def _balance(plant: Plant, friction: Friction, state: State, u: Array) -> _Balan
     law, theta, memory = friction.law, friction.theta, state.memory
     low, high = (law.limit(theta, x._replace(w=s * one), memory) for s in (-1.0, 1.0))
     smooth = friction.torque(x, state.memory)
-    return _Balance(M, h + _driven(plant, u), smooth, low + 0.0 * smooth, high + 0.0 * smooth)
+    return Balance(M, h + driven(plant, u), smooth, low + 0.0 * smooth, high + 0.0 * smooth)
 
 
-def _below_break_away(now: _Balance, candidates: Array) -> Array:
+def _below_break_away(now: Balance, candidates: Array) -> Array:
     """Which of the candidates friction can keep from accelerating, shape (..., n).
 
     Projected Gauss-Seidel on a_j = 0 with -low <= Tf_j <= high. It starts from the torques that
@@ -230,7 +266,7 @@ def _below_break_away(now: _Balance, candidates: Array) -> Array:
     M, f, sliding, low, high = now
     xp = namespace(M)
     A = inverse(M)
-    holding = f - times(M, _constrained(M, f - sliding, candidates))
+    holding = f - times(M, constrained(M, f - sliding, candidates))
     clipped = xp.minimum(xp.maximum(holding, -low), high)
     Tf = xp.where(candidates, clipped, sliding)
     columns = [Tf[..., j] for j in range(M.shape[-1])]
@@ -253,7 +289,7 @@ def _below_break_away(now: _Balance, candidates: Array) -> Array:
 def euler_step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
     """State after dt by explicit Euler, q' = q + w dt: the study's step, kept for comparison."""
     a = acceleration(plant, friction, state, u)
-    memory = _advanced(plant, friction, state, u, dt)
+    memory = advanced(plant, friction, state, u, dt)
     return State(state.q + dt * state.w, state.w + dt * a, memory)
 
 
@@ -262,7 +298,7 @@ def semi_implicit_step(
 ) -> State:
     """State after dt by semi-implicit Euler, q' = q + w' dt: what backward differences imply."""
     a = acceleration(plant, friction, state, u)
-    memory = _advanced(plant, friction, state, u, dt)
+    memory = advanced(plant, friction, state, u, dt)
     w = state.w + dt * a
     return State(state.q + dt * w, w, memory)
 

@@ -67,6 +67,18 @@ class Terms(NamedTuple):
     energy: Array
 
 
+class Partials(NamedTuple):
+    """How the torques M a - h of a motion change with state and base parameters.
+
+    by_q, by_w (..., n, n) [N m/rad, N m s/rad]; by_p (..., n, nb), the regressor: M a - h is linear
+    in the base parameters and equals by_p p.
+    """
+
+    by_q: Array
+    by_w: Array
+    by_p: Array
+
+
 @dataclass(frozen=True)
 class Description:
     """What a mechanism consists of; `Mechanism` turns it into numbers.
@@ -205,6 +217,24 @@ class Mechanism:
         B = xp.asarray(self.B, dtype=M.dtype)
         return Terms(M, h, times(M, w), dLdq, B, flat[-1])
 
+    def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
+        """Partial derivatives of the torques M a - h that a motion needs, see `Partials`."""
+        n, nb = self.n, len(self.base_names)
+        xp = namespace(q, p)
+        state = [x[..., j] for x in (q, w, a) for j in range(n)]
+        flat = self._partials_code(xp, *state, *(p[..., i] for i in range(nb)))
+        zero = 0.0 * (q[..., 0] + p[..., 0])
+
+        def matrix(entries: Sequence[Array], columns: int) -> Array:
+            rows = [
+                xp.stack([f + zero for f in entries[i * columns : (i + 1) * columns]], axis=-1)
+                for i in range(n)
+            ]
+            return xp.stack(rows, axis=-2)
+
+        by_q, by_w = flat[: n * n], flat[n * n : 2 * n * n]
+        return Partials(matrix(by_q, n), matrix(by_w, n), matrix(flat[2 * n * n :], nb))
+
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         """Bearing force of each joint in friction-free motion, shape (..., n) [N].
 
@@ -275,6 +305,21 @@ class Mechanism:
     def _terms_code(self) -> Callable[..., Any]:
         e = self._equations
         return flat_code(e["arguments"], [*e["M"], *e["h"], *e["dLdq"], e["energy"]])
+
+    @cached_property
+    def _partials_code(self) -> Callable[..., Any]:
+        e, d = self._equations, self.description
+        n, symbols = self.n, self._equations["arguments"][2 * self.n :]
+        a = sp.symbols(f"_a0:{n}")
+        places = [(i, j) for i in range(n) for j in range(i, n)]
+        M = {
+            place: entry
+            for (i, j), entry in zip(places, e["M"], strict=True)
+            for place in ((i, j), (j, i))
+        }
+        torque = [sum(M[i, j] * a[j] for j in range(n)) - e["h"][i] for i in range(n)]
+        outputs = [sp.diff(t, x) for xs in (d.q, d.w, symbols) for t in torque for x in xs]
+        return flat_code([*d.q, *d.w, *a, *symbols], outputs)
 
     @cached_property
     def _load_code(self) -> Callable[..., Any]:
