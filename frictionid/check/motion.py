@@ -23,11 +23,13 @@ class Motion(NamedTuple):
     states : time (T,) [s], q (T, n) [rad], w (T, n) [rad/s]
     angle_noise : (n,) [rad] standard deviation of the measured angle about the smooth motion
     velocity_noise : (n,) [rad/s] standard deviation of w
+    blur : (n,) [s] over which the smoother spreads a sudden change of acceleration, 1/w0 below
     """
 
     states: States
     angle_noise: Array
     velocity_noise: Array
+    blur: Array
 
 
 def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
@@ -64,7 +66,8 @@ def _motion(angle: Signal, mean: Array, rho: Array) -> Motion:
     rest = (angle.value - mean[..., 0]).var(axis=0)
     variance = rest / np.maximum(1.0 - dt * bandwidth / 3, 0.05)
     states = States(angle.time, mean[..., 0], mean[..., 1])
-    return Motion(states, np.sqrt(variance), np.sqrt(variance * dt * bandwidth**3 / 6))
+    velocity = np.sqrt(variance * dt * bandwidth**3 / 6)
+    return Motion(states, np.sqrt(variance), velocity, 1.0 / bandwidth)
 
 
 def _averaged(angle: Signal) -> Signal:

@@ -15,13 +15,16 @@ from frictionid.friction import Friction
 # Incompatible: the remainder is this many times that of least squares, and some number is off by
 # this share and this many standard errors.
 WORSE, OFF, ERRORS = 1.5, 0.2, 4.0
+# Mean of sgn(w) beyond which a window counts as motion in one direction.
+ONE_WAY = 0.999
 
 
 class Compared(NamedTuple):
     """A published model beside the least squares of the data.
 
     names, published, estimated, error (P,) : base parameters, and Coulomb and viscous per joint ;
-    spread, best (n,) [N m] : RMS remainder of the published model and of least squares
+    spread, best (n,) [N m] : RMS remainder of the published model and of least squares, over the
+    windows in which the joint moves in one direction
     """
 
     names: tuple[str, ...]
@@ -43,13 +46,15 @@ def compared(
     n = torque.shape[1]
     left = torque - (rows.phi * told[rows.recording][:, None]).sum(-1)
     names, values = list(estimate.names[: told.shape[1]]), list(told[0])
-    spread = np.zeros(n)
+    spread, best = np.zeros(n), np.zeros(n)
     for j in range(n):
-        use = rows.free[:, j]
+        # at a turn a curve's mean is not its value at the mean velocity
+        use = rows.free[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY)
         w = rows.w[use, j]
         grid = np.repeat(w[:, None], n, axis=1)
         curve = friction.curve(w)[:, j] if len(w) else grid[:, j]
         spread[j] = np.sqrt(np.mean((left[use, j] - curve) ** 2)) if len(w) else np.nan
+        best[j] = np.sqrt(np.mean(estimate.residual[use, j] ** 2)) if len(w) else np.nan
         if len(w):
             line = np.linalg.lstsq(np.column_stack([np.sign(w), w]), curve, rcond=None)[0]
             names += [f"coulomb_{j + 1}", f"viscous_{j + 1}"]
@@ -61,7 +66,7 @@ def compared(
         estimate.value[at],
         estimate.error[at],
         spread,
-        estimate.spread,
+        best,
     )
 
 

@@ -4,9 +4,10 @@ One balance per window and joint (see `rows`), torque alone on the left:
 
     B u = phi p + coulomb sgn(w) + viscous w + offset     [N m]
 
-Windows in which a joint rests or turns round say nothing of its sliding friction and are left out
-of its own balance, as in `problem.sliding`; in the torque balance another joint's friction does
-not appear. [Gautier1990]
+Windows in which a joint rests say nothing of its sliding friction and are left out of its own
+balance, as in `problem.sliding`; so are those in which it turns round, unless the motion is seen
+sharply enough (`rows.sharp_rows`). In the torque balance another joint's friction does not appear.
+[Gautier1990]
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from frictionid.check.motion import Motion, motions_of
 from frictionid.check.passive import energy, gravity_at_rest, passive_time
 from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.regression import Estimate, regress
-from frictionid.check.rows import Rows, speeds_of
+from frictionid.check.rows import Rows, sharp_rows, speeds_of
 from frictionid.check.sensors import frozen, unwrapped
 from frictionid.check.told import Suspect
 from frictionid.check.torque import impulse_of
@@ -128,9 +128,9 @@ def judge(
     command = commanded(dataset, mechanism)
     impulse = impulse_of(dataset.recordings)
     trial = tried(plant, motions, impulse, judged=not any(f.level == "unusable" for f in command))
-    rows = trial.rows
-    torque = trial.impulse.means(rows, trial.shift)
-    estimate = regress(rows, torque, mechanism.base_names, told)
+    sharp = sharp_rows(mechanism, trial.motions)
+    felt = trial.impulse.means(sharp, trial.shift)
+    estimate = regress(sharp, felt, mechanism.base_names, told)
     rest = speeds_of(trial.motions).rest
     findings = [
         *found,
@@ -144,7 +144,7 @@ def judge(
     model = None
     if published is not None:
         theirs = np.asarray(plant_of(dataset, published.parameters).p)
-        model = compared(rows, torque, estimate, theirs, published)
+        model = compared(sharp, felt, estimate, theirs, published)
         findings += incompatible(model)
     findings.sort(key=lambda f: -LEVELS.index(f.level))
     return Verdict(
@@ -165,7 +165,9 @@ def judge(
         identifiable=tuple(identifiable(mechanism, facts, estimate, trial, bool(command))),
         next=tuple(advice(mechanism, told[0], facts, passive, estimate, trial.delay)),
         published=model,
-        evidence=Evidence(dataset, tuple(trial.motions), rows, torque),
+        evidence=Evidence(
+            dataset, tuple(trial.motions), trial.rows, trial.impulse.means(trial.rows, trial.shift)
+        ),
     )
 
 
