@@ -214,10 +214,12 @@ def along(friction: Friction, nodes: Nodes) -> Array:
         return law.torque(theta, nodes.inputs, ())
     xp = namespace(friction.theta, nodes.inputs.w)
     memories = memory_along(friction, nodes)
-    index = _padded(nodes)
-    steps = zip(index.T, memories, strict=True)
-    torques = [law.torque(theta, _take(nodes.inputs, i), memory) for i, memory in steps]
-    return _unpad(xp, torques, nodes)
+    shape = (*friction.theta.shape[:-2], len(nodes.first) - 1, friction.n)
+    whole = [
+        [xp.broadcast_to(entry, shape) for entry in entries]
+        for entries in zip(*memories, strict=True)
+    ]
+    return law.torque(theta, nodes.inputs, tuple(_unpad(xp, steps, nodes) for steps in whole))
 
 
 def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:

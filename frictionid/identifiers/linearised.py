@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Law, along
+from frictionid.friction import Friction, Law, Nodes, along
 from frictionid.problem import Problem
 
 _DIFFERENCE = 1e-6
+_NUMBERS = 1e7  # torques at a time
 
 
 class Rows(NamedTuple):
@@ -94,12 +96,22 @@ def _gradient(friction: Friction, problem: Problem) -> Array:
     by_node = theta[..., None, :, :]
     if hasattr(law, "gradient") and not law.start(by_node, nodes.inputs):
         return np.broadcast_to(law.gradient(by_node, nodes.inputs), shape)
-    out = np.empty(shape)
-    for i, (low, high) in enumerate(law.bounds):
-        step = _DIFFERENCE * np.maximum(1e-2, np.abs(theta[..., i]))
-        up, down = theta.copy(), theta.copy()
-        up[..., i] = np.minimum(theta[..., i] + step, high)
-        down[..., i] = np.maximum(theta[..., i] - step, low)
-        rise = along(Friction(law, up), nodes) - along(Friction(law, down), nodes)
-        out[..., i] = rise / (up - down)[..., None, :, i]
+    out, together = np.empty(shape), max(1, int(_NUMBERS / (2 * np.prod(shape[:-1]))))
+    for i in range(0, len(law.names), together):
+        places = range(i, min(i + together, len(law.names)))
+        out[..., i : i + together] = np.moveaxis(_rises(friction, nodes, places), 0, -1)
     return out
+
+
+def _rises(friction: Friction, nodes: Nodes, places: Sequence[int]) -> Array:
+    """Slopes of the torque along the nodes in some parameters, by differences, (p, F, S, n)."""
+    law, theta = friction.law, friction.theta
+    both = np.repeat(np.repeat(theta[None], 2, axis=0)[:, None], len(places), axis=1)
+    for k, i in enumerate(places):
+        step = _DIFFERENCE * np.maximum(1e-2, np.abs(theta[..., i]))
+        low, high = law.bounds[i]
+        both[0, k, ..., i] = np.minimum(theta[..., i] + step, high)
+        both[1, k, ..., i] = np.maximum(theta[..., i] - step, low)
+    up, down = along(Friction(law, both), nodes)  # time is the outer loop: go through it once
+    apart = np.stack([(both[0] - both[1])[k, ..., i] for k, i in enumerate(places)])
+    return (up - down) / apart[..., None, :]

@@ -1,16 +1,35 @@
 """Friction laws, one per file."""
 
 from frictionid.laws.contract import check_law
-from frictionid.laws.coulomb_viscous import CoulombViscous
+from frictionid.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
+from frictionid.laws.dahl import Dahl
+from frictionid.laws.film_lag import AsymmetricFilmLag, FilmLag
+from frictionid.laws.load_dependent import LoadDependent, LoadDependentStribeck
+from frictionid.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.laws.motor_load import MotorLoad
 from frictionid.laws.none import NoFriction
+from frictionid.laws.quadratic import Quadratic
+from frictionid.laws.ripple import Ripple
+from frictionid.laws.spline import AsymmetricSpline, Spline
 from frictionid.laws.stribeck import AsymmetricStribeck, Stribeck
 
 __all__ = [
+    "AsymmetricCoulombViscous",
+    "AsymmetricFilmLag",
+    "AsymmetricLuGre",
+    "AsymmetricSpline",
     "AsymmetricStribeck",
     "CoulombViscous",
+    "Dahl",
+    "FilmLag",
+    "LoadDependent",
+    "LoadDependentStribeck",
+    "LuGre",
     "MotorLoad",
     "NoFriction",
+    "Quadratic",
+    "Ripple",
+    "Spline",
     "Stribeck",
     "check_law",
 ]

@@ -10,13 +10,17 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
+from frictionid.laws.levels import (
+    LEVEL,
+    VELOCITIES,
+    VELOCITY,
+    dip,
+    directions,
+    level,
+    sided,
+    sided_level,
+)
 from frictionid.laws.sign import check_sign, smooth_sign
-
-_LEVEL = (0.0, float("inf"))
-# slower dips hide where joints come to rest and are never seen, faster ones are levels themselves
-_VELOCITY = (0.3, 30.0)
-# a factor of 1.8 apart: the best of them lies in the valley of the best fit
-_STARTS = (0.4, 0.7, 1.2, 2.0, 3.5, 6.5, 11.0, 20.0)
 
 
 @dataclass(frozen=True)
@@ -30,9 +34,11 @@ class Stribeck:
     shape: str = "tanh"
     names: ClassVar[tuple[str, ...]] = ("coulomb", "peak", "stribeck_velocity", "viscous")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m", "rad/s", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (_LEVEL, _LEVEL, _VELOCITY, _LEVEL)
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, VELOCITY, LEVEL)
     # peak = 0 makes the first step of a fit the linear least squares at that Stribeck velocity
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple((0.0, 0.0, ws, 0.0) for ws in _STARTS)
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
+        (0.0, 0.0, ws, 0.0) for ws in VELOCITIES
+    )
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
 
@@ -43,18 +49,17 @@ class Stribeck:
         return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        dip = _dip(x.w, theta[..., 2])
         sign = smooth_sign(x.w, self.width, self.shape)
-        return (theta[..., 0] + theta[..., 1] * dip) * sign + theta[..., 3] * x.w
+        return level(theta, x.w) * sign + theta[..., 3] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
         ws = theta[..., 2]
-        dip = _dip(x.w, ws)
+        left = dip(x.w, ws)
         sign = smooth_sign(x.w, self.width, self.shape)
-        by_ws = theta[..., 1] * sign * dip * (2.0 * x.w**2 / ws**3)
+        by_ws = theta[..., 1] * sign * left * (2.0 * x.w**2 / ws**3)
         zero = 0.0 * by_ws
-        return xp.stack([sign + zero, sign * dip, by_ws, x.w + zero], axis=-1)
+        return xp.stack([sign + zero, sign * left, by_ws, x.w + zero], axis=-1)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
@@ -82,9 +87,9 @@ class AsymmetricStribeck:
         "viscous",
     )
     units: ClassVar[tuple[str, ...]] = ("N m",) * 4 + ("rad/s", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (_LEVEL,) * 4 + (_VELOCITY, _LEVEL)
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 4 + (VELOCITY, LEVEL)
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (0.0, 0.0, 0.0, 0.0, ws, 0.0) for ws in _STARTS
+        (0.0, 0.0, 0.0, 0.0, ws, 0.0) for ws in VELOCITIES
     )
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
@@ -96,36 +101,22 @@ class AsymmetricStribeck:
         return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        up, down = self._directions(x.w)
-        dip = _dip(x.w, theta[..., 4])
-        positive = theta[..., 0] + theta[..., 2] * dip
-        negative = theta[..., 1] + theta[..., 3] * dip
-        return positive * up + negative * down + theta[..., 5] * x.w
+        sign = smooth_sign(x.w, self.width, self.shape)
+        return sided_level(theta, x.w, x.w) * sign + theta[..., 5] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
         ws = theta[..., 4]
-        up, down = self._directions(x.w)
-        dip = _dip(x.w, ws)
-        by_ws = (theta[..., 2] * up + theta[..., 3] * down) * dip * (2.0 * x.w**2 / ws**3)
+        up, down = directions(x.w, smooth_sign(x.w, self.width, self.shape))
+        left = dip(x.w, ws)
+        by_ws = (theta[..., 2] * up + theta[..., 3] * down) * left * (2.0 * x.w**2 / ws**3)
         zero = 0.0 * by_ws
-        columns = [up + zero, down + zero, up * dip, down * dip, by_ws, x.w + zero]
+        columns = [up + zero, down + zero, up * left, down * left, by_ws, x.w + zero]
         return xp.stack(columns, axis=-1)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        up = (x.w > 0) * 1.0
         positive, negative = theta[..., 0] + theta[..., 2], theta[..., 1] + theta[..., 3]
-        return positive * up + negative * (1.0 - up)
-
-    def _directions(self, w: Array) -> tuple[Array, Array]:
-        sign = smooth_sign(w, self.width, self.shape)
-        half = (w > 0) * 1.0
-        return sign * half, sign * (1.0 - half)
-
-
-def _dip(w: Array, ws: Array) -> Array:
-    xp = namespace(w, ws)
-    return xp.exp(-((w / ws) ** 2))
+        return sided(x.w, positive, negative)
