@@ -10,7 +10,15 @@ from frictionid.arrays import Array, namespace, plain
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
-from frictionid.step import State, euler_step, inputs, semi_implicit_step, step, substeps
+from frictionid.step import (
+    Pace,
+    State,
+    euler_step,
+    inputs,
+    pace_of,
+    semi_implicit_step,
+    stride,
+)
 
 _RUNAWAY = 1e4  # [rad/s]: faster joints have diverged, they are frozen as NaN
 
@@ -44,7 +52,7 @@ def rollout(
     dt : array, shape (T, ...) [s], length of each interval
     method : "rk4" (the physics step, with its hold), "euler" or "semi_implicit" (one step a sample)
     refine : int
-        Multiplies the number of RK4 substeps.
+        Multiplies the number of RK4 steps.
 
     Raises
     ------
@@ -63,12 +71,12 @@ def rollout(
     True
     """
     xp = namespace(start.q, u)
-    counts = _substeps(plant, friction, dt, refine) if method == "rk4" else [1] * len(u)
+    paces = _paces(plant, friction, dt, refine) if method == "rk4" else [Pace(1, 1)] * len(u)
     state, alive = _begin(plant, friction, start, u, dt), None
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
-            state = _one(method, plant, friction, state, u[k], dt[k][..., None], counts[k])
+            state = _one(method, plant, friction, state, u[k], dt[k][..., None], paces[k])
         wild = ~(xp.abs(state.w).sum(-1) < _RUNAWAY)
         if bool(wild.any()):
             state, alive = _freeze(state, wild, alive)
@@ -92,18 +100,19 @@ def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) 
     return state._replace(memory=friction.law.start(friction.theta, x))
 
 
-def _substeps(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[int]:
-    """Substeps of each interval: a gap in the recording must not refine all the others."""
+def _paces(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[Pace]:
+    """How each interval is divided: a gap in the recording must not refine all the others."""
     longest = plain(dt).reshape(len(dt), -1).max(axis=1)
-    most = substeps(plant, friction, float(longest.max()))
-    return [refine * int(np.ceil(most * share - 1e-9)) for share in longest / longest.max()]
+    most = pace_of(plant, friction, float(longest.max()))
+    counts = [int(np.ceil(most.pieces * share - 1e-9)) for share in longest / longest.max()]
+    return [Pace(refine * count, most.fine) for count in counts]
 
 
 def _one(
-    method: str, plant: Plant, friction: Friction, state: State, u: Array, dt: Array, count: int
+    method: str, plant: Plant, friction: Friction, state: State, u: Array, dt: Array, pace: Pace
 ) -> State:
     if method == "rk4":
-        return step(plant, friction, state, u, dt, count)
+        return stride(plant, friction, state, u, dt, pace)
     if method == "euler":
         return euler_step(plant, friction, state, u, dt)
     if method == "semi_implicit":

@@ -13,6 +13,7 @@ loads of joints that stick together are found by projected Gauss-Seidel [Stewart
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,16 @@ _SWEEPS = 50
 _SETTLED = 1e-12  # [N m]
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
 _LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
+_FINE = 0.00035  # [s], near rest: joints lose some 0.03 rad/s in it
+_MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 _FASTEST = 2e5  # [1/s], 1700 substeps in a sample of 1/60 s
+
+
+class Pace(NamedTuple):
+    """How a step is divided: into pieces, and those that come near rest into fine substeps."""
+
+    pieces: int
+    fine: int
 
 
 class State(NamedTuple):
@@ -64,11 +74,84 @@ def step(
     """
     part = dt / substeps
     for _ in range(substeps):
-        state = _substep(plant, friction, state, u, part)
+        state = substep(plant, friction, state, u, part)[0]
     return state
 
 
-def _substep(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
+def stride(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, pace: Pace
+) -> State:
+    """State after dt in some pieces, refined only for the rows that come near rest in a piece."""
+    part = dt / pace.pieces
+    for _ in range(pace.pieces):
+        near = near_rest(plant, friction, state, u, part)
+        if not bool(near.any()):
+            state = substep(plant, friction, state, u, part)[0]
+        elif bool(near.all()):
+            state = step(plant, friction, state, u, part, pace.fine)
+        else:
+            fine = step(*rows(near, plant, friction, state, u, part), pace.fine)
+            coarse = substep(*rows(~near, plant, friction, state, u, part))[0]
+            state = _joined(near, fine, coarse, state)
+    return state
+
+
+def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
+    """Rows (...) in which a joint is slow, or will be within dt, unless it is held all the time."""
+    xp = namespace(state.w)
+    a = acceleration(plant, friction, state, u)
+    speed = xp.abs(state.w)
+    brakes = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + _SLOW)
+    near = brakes | (speed <= _SLOW)
+    held = grip(plant, friction, state, u) if bool((speed <= _SLOW).any()) else None
+    return (near if held is None else near & ~held.held).any(-1)
+
+
+def _divisible(plant: Plant, friction: Friction, state: State, u: Array) -> bool:
+    """Whether there are rows, and the state has the batch axes of all that takes part."""
+    batch = state.q.shape[:-1]
+    axes = (plant.p.shape[:-1], friction.theta.shape[:-2], u.shape[:-1])
+    return bool(batch) and np.broadcast_shapes(batch, *axes) == tuple(batch)
+
+
+def rows(
+    which: Array, plant: Plant, friction: Friction, state: State, u: Array, dt: Array
+) -> tuple[Plant, Friction, State, Array, Array]:
+    """Those rows of all that takes part in a step, which (...) true or false."""
+    xp, shape = namespace(state.q), tuple(state.q.shape[:-1])
+
+    def some(x: Array, tail: int) -> Array:
+        batch = tuple(x.shape[: x.ndim - tail])
+        if not batch or set(batch) == {1}:
+            return xp.reshape(x, x.shape[x.ndim - tail :])
+        return xp.broadcast_to(x, (*shape, *x.shape[x.ndim - tail :]))[which]
+
+    physical = {name: some(xp.asarray(v), 0) for name, v in plant.parameters.items()}
+    return (
+        replace(plant, parameters=physical, p=some(plant.p, 1)),
+        replace(friction, theta=some(friction.theta, 2)),
+        State(state.q[which], state.w[which], tuple(some(z, 1) for z in state.memory)),
+        some(u, 1),
+        some(dt, 1),
+    )
+
+
+def _joined(which: Array, yes: State, no: State, like: State) -> State:
+    xp = namespace(like.q)
+
+    def one(y: Array, n: Array, x: Array) -> Array:
+        out = xp.asarray(xp.broadcast_to(x, (*which.shape, x.shape[-1])), copy=True)
+        out[which], out[~which] = y, n
+        return out
+
+    memory = zip(yes.memory, no.memory, like.memory, strict=True)
+    return State(one(yes.q, no.q, like.q), one(yes.w, no.w, like.w), tuple(one(*z) for z in memory))
+
+
+def substep(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array
+) -> tuple[State, Grip | None]:
+    """State after one substep, and the grip of friction in it."""
     held = grip(plant, friction, state, u)
     memory = advanced(plant, friction, state, u, dt / 2)
 
@@ -77,7 +160,7 @@ def _substep(plant: Plant, friction: Friction, state: State, u: Array, dt: Array
 
     q, w = rk4(accelerate, state.q, state.w, dt)
     memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
-    return _stop(plant, friction, state, State(q, w, memory), u, dt, held)
+    return _stop(plant, friction, state, State(q, w, memory), u, dt, held), held
 
 
 class Grip(NamedTuple):
@@ -94,7 +177,7 @@ class Grip(NamedTuple):
 def rk4(
     accelerate: Callable[[Array, Array], Array], q: Array, w: Array, dt: Array
 ) -> tuple[Array, Array]:
-    """Angles and velocities after dt by the classical Runge-Kutta method, dw/dt = accelerate(q, w)."""
+    """Angles and velocities after dt by the Runge-Kutta method of order 4, dw/dt = accelerate."""
     a1 = accelerate(q, w)
     w2 = w + dt / 2 * a1
     a2 = accelerate(q + dt / 2 * w, w2)
@@ -165,29 +248,44 @@ def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip | Non
     """
     xp = namespace(state.w)
     slow = xp.abs(state.w) <= _SLOW
-    if not bool(slow.any()):
+    some = slow.any(-1)
+    if not bool(some.any()):
         return None
+    if _divisible(plant, friction, state, u) and not bool(some.all()):
+        inner = grip(*rows(some, plant, friction, state, u, u)[:4])
+        return _scattered(some, inner, state.w)
     now = balance(plant, friction, state, u)
     held = _below_break_away(now, slow)
     resting = state.w == 0.0
     level = xp.where(state.w > 0, now.high, -now.low)
-    grip = Grip(held & resting, xp.where(held & ~resting, level, 0.0 * level))
+    found = Grip(held & resting, xp.where(held & ~resting, level, 0.0 * level))
     if not bool(resting.any()) or not bool((held & ~resting).any()):
-        return grip
+        return found
     # a joint at rest feels that the others still slide
-    now = now._replace(sliding=braked(now.sliding, grip))
-    return grip._replace(held=_below_break_away(now, resting))
+    now = now._replace(sliding=braked(now.sliding, found))
+    return found._replace(held=_below_break_away(now, resting))
+
+
+def _scattered(which: Array, inner: Grip | None, like: Array) -> Grip | None:
+    """Grip of all rows from that of some."""
+    if inner is None:
+        return None
+    xp = namespace(like)
+    held, brakes = xp.zeros_like(like) > 0, xp.zeros_like(like)
+    held[which], brakes[which] = inner
+    return Grip(held, brakes)
 
 
 class Landing(NamedTuple):
     """Joints that come to rest in a substep: which stop, which stand still after it, and M there.
 
-    stops, still (..., n), true or false; M (..., n, n).
+    stops, still (k, n), true or false; M (k, n, n); of the k rows (...) that are true in `rows`.
     """
 
     stops: Array
     still: Array
     M: Array
+    rows: Array
 
 
 def landing(
@@ -198,12 +296,19 @@ def landing(
     crossed = (before.w != 0.0) & (before.w * after.w <= 0.0)
     if not bool(crossed.any()):
         return None
+    some = crossed.any(-1)
+    if _divisible(plant, friction, after, u) and not bool(some.all()):
+        old = State(before.q[some], before.w[some])
+        part = None if held is None else Grip(held.held[some], held.brakes[some])
+        plant, friction, after, u, _ = rows(some, plant, friction, after, u, u)
+        found = landing(plant, friction, old, after, u, part)
+        return None if found is None else found._replace(rows=some)
     now = balance(plant, friction, after, u)
     resting = xp.zeros_like(crossed)
     if held is not None:
         now, resting = now._replace(sliding=braked(now.sliding, held)), held.held
     stops = crossed & _below_break_away(now, crossed | resting)
-    return Landing(stops, stops | resting, now.M)
+    return Landing(stops, stops | resting, now.M, xp.ones_like(some)) if bool(stops.any()) else None
 
 
 def _stop(
@@ -223,17 +328,16 @@ def _stop(
     stop = landing(plant, friction, before, after, u, held)
     if stop is None:
         return after
-    xp = namespace(after.w)
-    q = xp.where(stop.stops, crossing(before, after, stop.stops, dt), after.q)
-    w = constrained(stop.M, times(stop.M, after.w), stop.still)
-    return State(q, xp.where(stop.stops.any(-1)[..., None], w, after.w), after.memory)
-
-
-def crossing(before: State, after: State, stops: Array, dt: Array) -> Array:
-    """Angles at which the joints that stop in a substep do so, by a line through w, (..., n)."""
-    xp = namespace(after.w)
-    share = before.w / xp.where(stops, before.w - after.w, 1.0)  # of the substep, until it stops
-    return before.q + share * dt / 2 * before.w
+    xp, at, stops = namespace(after.w), stop.rows, stop.stops
+    w0, w1 = before.w[at], after.w[at]
+    share = w0 / xp.where(stops, w0 - w1, 1.0)  # of the substep, until it stops
+    span = xp.broadcast_to(dt, after.w.shape)[at]
+    stopped = before.q[at] + share * span / 2 * w0
+    w = constrained(stop.M, times(stop.M, w1), stop.still)
+    q_all, w_all = (xp.asarray(x, copy=True) for x in (after.q, after.w))
+    q_all[at] = xp.where(stops, stopped, after.q[at])
+    w_all[at] = xp.where(stops.any(-1)[..., None], w, w1)
+    return State(q_all, w_all, after.memory)
 
 
 class Balance(NamedTuple):
@@ -322,22 +426,53 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
     return count
 
 
-def stiffness(plant: Plant, friction: Friction) -> float:
+def pace_of(plant: Plant, friction: Friction, dt: float) -> Pace:
+    """Pieces of a step of dt [s], and their substeps near rest.
+
+    Where friction can hold a joint, its slope through w = 0 is no matter of stability: a joint
+    under too little load is gripped there, one under more passes through. It is for laws with a
+    bristle, whose break-away level is zero.
+
+    Raises
+    ------
+    InputError
+        When the law is so steep that no reasonable number of substeps resolves it.
+    """
+    substeps(plant, friction, dt)
+    away = stiffness(plant, friction, _SLOW)
+    pieces = int(np.ceil(max(dt / _LONGEST, dt * away / _STABLE, 1.0)))
+    near = away if _holds(friction) else stiffness(plant, friction)
+    part = dt / pieces
+    return Pace(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
+
+
+def _holds(friction: Friction) -> bool:
+    theta = friction.theta[..., None, :, :]
+    x = at_rest(namespace(theta).asarray(np.ones((1, friction.n)), dtype=theta.dtype))
+    return bool((plain(friction.law.limit(theta, x, friction.law.start(theta, x))) > 0).any())
+
+
+def stiffness(plant: Plant, friction: Friction, beyond: float = 0.0) -> float:
     """Fastest rate [1/s] at which friction slows a joint: largest eigenvalue of M^-1 dTf/dw.
 
-    The worst case over a grid of configurations and over the batches of plant and friction.
+    The worst case over a grid of configurations and over the batches of plant and friction, at
+    speeds `beyond` some [rad/s].
     """
     grid = np.linspace(-np.pi, np.pi, 9)
     q = np.stack(np.meshgrid(*[grid] * plant.n, indexing="ij"), axis=-1).reshape(-1, plant.n)
     p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
     A = inverse(plant.mechanism.inertia(p[:, None], q))
-    root = np.sqrt(slopes(friction))
+    root = np.sqrt(slopes(friction, beyond))
     return float(np.linalg.eigvalsh(root[:, None] * A * root).max())
 
 
-def slopes(friction: Friction) -> Array:
-    """Largest slope dTf/dw of each joint over all batches, or zero, shape (n,) [N m s/rad]."""
+def slopes(friction: Friction, beyond: float = 0.0) -> Array:
+    """Largest slope dTf/dw of each joint over all batches, or zero, shape (n,) [N m s/rad].
+
+    At speeds `beyond` some [rad/s].
+    """
     w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])
+    w = w[w >= beyond]
     theta = friction.theta[..., None, :, :]
     grid = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
     columns = namespace(theta).asarray(grid, dtype=theta.dtype)

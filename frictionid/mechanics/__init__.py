@@ -2,7 +2,15 @@
 
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.double_pendulum import double_pendulum
-from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter, Terms
+from frictionid.mechanics.lagrange import (
+    Base,
+    Body,
+    Description,
+    Mechanism,
+    Parameter,
+    Partials,
+    Terms,
+)
 from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import Plant, plant_of
@@ -14,6 +22,7 @@ __all__ = [
     "Description",
     "Mechanism",
     "Parameter",
+    "Partials",
     "Plant",
     "Terms",
     "acrobot",
