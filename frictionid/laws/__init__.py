@@ -4,6 +4,7 @@ from frictionid.laws.contract import check_law
 from frictionid.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
 from frictionid.laws.dahl import Dahl
 from frictionid.laws.film_lag import AsymmetricFilmLag, FilmLag
+from frictionid.laws.gear_load import GearLoad, MotorLoadQuadratic
 from frictionid.laws.load_dependent import LoadDependent, LoadDependentStribeck
 from frictionid.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.laws.motor_load import MotorLoad
@@ -22,10 +23,12 @@ __all__ = [
     "CoulombViscous",
     "Dahl",
     "FilmLag",
+    "GearLoad",
     "LoadDependent",
     "LoadDependentStribeck",
     "LuGre",
     "MotorLoad",
+    "MotorLoadQuadratic",
     "NoFriction",
     "Quadratic",
     "Ripple",
