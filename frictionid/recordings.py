@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from frictionid.actuator import Servo
 from frictionid.errors import InputError
 from frictionid.signals import Array, Signal
 
@@ -47,6 +48,9 @@ class Recording:
         Other measured quantities, in the unit of the file (temperature, voltage).
     truth : Motion or None
         The noise-free motion, for simulated recordings.
+    servo : Servo or None
+        What makes the torque of the motion, where that is known; `torque` is then what follows for
+        the recorded motion.
 
     Raises
     ------
@@ -67,6 +71,7 @@ class Recording:
     parameters: Mapping[str, float] = field(default_factory=dict)
     covariates: Mapping[str, Signal] = field(default_factory=dict)
     truth: Motion | None = None
+    servo: Servo | None = None
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"
@@ -100,6 +105,9 @@ class Recording:
         if self.truth is not None:
             yield "true angle", self.truth.angle
             yield "true velocity", self.truth.velocity
+        if self.servo is not None:
+            yield "goal", self.servo.goal
+            yield "enabled", self.servo.enabled
 
 
 @dataclass(frozen=True, eq=False)

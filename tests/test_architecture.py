@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 
 # From the bottom to the top: a module may import what stands before it, and its own package.
 LAYERS = (
-    *("errors", "arrays", "signals", "geometry"),
+    *("errors", "arrays", "signals", "actuator", "geometry"),
     *("recordings", "readers"),
     *("mechanics",),
     *("friction", "laws"),

@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from frictionid.actuator import Servo, servo_torque, terminal_voltage
 from frictionid.errors import InputError
 from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import content_of, table_name, unzip
@@ -49,10 +50,11 @@ class BamSettings(Strict):
 
 
 def read_bam(path: Path, settings: Mapping[str, Any]) -> Recording:
-    """Angle and modelled motor torque of a log (.json, .json.gz), its pendulum's mass and length.
+    """Angle, servo and modelled motor torque of a log (.json, .json.gz), its pendulum's dimensions.
 
     The velocity behind the back-EMF is the central difference of the angles: the servo's own lags
-    by more than 20 ms. Load (885 is full duty), temperature [deg C] and voltage [V] are covariates.
+    by more than 20 ms. Covariates are the voltage [V] at the motor, zero where it is disconnected,
+    and as logged load (the duty, 885 is full), supply [V] and temperature [deg C].
 
     Raises
     ------
@@ -63,22 +65,29 @@ def read_bam(path: Path, settings: Mapping[str, Any]) -> Recording:
     file = str(path)
     log = _log(unzip(content_of(path), file), file)
     columns = _columns(log["entries"], file)
-    time, torque = columns["timestamp"], _torque(log, columns, given)
     keep = _phase(columns["torque_enable"] > 0, given.phase, file)
 
     def signal(value: Array) -> Signal:
-        return Signal(time[keep], value[keep, None])
+        return Signal(columns["timestamp"], value[:, None])
 
+    angle = signal(columns["position"] + given.offset)
+    servo = _servo(log, signal(columns["goal_position"] + given.offset), columns, given)
+    signals = {
+        "angle": angle,
+        "torque": servo_torque(servo, angle),
+        "voltage": terminal_voltage(servo, angle),
+        "load": signal(signed_word(columns["load"])),
+        "supply": signal(columns["input_volts"]),
+        "temperature": signal(columns["temp"]),
+    }
+    kept = {key: Signal(s.time[keep], s.value[keep]) for key, s in signals.items()}
     return Recording(
         table_name(path.name),
-        angle=signal(columns["position"] + given.offset),
-        torque=signal(torque),
+        angle=kept.pop("angle"),
+        torque=kept.pop("torque"),
         parameters=_pendulum(log),
-        covariates={
-            "load": signal(signed_word(columns["load"])),
-            "temperature": signal(columns["temp"]),
-            "voltage": signal(columns["input_volts"]),
-        },
+        covariates=kept,
+        servo=servo,
     )
 
 
@@ -91,22 +100,20 @@ def signed_word(word: Array) -> Array:
     return np.where(word >= WORD / 2, word - WORD, word)
 
 
-def motor_torque(duty: Array, w: Array, volts: float, kt: float, R: float) -> Array:
-    """Torque of a DC motor at a duty within +-1 and velocity w [rad/s], in N m.
-
-    >>> motor_torque(np.array([0.5]), np.array([2.0]), volts=8.0, kt=0.5, R=2.0)
-    array([0.75])
-    """
-    return kt * (volts * duty - kt * w) / R
-
-
-def _torque(log: Mapping[str, Any], columns: Mapping[str, Array], given: BamSettings) -> Array:
-    q = columns["position"]
-    duty = given.gain * log["kp"] * (columns["goal_position"] - q)
-    volts = log["vin"] if given.vin is None else given.vin
-    w = np.gradient(q, columns["timestamp"])
-    torque = motor_torque(np.clip(duty, -given.limit, given.limit), w, volts, given.kt, given.R)
-    return np.where(columns["torque_enable"] > 0, torque, 0.0)
+def _servo(
+    log: Mapping[str, Any], goal: Signal, columns: Mapping[str, Array], given: BamSettings
+) -> Servo:
+    """The log's firmware: it acts on the counts of its own encoder, whose zero does not matter."""
+    enabled = (columns["torque_enable"] > 0).astype(float)[:, None]
+    return Servo(
+        goal=goal,
+        enabled=Signal(goal.time, enabled, hold="previous"),
+        gain=given.gain * log["kp"],
+        limit=given.limit,
+        supply=log["vin"] if given.vin is None else given.vin,
+        kt=given.kt,
+        R=given.R,
+    )
 
 
 def _pendulum(log: Mapping[str, Any]) -> dict[str, float]:
