@@ -1,4 +1,4 @@
-"""Suites: a comparison written as TOML, and the only place where parts have names.
+"""Suites: a comparison written as TOML.
 
 A suite is the constructor calls of its parts: every key of a table is an argument of the class or
 function that the table's `kind` names.
@@ -21,96 +21,18 @@ from frictionid.compare import Contest
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier, LeastSquares, Nothing, Published
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, MotorLoad, NoFriction, Stribeck
+from frictionid.identifiers import Identifier, Published
 from frictionid.mechanics import plant_of
+from frictionid.names import ESTIMATORS, IDENTIFIERS, LAWS, RECIPES, folds
 from frictionid.readers.dataset import load_dataset
 from frictionid.readers.strict import STRICT, Strict, mistake, nearest
-from frictionid.recipe import INTEGRAL, STUDY, Recipe
+from frictionid.recipe import Recipe
 from frictionid.recordings import Dataset
-from frictionid.states import RTS, Backward, Estimator, SavitzkyGolay
 from frictionid.store import load_model
 from frictionid.tasks import Task
 
-Shape = Literal["tanh", "arctan"]
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
-
-LAWS: Mapping[str, type] = {
-    "none": NoFriction,
-    "coulomb_viscous": CoulombViscous,
-    "motor_load": MotorLoad,
-    "stribeck": Stribeck,
-    "stribeck_asymmetric": AsymmetricStribeck,
-}
-
-
-def none() -> Identifier:
-    """No friction."""
-    return Nothing()
-
-
-def coulomb_viscous(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
-    """Coulomb and viscous friction by least squares."""
-    return LeastSquares(CoulombViscous(width, shape))
-
-
-def motor_load(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
-    """Coulomb and viscous friction, and a share of the motor torque, by least squares."""
-    return LeastSquares(MotorLoad(width, shape))
-
-
-def stribeck(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
-    """Stribeck friction by least squares, with levels of its own in each direction on request."""
-    law = Stribeck(width, shape) if symmetric else AsymmetricStribeck(width, shape)
-    return LeastSquares(law)
-
-
-def published(file: str) -> Identifier:
-    """The friction of a model file, with its own mechanism parameters."""
-    return Published(load_model(Path(file), LAWS))
-
-
-def backward() -> Estimator:
-    """Backward differences."""
-    return Backward()
-
-
-def savgol(
-    window: int = SavitzkyGolay.window, order: Annotated[int, Field(ge=1)] = SavitzkyGolay.order
-) -> Estimator:
-    """Local polynomials."""
-    return SavitzkyGolay(window, order)
-
-
-def rts() -> Estimator:
-    """Kinematic smoother."""
-    return RTS()
-
-
-def folds(
-    count: int = Split.count,
-    kind: Literal["recordings", "blocks", "shuffled"] = "recordings",
-    gap: float = Split.gap,
-    seed: int = Split.seed,
-) -> Split:
-    """Which samples are held out when."""
-    return Split(count, kind, gap, seed)
-
-
-IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
-    "none": none,
-    "coulomb_viscous": coulomb_viscous,
-    "motor_load": motor_load,
-    "stribeck": stribeck,
-    "published": published,
-}
-ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
-    "backward": backward,
-    "savgol": savgol,
-    "rts": rts,
-}
-RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (STUDY, INTEGRAL)}
 
 
 class DatasetEntry(Strict):
@@ -185,7 +107,7 @@ def load_suite(path: Path) -> Suite:
 def tasks_of(suite: Suite, file: Path, data: Path | None = None) -> list[Task]:
     """Tasks of the suite of a file; `data` is the folder with the tables of its one data set.
 
-    The truth of simulated data without memory stands beside the identifiers.
+    The truth of simulated data stands beside the identifiers.
 
     Raises
     ------
@@ -234,7 +156,7 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
 
 
 def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
-    """The true friction as an identifier named `truth`, where it is known and free of memory."""
+    """The true friction as an identifier named `truth`, where it is known and one of our laws."""
     truth = contest.dataset.truth
     friction = None if truth is None else true_friction(truth)
     return [] if friction is None else [("truth", Published(friction), None)]

@@ -14,8 +14,9 @@ from frictionid.cli import main
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.laws import CoulombViscous
+from frictionid.names import LAWS
 from frictionid.store import model_document
-from frictionid.suite import LAWS, friction_of
+from frictionid.suite import friction_of
 
 MODEL = model_document(
     Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3}, {"source": "test"}), LAWS

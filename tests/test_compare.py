@@ -13,9 +13,10 @@ from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
 from frictionid.identifiers import LeastSquares, Nothing, Published
 from frictionid.laws import CoulombViscous, Stribeck
+from frictionid.names import LAWS
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.states import RTS, Backward, SavitzkyGolay
-from frictionid.suite import LAWS, load_suite, tasks_of
+from frictionid.suite import load_suite, tasks_of
 from frictionid.tasks import Task, document, grounds_of, run_tasks
 
 PROTOCOL = Protocol(horizons=(0.1, 0.3))
@@ -80,7 +81,7 @@ def test_the_held_out_are_the_same_for_all_identifiers_and_recipes():
 
 OWN = """
 from dataclasses import dataclass
-from frictionid.suite import coulomb_viscous
+from frictionid.names import coulomb_viscous
 
 @dataclass(frozen=True)
 class Seeded:

@@ -12,7 +12,7 @@ from frictionid.friction import Friction, along
 from frictionid.identifiers import LeastSquares, Nothing, Published, check_identifier
 from frictionid.identifiers.practice import practice_problem, practice_weights, true_friction
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
-from frictionid.suite import IDENTIFIERS
+from frictionid.names import IDENTIFIERS
 
 
 @dataclass(frozen=True)

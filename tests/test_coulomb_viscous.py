@@ -11,8 +11,9 @@ from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.laws import CoulombViscous
 from frictionid.laws.sign import smooth_sign
+from frictionid.names import LAWS
 from frictionid.store import load_model, save_model
-from frictionid.suite import LAWS, identifier_named
+from frictionid.suite import identifier_named
 
 LAW = CoulombViscous()
 TRUTH = np.array([[0.10, 0.02], [0.05, 0.01]])

@@ -7,10 +7,10 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, units_of
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.mechanics import Plant, linear_axis, mechanism_of
+from frictionid.names import LAWS
 from frictionid.rollout import rollout
 from frictionid.step import State
 from frictionid.store import load_model, save_model
-from frictionid.suite import LAWS
 
 
 def test_a_carriage_follows_newtons_second_law():

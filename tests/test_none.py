@@ -9,8 +9,9 @@ from frictionid.friction import along
 from frictionid.identifiers import LeastSquares, Nothing
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.laws import CoulombViscous, NoFriction
+from frictionid.names import LAWS
 from frictionid.store import load_model, save_model
-from frictionid.suite import LAWS, identifier_named
+from frictionid.suite import identifier_named
 
 
 @pytest.mark.parametrize("n", [1, 2])

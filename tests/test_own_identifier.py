@@ -15,10 +15,11 @@ from frictionid.friction import Friction, along
 from frictionid.identifiers import Identifier, Nothing, check_identifier
 from frictionid.laws import check_law
 from frictionid.mechanics import plant_of
+from frictionid.names import LAWS
 from frictionid.readers.dataset import load_dataset
 from frictionid.recipe import INTEGRAL, STUDY, problem_of
 from frictionid.store import read_json
-from frictionid.suite import LAWS, IdentifierEntry, identifier_of, load_suite, tasks_of
+from frictionid.suite import IdentifierEntry, identifier_of, load_suite, tasks_of
 from frictionid.tasks import grounds_of, run_tasks
 
 ROOT = Path(__file__).parents[1]

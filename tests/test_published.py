@@ -12,8 +12,9 @@ from frictionid.friction import Friction, along
 from frictionid.identifiers import Published
 from frictionid.identifiers.practice import practice_problem, practice_weights, true_friction
 from frictionid.laws import CoulombViscous, Stribeck
+from frictionid.names import LAWS
 from frictionid.store import save_model
-from frictionid.suite import LAWS, identifier_named
+from frictionid.suite import identifier_named
 
 DFKI = Path(__file__).parents[1] / "data" / "dfki_c1"
 NUMBERS = np.array([[0.3, 0.01], [0.1, 0.02]])

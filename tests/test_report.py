@@ -21,12 +21,12 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.identifiers import LeastSquares, Nothing, Published
 from frictionid.laws import CoulombViscous
+from frictionid.names import LAWS
 from frictionid.recipe import INTEGRAL, STUDY
 from frictionid.report import build, show, write
 from frictionid.report.evidence import gather
 from frictionid.report.tables import escape_latex
 from frictionid.results import describe
-from frictionid.suite import LAWS
 from frictionid.tasks import Task, grounds_of, run_tasks
 
 ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "日本", "x" * 90)

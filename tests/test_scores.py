@@ -275,8 +275,8 @@ def test_measured_data_have_neither_curve_error_nor_truth(folds):
     }
 
 
-def test_only_a_truth_without_memory_is_a_model():
+def test_a_truth_of_a_kind_that_no_law_is_stays_a_curve():
     assert true_friction(TRUTH) is not None
-    assert true_friction({**TRUTH, "kind": "lugre"}) is None
+    assert true_friction({**TRUTH, "kind": "maxwell_slip"}) is None
     with pytest.raises(InputError, match=r"\[truth\] lacks viscous"):
         true_friction({k: v for k, v in TRUTH.items() if k != "viscous"})

@@ -13,6 +13,7 @@ import pytest
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.names import LAWS
 from frictionid.store import (
     load_model,
     model_document,
@@ -22,7 +23,6 @@ from frictionid.store import (
     write_json,
     write_text,
 )
-from frictionid.suite import LAWS
 
 FRICTION = Friction(
     Stribeck(0.01, "arctan"),

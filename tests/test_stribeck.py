@@ -17,8 +17,9 @@ from frictionid.friction import along
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.names import LAWS
 from frictionid.store import load_model, save_model
-from frictionid.suite import LAWS, identifier_named
+from frictionid.suite import identifier_named
 
 SYMMETRIC, ASYMMETRIC = Stribeck(), AsymmetricStribeck()
 TRUTH = {

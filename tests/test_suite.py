@@ -13,10 +13,11 @@ from frictionid.evaluation import Protocol, Split
 from frictionid.friction import Friction
 from frictionid.identifiers import LeastSquares, Nothing, Published
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.names import LAWS
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.states import RTS, SavitzkyGolay
 from frictionid.store import save_model
-from frictionid.suite import LAWS, friction_of, identifier_named, load_suite, tasks_of
+from frictionid.suite import friction_of, identifier_named, load_suite, tasks_of
 
 
 @pytest.fixture(scope="module")
@@ -119,15 +120,19 @@ def test_defaults_are_those_of_the_parts(place):
     assert INTEGRAL.states == RTS()
 
 
-def test_the_truth_stands_beside_the_identifiers_where_it_has_no_memory(place):
+def test_the_truth_stands_beside_the_identifiers_where_it_is_one_of_our_laws(place):
     truths = [task for task in tasks(place) if task.name == "truth"]
     assert [task.recipe for task in truths] == [STUDY, INTEGRAL]
     theta = truths[0].identifier.friction.theta[0]
     assert theta.tolist() == [TRUTH[name][0] for name in AsymmetricStribeck.names]
-    write_dataset(place / "hidden", name="hidden", changes=[("truth.kind", "lugre")])
+    write_dataset(place / "hidden", name="hidden", changes=[("truth.kind", "maxwell_slip")])
     write_dataset(place / "measured", name="measured", changes=[("truth", None)])
     for name in ("hidden", "measured"):
         assert not [t for t in tasks(place, [("datasets.0.path", name)]) if t.name == "truth"]
+    late = [("truth.kind", "film_lag"), ("truth.lag", [0.02])]
+    write_dataset(place / "late", name="late", changes=late)
+    (truth, _) = [t for t in tasks(place, [("datasets.0.path", "late")]) if t.name == "truth"]
+    assert truth.identifier.friction.theta[0].tolist() == [*theta, 0.02]
 
 
 def test_a_model_file_is_found_beside_the_suite(place, monkeypatch):

@@ -25,7 +25,7 @@ SLOW = """
 import os
 from dataclasses import dataclass
 from time import sleep
-from frictionid.suite import coulomb_viscous
+from frictionid.names import coulomb_viscous
 
 @dataclass(frozen=True)
 class Slow:

@@ -9,10 +9,11 @@ import numpy as np
 import tomli_w
 from scipy.integrate import solve_ivp
 
+from frictionid.names import LAWS
 from frictionid.recordings import Dataset, Motion, Recording
 from frictionid.results import describe, reduce
 from frictionid.signals import Signal, cut
-from frictionid.suite import LAWS, load_suite, tasks_of
+from frictionid.suite import load_suite, tasks_of
 from frictionid.tasks import grounds_of, lock, run_tasks
 
 COUNT, SECONDS, RATE = 12, 1.5, 60.0

@@ -19,9 +19,10 @@ def compare(
 ) -> None:
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from frictionid.cli.progress import counted
+    from frictionid.names import LAWS
     from frictionid.report import build, show
     from frictionid.results import describe
-    from frictionid.suite import LAWS, load_suite, tasks_of
+    from frictionid.suite import load_suite, tasks_of
     from frictionid.tasks import Task, grounds_of, lock, run_tasks
 
     table = load_suite(suite)

@@ -29,10 +29,11 @@ def fit(
     from frictionid.compare import with_provenance
     from frictionid.evaluation import Protocol
     from frictionid.mechanics import plant_of
+    from frictionid.names import LAWS
     from frictionid.readers.dataset import load_dataset
     from frictionid.recipe import training_problem
     from frictionid.store import save_model
-    from frictionid.suite import LAWS, identifier_named, recipe_named
+    from frictionid.suite import identifier_named, recipe_named
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
     made = recipe_named(recipe)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.laws import AsymmetricStribeck
+from frictionid.laws import AsymmetricFilmLag, AsymmetricLuGre, AsymmetricStribeck
 
-MEMORY_FREE = "stribeck"
+# The law of each kind of truth, and what its table has besides the steady-state curve. Stribeck
+# velocities and what follows stand in the order of the law's parameters.
+MODELS: Mapping[str, tuple[Any, tuple[str, ...]]] = {
+    "stribeck": (AsymmetricStribeck(), ()),
+    "film_lag": (AsymmetricFilmLag(), ("lag",)),
+    "lugre": (AsymmetricLuGre(), ("bristle_stiffness", "bristle_damping", "damping_velocity")),
+}
 
 
 def steady_state(truth: Mapping[str, Any], width: float = 1e-6) -> Friction:
@@ -23,14 +31,20 @@ def steady_state(truth: Mapping[str, Any], width: float = 1e-6) -> Friction:
         Where the table does not hold one finite number for each parameter and joint.
     """
     law = AsymmetricStribeck(width=width)
-    missing = [name for name in law.names if name not in truth]
+    theta = _columns(truth, law.names, np.size(truth.get(law.names[0], ())))
+    return Friction(law, theta, provenance={"source": "truth"})
+
+
+def _columns(truth: Mapping[str, Any], names: Sequence[str], joints: int) -> Array:
+    """Numbers of the table, shape (joints, names)."""
+    missing = [name for name in names if name not in truth]
     if missing:
         raise InputError(f"[truth] lacks {', '.join(missing)}")
-    for name in law.names:
-        if np.shape(truth[name]) != np.shape(truth[law.names[0]]) or not _numbers(truth[name]):
+    for name in names:
+        if np.shape(truth[name]) != (joints,) or not _numbers(truth[name]):
             raise InputError(f"[truth] {name} = {truth[name]!r} must be one number for each joint")
-    columns = [np.asarray(truth[name], dtype=float) for name in law.names]
-    return Friction(law, np.stack(columns, axis=-1), provenance={"source": "truth"})
+    columns = np.array([truth[name] for name in names], dtype=float)
+    return columns.reshape(len(names), joints).T
 
 
 def _numbers(values: Any) -> bool:
@@ -40,7 +54,21 @@ def _numbers(values: Any) -> bool:
 
 
 def true_friction(truth: Mapping[str, Any]) -> Friction | None:
-    """True friction as a model that can be scored; None for a truth with memory."""
-    if truth.get("kind") != MEMORY_FREE:
+    """True friction as a model that can be scored; None for a kind that is none of our laws.
+
+    Raises
+    ------
+    InputError
+        Where the table does not hold one finite number for each parameter and joint.
+    """
+    if truth.get("kind") not in MODELS:
         return None
-    return steady_state(truth, AsymmetricStribeck().width)
+    law, own = MODELS[truth["kind"]]
+    curve = steady_state(truth, law.width)
+    columns = _columns(truth, own, curve.n)
+    if isinstance(law, AsymmetricLuGre):
+        if not (columns > 0)[:, [0, 2]].all():
+            raise InputError("[truth] bristle_stiffness and damping_velocity must be positive")
+        # bristles are told by their stiffness, the law by their bend at the mean break-away level
+        columns[..., 0] = curve.theta[..., :4].sum(-1) / 2 / columns[..., 0]
+    return replace(curve, law=law, theta=np.concatenate([curve.theta, columns], axis=-1))

@@ -47,8 +47,8 @@ def _unscored(fitted: Sequence[Matter]) -> str:
     if not names:
         return ""
     return (
-        f"The true friction of {listed(names)} remembers: its curve at steady speed is known and "
-        "compared, but no law here can be it, so that the truth has no row of its own."
+        f"Of the true friction of {listed(names)} only the curve at steady speed is compared: the "
+        "truth has no row of its own."
     )
 
 

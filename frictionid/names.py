@@ -1,0 +1,187 @@
+"""The only place where parts have names: laws of model files, what suites and commands can name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from frictionid.evaluation import Split
+from frictionid.identifiers import Identifier, LeastSquares, Nothing, Published
+from frictionid.laws import (
+    AsymmetricCoulombViscous,
+    AsymmetricFilmLag,
+    AsymmetricLuGre,
+    AsymmetricSpline,
+    AsymmetricStribeck,
+    CoulombViscous,
+    Dahl,
+    FilmLag,
+    LoadDependent,
+    LoadDependentStribeck,
+    LuGre,
+    MotorLoad,
+    NoFriction,
+    Quadratic,
+    Ripple,
+    Spline,
+    Stribeck,
+)
+from frictionid.recipe import INTEGRAL, STUDY, Recipe
+from frictionid.states import RTS, Backward, Estimator, SavitzkyGolay
+from frictionid.store import load_model
+
+Shape = Literal["tanh", "arctan"]
+Positive = Annotated[float, Field(gt=0)]
+
+LAWS: Mapping[str, type] = {
+    "none": NoFriction,
+    "coulomb_viscous": CoulombViscous,
+    "coulomb_viscous_asymmetric": AsymmetricCoulombViscous,
+    "motor_load": MotorLoad,
+    "load_dependent": LoadDependent,
+    "load_dependent_stribeck": LoadDependentStribeck,
+    "quadratic": Quadratic,
+    "stribeck": Stribeck,
+    "stribeck_asymmetric": AsymmetricStribeck,
+    "spline": Spline,
+    "spline_asymmetric": AsymmetricSpline,
+    "ripple": Ripple,
+    "film_lag": FilmLag,
+    "film_lag_asymmetric": AsymmetricFilmLag,
+    "dahl": Dahl,
+    "lugre": LuGre,
+    "lugre_asymmetric": AsymmetricLuGre,
+}
+
+
+def none() -> Identifier:
+    """No friction."""
+    return Nothing()
+
+
+def coulomb_viscous(
+    symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh"
+) -> Identifier:
+    """Coulomb and viscous friction by least squares, on request with a level each way."""
+    law = CoulombViscous(width, shape) if symmetric else AsymmetricCoulombViscous(width, shape)
+    return LeastSquares(law)
+
+
+def motor_load(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Coulomb and viscous friction, and a share of the motor torque, by least squares."""
+    return LeastSquares(MotorLoad(width, shape))
+
+
+def stribeck(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Stribeck friction by least squares, with levels of its own in each direction on request."""
+    law = Stribeck(width, shape) if symmetric else AsymmetricStribeck(width, shape)
+    return LeastSquares(law)
+
+
+def load_dependent(
+    stribeck: bool = False, width: Positive = 0.02, shape: Shape = "tanh"
+) -> Identifier:
+    """Friction that grows with the bearing load by least squares, on request with a peak."""
+    return LeastSquares((LoadDependentStribeck if stribeck else LoadDependent)(width, shape))
+
+
+def quadratic(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Coulomb and viscous friction, and a drag that grows with w^2, by least squares."""
+    return LeastSquares(Quadratic(width, shape))
+
+
+def spline(
+    symmetric: bool = True,
+    knots: Annotated[list[Positive], Field(min_length=2)] | None = None,
+    degree: Annotated[int, Field(ge=1, le=3)] = Spline.degree,
+    width: Positive = 0.02,
+    shape: Shape = "tanh",
+) -> Identifier:
+    """A friction curve of any shape by least squares, on request one for each direction."""
+    law = Spline if symmetric else AsymmetricSpline
+    return LeastSquares(law(tuple(knots or Spline.knots), degree, width, shape))
+
+
+def ripple(
+    base: Literal[
+        "coulomb_viscous", "coulomb_viscous_asymmetric", "stribeck", "stribeck_asymmetric"
+    ] = "coulomb_viscous",
+    harmonics: Annotated[list[int], Field(min_length=1)] | None = None,
+    gear: Positive = 1.0,
+    width: Positive = 0.02,
+    shape: Shape = "tanh",
+) -> Identifier:
+    """A law whose level varies with the angle of the joint, or its gear, by least squares."""
+    return LeastSquares(Ripple(base, tuple(harmonics or Ripple.harmonics), gear, width, shape))
+
+
+def film_lag(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Stribeck friction whose film follows the speed late, by least squares."""
+    return LeastSquares((FilmLag if symmetric else AsymmetricFilmLag)(width, shape))
+
+
+def dahl(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Coulomb friction that begins as a spring, by least squares."""
+    return LeastSquares(Dahl(width, shape))
+
+
+def lugre(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+    """Stribeck friction of bristles that bend before they slip, by least squares."""
+    return LeastSquares((LuGre if symmetric else AsymmetricLuGre)(width, shape))
+
+
+def published(file: str) -> Identifier:
+    """The friction of a model file, with its own mechanism parameters."""
+    return Published(load_model(Path(file), LAWS))
+
+
+def backward() -> Estimator:
+    """Backward differences."""
+    return Backward()
+
+
+def savgol(
+    window: int = SavitzkyGolay.window, order: Annotated[int, Field(ge=1)] = SavitzkyGolay.order
+) -> Estimator:
+    """Local polynomials."""
+    return SavitzkyGolay(window, order)
+
+
+def rts() -> Estimator:
+    """Kinematic smoother."""
+    return RTS()
+
+
+def folds(
+    count: int = Split.count,
+    kind: Literal["recordings", "blocks", "shuffled"] = "recordings",
+    gap: float = Split.gap,
+    seed: int = Split.seed,
+) -> Split:
+    """Which samples are held out when."""
+    return Split(count, kind, gap, seed)
+
+
+IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
+    "none": none,
+    "coulomb_viscous": coulomb_viscous,
+    "motor_load": motor_load,
+    "load_dependent": load_dependent,
+    "quadratic": quadratic,
+    "stribeck": stribeck,
+    "spline": spline,
+    "ripple": ripple,
+    "film_lag": film_lag,
+    "dahl": dahl,
+    "lugre": lugre,
+    "published": published,
+}
+ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
+    "backward": backward,
+    "savgol": savgol,
+    "rts": rts,
+}
+RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (STUDY, INTEGRAL)}
