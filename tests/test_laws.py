@@ -6,15 +6,27 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import torch
-from remembering import FilmLag, Sampled
+from remembering import Sampled
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.laws import (
+    AsymmetricCoulombViscous,
+    AsymmetricFilmLag,
+    AsymmetricLuGre,
+    AsymmetricSpline,
     AsymmetricStribeck,
     CoulombViscous,
+    Dahl,
+    FilmLag,
+    LoadDependent,
+    LoadDependentStribeck,
+    LuGre,
     MotorLoad,
     NoFriction,
+    Quadratic,
+    Ripple,
+    Spline,
     Stribeck,
     check_law,
 )
@@ -26,13 +38,19 @@ LAWS = [
     *(CoulombViscous(shape=shape) for shape in ("tanh", "arctan")),
     *(Stribeck(width, shape) for width in (0.005, 0.02) for shape in ("tanh", "arctan")),
     *(AsymmetricStribeck(shape=shape) for shape in ("tanh", "arctan")),
+    *(law(shape="arctan") for law in (AsymmetricCoulombViscous, Quadratic, LoadDependent)),
+    *(LoadDependentStribeck(), AsymmetricCoulombViscous(), Quadratic(), LoadDependent()),
+    *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), AsymmetricSpline()),
+    *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple("stribeck_asymmetric", (2,))),
 ]
+REMEMBERING = [FilmLag(), AsymmetricFilmLag(), Dahl(), LuGre(), AsymmetricLuGre()]
 W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
 
 
 def draws(law, rng, *batch):
     """Parameters of two joints, shape (*batch, 2, P)."""
     theta = rng.uniform(0.05, 1.0, (*batch, 2, len(law.names)))
+    theta *= np.minimum(1.0, [high for _, high in law.bounds])
     if "stribeck_velocity" in law.names:
         theta[..., law.names.index("stribeck_velocity")] *= 5.0
     return theta
@@ -42,7 +60,7 @@ def speeds(n=2):
     return at_rest(np.repeat(W[:, None], n, axis=1))
 
 
-@pytest.mark.parametrize("law", [*LAWS, FilmLag(), Sampled()], ids=str)
+@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING, Sampled()], ids=str)
 def test_laws_keep_to_the_contract(law):
     check_law(law)
     assert repr(law).startswith(type(law).__name__)
@@ -67,6 +85,33 @@ def test_laws_run_alike_on_torch(law):
     methods = (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ()))
     for method in (*methods, law.gradient):
         np.testing.assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
+
+
+@pytest.mark.parametrize("law", REMEMBERING, ids=str)
+def test_laws_with_memory_run_alike_on_torch(law):
+    theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
+    tensors = torch.as_tensor(theta), Inputs(*(torch.as_tensor(field) for field in x))
+    memory, dt = law.start(theta, x._replace(w=-x.w)), np.array([0.003])
+    same = tuple(torch.as_tensor(entry) for entry in memory)
+    pairs = [
+        (law.start(*tensors)[0], law.start(theta, x)[0]),
+        (law.torque(*tensors, same), law.torque(theta, x, memory)),
+        (law.advance(*tensors, same, torch.as_tensor(dt))[0], law.advance(theta, x, memory, dt)[0]),
+        (law.limit(*tensors, same), law.limit(theta, x, memory)),
+    ]
+    for found, expected in pairs:
+        np.testing.assert_allclose(found.numpy(), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
+def test_torque_has_slopes_in_torch_at_every_velocity(law):
+    theta = torch.tensor(draws(law, np.random.default_rng(3), 4, 1), requires_grad=bool(law.names))
+    w = torch.tensor([[0.0, 0.0], *speeds().w.tolist()], dtype=torch.float64, requires_grad=True)
+    x = Inputs(*(torch.as_tensor(field) for field in at_rest(w.detach().numpy())))._replace(w=w)
+    memory = law.advance(theta, x, law.start(theta, x), torch.tensor([0.01], dtype=torch.float64))
+    law.torque(theta, x, memory).sum().backward()
+    assert torch.isfinite(w.grad).all()
+    assert theta.grad is None or torch.isfinite(theta.grad).all()
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
@@ -123,7 +168,14 @@ def test_turning_the_axis_round_swaps_the_directions():
     np.testing.assert_array_equal(law.limit(theta, x, ()), law.limit(turned, back, ()))
 
 
-@pytest.mark.parametrize("law", [CoulombViscous, Stribeck, AsymmetricStribeck])
+@pytest.mark.parametrize(
+    "law",
+    [
+        *(CoulombViscous, Stribeck, AsymmetricStribeck, Quadratic, LoadDependent, Spline, Ripple),
+        *(AsymmetricCoulombViscous, LoadDependentStribeck, AsymmetricSpline),
+        *(FilmLag, AsymmetricFilmLag, Dahl, LuGre, AsymmetricLuGre),
+    ],
+)
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
@@ -144,7 +196,9 @@ def test_the_smooth_sign_refuses_unknown_shapes():
         smooth_sign(np.zeros(1), 0.1, "step")
 
 
-@pytest.mark.parametrize("law", [Stribeck(), AsymmetricStribeck()], ids=str)
+@pytest.mark.parametrize(
+    "law", [Stribeck(), AsymmetricStribeck(), LoadDependentStribeck()], ids=str
+)
 def test_starts_lie_within_the_bounds_and_cover_the_stribeck_velocities(law):
     place = law.names.index("stribeck_velocity")
     low, high = law.bounds[place]

@@ -26,7 +26,7 @@ from frictionid.laws.sign import check_sign, smooth_sign
 _FADING = (0.01, 10.0)  # [rad/s]
 _FADES = 0.1
 _STARTS = tuple((ws, z) for z in PRESLIDINGS for ws in (0.5, 1.2, 3.0, 8.0, 20.0))
-_TINY = 1e-30
+_TINY = 1e-12  # no division by zero where there is no friction, or no motion
 
 
 @dataclass(frozen=True)
