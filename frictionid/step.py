@@ -23,12 +23,14 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory, at_rest
 from frictionid.mechanics import Plant
 
-_SLOW = 0.1  # [rad/s], five widths of the laws: below it their smoothing shows
+_SLOW = 0.1  # [rad/s]: slower joints may come to rest
+_WIDTHS = 5.0  # of a law's smoothing: beyond them it does not show
 _SWEEPS = 50
 _SETTLED = 1e-12  # [N m]
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
 _LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
-_FINE = 0.00035  # [s], near rest: joints lose some 0.03 rad/s in it
+_FINE = 0.0007  # [s], near rest: joints lose some 0.05 rad/s in it
+_FIRM = 0.9  # of the break-away level: joints held by more may break away within a piece
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 _FASTEST = 2e5  # [1/s], 1700 substeps in a sample of 1/60 s
 
@@ -99,12 +101,12 @@ def stride(
 def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
     """Rows (...) in which a joint is slow, or will be within dt, unless it is held all the time."""
     xp = namespace(state.w)
-    a = acceleration(plant, friction, state, u)
+    held = grip(plant, friction, state, u)
+    a = acceleration(plant, friction, state, u, held)
     speed = xp.abs(state.w)
     brakes = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + _SLOW)
     near = brakes | (speed <= _SLOW)
-    held = grip(plant, friction, state, u) if bool((speed <= _SLOW).any()) else None
-    return (near if held is None else near & ~held.held).any(-1)
+    return (near if held.firm is None else near & ~held.firm).any(-1)
 
 
 def _divisible(plant: Plant, friction: Friction, state: State, u: Array) -> bool:
@@ -126,7 +128,9 @@ def rows(
             return xp.reshape(x, x.shape[x.ndim - tail :])
         return xp.broadcast_to(x, (*shape, *x.shape[x.ndim - tail :]))[which]
 
-    physical = {name: some(xp.asarray(v), 0) for name, v in plant.parameters.items()}
+    physical = plant.parameters  # only bearing loads need them
+    if friction.law.uses_load:
+        physical = {name: some(xp.asarray(v), 0) for name, v in physical.items()}
     return (
         replace(plant, parameters=physical, p=some(plant.p, 1)),
         replace(friction, theta=some(friction.theta, 2)),
@@ -140,7 +144,7 @@ def _joined(which: Array, yes: State, no: State, like: State) -> State:
     xp = namespace(like.q)
 
     def one(y: Array, n: Array, x: Array) -> Array:
-        out = xp.asarray(xp.broadcast_to(x, (*which.shape, x.shape[-1])), copy=True)
+        out = 1.0 * xp.broadcast_to(x, (*which.shape, x.shape[-1]))
         out[which], out[~which] = y, n
         return out
 
@@ -150,8 +154,8 @@ def _joined(which: Array, yes: State, no: State, like: State) -> State:
 
 def substep(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array
-) -> tuple[State, Grip | None]:
-    """State after one substep, and the grip of friction in it."""
+) -> tuple[State, Grip, Crossing | None]:
+    """State after one substep, the grip of friction in it, and what joints crossed w = 0."""
     held = grip(plant, friction, state, u)
     memory = advanced(plant, friction, state, u, dt / 2)
 
@@ -160,18 +164,29 @@ def substep(
 
     q, w = rk4(accelerate, state.q, state.w, dt)
     memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
-    return _stop(plant, friction, state, State(q, w, memory), u, dt, held), held
+    after = State(q, w, memory)
+    crossing = _crossing(plant, friction, state, after, u, held)
+    return after if crossing is None else _beyond(crossing, state, after, dt), held, crossing
 
 
 class Grip(NamedTuple):
-    """What friction does beyond the smooth law: joints held at rest, and the least it brakes with.
+    """What friction does beyond the smooth law.
 
-    held (..., n), true or false; brakes (..., n) [N m] has the sign of the velocity, and is zero
-    for joints that are left to the smooth law.
+    side (..., n): which way a joint slides in a substep, so that a law smoothed at w = 0 is sharp
+    there; None for laws that have no break-away level. held (..., n): joints at rest. brakes
+    (..., n) [N m]: the least that friction brakes with, with the sign of the velocity, zero for
+    joints that are left to the law. firm (..., n): held well below the break-away level. All None
+    where no joint is slow.
     """
 
-    held: Array
-    brakes: Array
+    side: Array | None
+    held: Array | None = None
+    brakes: Array | None = None
+    firm: Array | None = None
+
+    def take(self, which: Array) -> Grip:
+        """That of some rows."""
+        return Grip(*(None if x is None else x[which] for x in self))
 
 
 def rk4(
@@ -194,12 +209,39 @@ def acceleration(
     """Joint accelerations dw/dt (..., n) [rad/s^2]."""
     M, h = plant.dynamics(state.q, state.w)
     f = h + driven(plant, u)
-    Tf = friction.torque(inputs(plant, friction, state, u), state.memory)
-    return solve(M, f - Tf) if grip is None else constrained(M, f - braked(Tf, grip), grip.held)
+    Tf = resistance(friction, inputs(plant, friction, state, u), state.memory, grip)
+    if grip is None or grip.held is None:
+        return solve(M, f - Tf)
+    return constrained(M, f - Tf, grip.held)
+
+
+def resistance(friction: Friction, x: Inputs, memory: Memory, grip: Grip | None) -> Array:
+    """Friction torque (..., n) [N m] of joints that slide to their side, or are gripped."""
+    if grip is None:
+        return friction.torque(x, memory)
+    return braked(friction.torque(x._replace(w=sliding(friction, x.w, grip)), memory), grip)
+
+
+def sliding(friction: Friction, w: Array, grip: Grip) -> Array:
+    """Velocities (..., n) at which the law is asked: beyond its smoothing, to the joint's side."""
+    least = _smoothing(friction)
+    if grip.side is None or least == 0.0:
+        return w
+    xp = namespace(w)
+    beyond = grip.side * xp.maximum(grip.side * w, 0.0 * w + least)
+    return xp.where(grip.side == 0.0, w, beyond)
+
+
+def _smoothing(friction: Friction) -> float:
+    """Speed [rad/s] below which a law's smoothing shows; 0 where it is wide on purpose."""
+    reach = _WIDTHS * float(getattr(friction.law, "width", _SLOW / _WIDTHS))
+    return reach if reach <= _SLOW * (1 + 1e-9) else 0.0
 
 
 def braked(Tf: Array, grip: Grip) -> Array:
     """Friction torque (..., n) [N m], on gripped joints no less than the break-away level."""
+    if grip.brakes is None:
+        return Tf
     xp = namespace(Tf)
     most = xp.where(grip.brakes < 0, xp.minimum(Tf, grip.brakes), Tf)
     return xp.where(grip.brakes > 0, xp.maximum(Tf, grip.brakes), most)
@@ -239,104 +281,129 @@ def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array
     return law.advance(friction.theta, inputs(plant, friction, state, u), state.memory, dt)
 
 
-def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip | None:
-    """Grip of friction on joints that are slow or at rest (w = 0 exactly), None where none is.
+def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
+    """Grip of friction on joints, above all on those that are slow or at rest (w = 0 exactly).
 
     Slow joints whose load is below break-away feel that level: under the smoothed law they would
     creep where the two balance, at 1.5 widths under 0.9 of the level. Joints at rest are held
     while their load is below it.
     """
     xp = namespace(state.w)
-    slow = xp.abs(state.w) <= _SLOW
-    some = slow.any(-1)
+    if not _holds(friction):
+        return Grip(None)
+    side, some = xp.sign(state.w), (xp.abs(state.w) <= _SLOW).any(-1)
     if not bool(some.any()):
-        return None
-    if _divisible(plant, friction, state, u) and not bool(some.all()):
-        inner = grip(*rows(some, plant, friction, state, u, u)[:4])
-        return _scattered(some, inner, state.w)
-    now = balance(plant, friction, state, u)
-    held = _below_break_away(now, slow)
-    resting = state.w == 0.0
+        return Grip(side)
+    if not _divisible(plant, friction, state, u) or bool(some.all()):
+        return _grip(plant, friction, state, u)
+    inner = _grip(*rows(some, plant, friction, state, u, u)[:4])
+    held, brakes = xp.zeros_like(state.w) > 0, xp.zeros_like(state.w)
+    side, firm = 1.0 * side, xp.zeros_like(state.w) > 0
+    side[some], held[some], brakes[some], firm[some] = inner
+    return Grip(side, held, brakes, firm)
+
+
+def _grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
+    xp = namespace(state.w)
+    now = balance(plant, friction, state, u, None)
+    slow, resting = xp.abs(state.w) <= _SLOW, state.w == 0.0
+    Tf = _holding(now, slow)
+    below = slow & _within(Tf, now)
     level = xp.where(state.w > 0, now.high, -now.low)
-    found = Grip(held & resting, xp.where(held & ~resting, level, 0.0 * level))
-    if not bool(resting.any()) or not bool((held & ~resting).any()):
-        return found
-    # a joint at rest feels that the others still slide
-    now = now._replace(sliding=braked(now.sliding, found))
-    return found._replace(held=_below_break_away(now, resting))
+    brakes = xp.where(below & ~resting, level, 0.0 * level)
+    if bool(resting.any()) and bool((below & ~resting).any()):
+        # a joint at rest feels that the others still slide
+        now = now._replace(sliding=braked(now.sliding, Grip(None, None, brakes)))
+        Tf = _holding(now, resting)
+        below = resting & _within(Tf, now)
+    # a joint that breaks away slides against the friction that could not hold it
+    side = xp.where(resting, xp.sign(Tf), xp.sign(state.w))
+    firm = (Tf > -_FIRM * now.low) & (Tf < _FIRM * now.high)
+    return Grip(side, below & resting, brakes, below & resting & firm)
 
 
-def _scattered(which: Array, inner: Grip | None, like: Array) -> Grip | None:
-    """Grip of all rows from that of some."""
-    if inner is None:
-        return None
-    xp = namespace(like)
-    held, brakes = xp.zeros_like(like) > 0, xp.zeros_like(like)
-    held[which], brakes[which] = inner
-    return Grip(held, brakes)
+class Crossing(NamedTuple):
+    """Joints that crossed w = 0 in a substep, of the k rows (...) that are true in `rows`.
 
-
-class Landing(NamedTuple):
-    """Joints that come to rest in a substep: which stop, which stand still after it, and M there.
-
-    stops, still (k, n), true or false; M (k, n, n); of the k rows (...) that are true in `rows`.
+    stops, passes (k, n): those that come to rest there, and those that slide on to the other side;
+    still (k, n): all at rest after it. share (k, n): of the substep, before the crossing. kick
+    (k, n) [rad/s^2]: by how much friction of the other side accelerates. M (k, n, n); w (k, n):
+    velocities as if nothing had happened.
     """
 
-    stops: Array
-    still: Array
-    M: Array
     rows: Array
+    stops: Array
+    passes: Array
+    still: Array
+    share: Array
+    kick: Array
+    M: Array
+    w: Array
 
 
-def landing(
-    plant: Plant, friction: Friction, before: State, after: State, u: Array, held: Grip | None
-) -> Landing | None:
-    """Joints that crossed w = 0 in a substep under a load below break-away, None where none did."""
-    xp = namespace(after.w)
-    crossed = (before.w != 0.0) & (before.w * after.w <= 0.0)
-    if not bool(crossed.any()):
+def _crossing(
+    plant: Plant, friction: Friction, before: State, after: State, u: Array, held: Grip
+) -> Crossing | None:
+    """Joints that crossed w = 0; under a load below break-away they come to rest."""
+    if held.side is None:
         return None
+    xp = namespace(after.w)
+    crossed = held.side * after.w < 0.0
     some = crossed.any(-1)
+    if not bool(some.any()):
+        return None
     if _divisible(plant, friction, after, u) and not bool(some.all()):
-        old = State(before.q[some], before.w[some])
-        part = None if held is None else Grip(held.held[some], held.brakes[some])
+        old, part, at = State(before.q[some], before.w[some]), held.take(some), crossed[some]
         plant, friction, after, u, _ = rows(some, plant, friction, after, u, u)
-        found = landing(plant, friction, old, after, u, part)
-        return None if found is None else found._replace(rows=some)
-    now = balance(plant, friction, after, u)
-    resting = xp.zeros_like(crossed)
-    if held is not None:
-        now, resting = now._replace(sliding=braked(now.sliding, held)), held.held
-    stops = crossed & _below_break_away(now, crossed | resting)
-    return Landing(stops, stops | resting, now.M, xp.ones_like(some)) if bool(stops.any()) else None
+        return _crossed(plant, friction, old, after, u, part, at)._replace(rows=some)
+    return _crossed(plant, friction, before, after, u, held, crossed)._replace(
+        rows=xp.zeros_like(some) == xp.zeros_like(some)
+    )
 
 
-def _stop(
+def _crossed(
     plant: Plant,
     friction: Friction,
     before: State,
     after: State,
     u: Array,
-    dt: Array,
-    held: Grip | None,
-) -> State:
-    """State with w = 0 for the joints that land, their angle that of the crossing.
+    held: Grip,
+    crossed: Array,
+) -> Crossing:
+    xp = namespace(after.w)
+    now = balance(plant, friction, after, u, held)
+    resting = xp.zeros_like(crossed) if held.held is None else held.held
+    stops = crossed & _within(_holding(now, crossed | resting), now)
+    passes = crossed & ~stops
+    x = inputs(plant, friction, after, u)
+    other = resistance(friction, x, after.memory, Grip(-held.side))  # type: ignore[operator]
+    gain = xp.where(passes, now.sliding - other, 0.0 * other)
+    still = stops | resting
+    kick = constrained(now.M, gain, still)
+    share = before.w / xp.where(crossed, before.w - after.w, 1.0)
+    return Crossing(crossed, stops, passes, still, share, kick, now.M, after.w)
 
-    Behind it friction would have pushed them back. Joints at rest or stopping take any impulse, the
-    others keep their momentum.
+
+def _beyond(crossing: Crossing, before: State, after: State, dt: Array) -> State:
+    """State behind a crossing.
+
+    Joints that stop have w = 0 and the angle of the crossing, behind it friction would have pushed
+    them back; they take any impulse, the others keep their momentum. Joints that pass have felt the
+    friction of the other side since.
     """
-    stop = landing(plant, friction, before, after, u, held)
-    if stop is None:
-        return after
-    xp, at, stops = namespace(after.w), stop.rows, stop.stops
-    w0, w1 = before.w[at], after.w[at]
-    share = w0 / xp.where(stops, w0 - w1, 1.0)  # of the substep, until it stops
+    xp, at = namespace(after.w), crossing.rows
     span = xp.broadcast_to(dt, after.w.shape)[at]
-    stopped = before.q[at] + share * span / 2 * w0
-    w = constrained(stop.M, times(stop.M, w1), stop.still)
-    q_all, w_all = (xp.asarray(x, copy=True) for x in (after.q, after.w))
-    q_all[at] = xp.where(stops, stopped, after.q[at])
-    w_all[at] = xp.where(stops.any(-1)[..., None], w, w1)
+    since = xp.where(crossing.passes, (1.0 - crossing.share) * span, 0.0 * span)
+    since = xp.max(since, axis=-1)[..., None]
+    w = crossing.w + crossing.kick * since
+    w = constrained(crossing.M, times(crossing.M, w), crossing.still)
+    some = crossing.stops.any(-1)[..., None]
+    w = xp.where(some, w, crossing.w + crossing.kick * since)
+    stopped = before.q[at] + crossing.share * span / 2 * before.w[at]
+    slid = after.q[at] + crossing.kick * since**2 / 2
+    q_all, w_all = (1.0 * x for x in (after.q, after.w))
+    q_all[at] = xp.where(crossing.stops, stopped, slid)
+    w_all[at] = w
     return State(q_all, w_all, after.memory)
 
 
@@ -350,19 +417,19 @@ class Balance(NamedTuple):
     high: Array
 
 
-def balance(plant: Plant, friction: Friction, state: State, u: Array) -> Balance:
+def balance(plant: Plant, friction: Friction, state: State, u: Array, held: Grip | None) -> Balance:
     """Torques at a state; `low` and `high` limit negative and positive friction, both positive."""
     M, h = plant.dynamics(state.q, state.w)
     x = inputs(plant, friction, state, u)
     one = 0.0 * state.w + 1.0
     law, theta, memory = friction.law, friction.theta, state.memory
     low, high = (law.limit(theta, x._replace(w=s * one), memory) for s in (-1.0, 1.0))
-    smooth = friction.torque(x, state.memory)
-    return Balance(M, h + driven(plant, u), smooth, low + 0.0 * smooth, high + 0.0 * smooth)
+    Tf = resistance(friction, x, memory, held)
+    return Balance(M, h + driven(plant, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf)
 
 
-def _below_break_away(now: Balance, candidates: Array) -> Array:
-    """Which of the candidates friction can keep from accelerating, shape (..., n).
+def _holding(now: Balance, candidates: Array) -> Array:
+    """Friction (..., n) that keeps the candidates from accelerating, as far as its levels allow.
 
     Projected Gauss-Seidel on a_j = 0 with -low <= Tf_j <= high. It starts from the torques that
     hold all candidates: where the levels allow these, they are the answer.
@@ -386,8 +453,12 @@ def _below_break_away(now: Balance, candidates: Array) -> Array:
             columns[j] = new
         if not moved:
             break
-    Tf = xp.stack(columns, axis=-1)
-    return candidates & (Tf > -low) & (Tf < high)
+    return xp.stack(columns, axis=-1)
+
+
+def _within(Tf: Array, now: Balance) -> Array:
+    """Where friction is within its levels."""
+    return (Tf > -now.low) & (Tf < now.high)
 
 
 def euler_step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
@@ -426,7 +497,7 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
     return count
 
 
-def pace_of(plant: Plant, friction: Friction, dt: float) -> Pace:
+def pace_of(plant: Plant, friction: Friction, dt: float, *, longest: float = _LONGEST) -> Pace:
     """Pieces of a step of dt [s], and their substeps near rest.
 
     Where friction can hold a joint, its slope through w = 0 is no matter of stability: a joint
@@ -440,16 +511,17 @@ def pace_of(plant: Plant, friction: Friction, dt: float) -> Pace:
     """
     substeps(plant, friction, dt)
     away = stiffness(plant, friction, _SLOW)
-    pieces = int(np.ceil(max(dt / _LONGEST, dt * away / _STABLE, 1.0)))
+    pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
     near = away if _holds(friction) else stiffness(plant, friction)
     part = dt / pieces
     return Pace(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
 
 
 def _holds(friction: Friction) -> bool:
+    """Whether friction has a break-away level; bristles hold a joint in other ways."""
     theta = friction.theta[..., None, :, :]
-    x = at_rest(namespace(theta).asarray(np.ones((1, friction.n)), dtype=theta.dtype))
-    return bool((plain(friction.law.limit(theta, x, friction.law.start(theta, x))) > 0).any())
+    x = at_rest(namespace(theta).ones((1, friction.n), dtype=theta.dtype))
+    return bool((friction.law.limit(theta, x, friction.law.start(theta, x)) > 0).any())
 
 
 def stiffness(plant: Plant, friction: Friction, beyond: float = 0.0) -> float:

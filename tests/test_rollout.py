@@ -102,7 +102,7 @@ def test_finer_substeps_change_a_second_by_little():
     once, fine = (rollout(plant, friction, start, u, dt, refine=r).q[-1] for r in (1, 3))
     error = np.abs(once - fine).max(axis=-1)
     # the camera's noise is 1.6e-3 rad; the largest ones just miss or just reach a stop
-    assert np.median(error) < 1e-4 and np.quantile(error, 0.9) < 1e-3 and error.max() < 0.02
+    assert np.median(error) < 2e-5 and np.quantile(error, 0.9) < 2e-3 and error.max() < 0.02
 
 
 def test_a_second_is_that_of_the_simulator_with_its_real_stick():
@@ -114,11 +114,11 @@ def test_a_second_is_that_of_the_simulator_with_its_real_stick():
     up, down, peak_up, peak_down, ws, viscous = map(tuple, theta.T)
     world = World(plant.mechanism, plant.p, Truth(Curve(up, down, viscous, peak_up, peak_down, ws)))
     true = simulated(world, start.q, start.w, u, np.arange(61) / 60, 5e-4)
-    for width, most in ((0.02, 4e-3), (0.005, 1e-3)):
+    for width, most in ((0.02, 4e-4), (0.005, 1e-4)):
         friction = Friction(AsymmetricStribeck(width=width), theta)
         motion = rollout(plant, friction, start, u, np.full(60, 1 / 60))
         error = np.abs(motion.q - true[:, 0]).max(axis=-1)
-        assert np.median(error[-1]) < most and error[-1].max() < 4 * most
+        assert np.median(error[-1]) < most and error[-1].max() < 0.01
     sticks = (true[:, 1] == 0.0).mean()
     assert sticks > 0.02 and (motion.w == 0.0).mean() == pytest.approx(sticks, abs=0.01)
 
