@@ -6,12 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from remembering import FilmLag, Sampled
+from remembering import Sampled
 
 from frictionid.friction import Friction, along
 from frictionid.identifiers import LeastSquares, Nothing, Published, check_identifier
 from frictionid.identifiers.practice import practice_problem, practice_weights, true_friction
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, FilmLag, NoFriction, Stribeck
 from frictionid.names import IDENTIFIERS
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from remembering import FilmLag, Follower, Sampled
+from remembering import Follower, Sampled
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along, at_rest, memory_along
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, FilmLag, NoFriction, Stribeck
 from frictionid.laws.sign import smooth_sign
 
 # one row per joint; the joints differ, so that mixed-up joints show

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from exact import by_scipy, cost, everything, explained_by
-from remembering import FilmLag, Sampled
+from remembering import Sampled
 from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
@@ -21,7 +21,7 @@ from frictionid.identifiers.bounded import bounded
 from frictionid.identifiers.linearised import Rows
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.identifiers.starts import best_starts
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, FilmLag, Stribeck
 from frictionid.mechanics import plant_of
 from frictionid.problem import sliding
 from frictionid.readers.dataset import load_dataset

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from remembering import FilmLag
 from scipy.integrate import solve_ivp
 
 from frictionid.arrays import inverse, times
 from frictionid.errors import InputError
 from frictionid.friction import Friction, along, at_rest, memory_along
-from frictionid.laws import CoulombViscous, Stribeck
+from frictionid.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 from frictionid.problem import euler_problem, integral_problem, sliding
 from frictionid.recordings import Recording

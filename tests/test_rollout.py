@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from remembering import FilmLag, Sampled
+from remembering import Sampled
 from scipy.integrate import solve_ivp
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, FilmLag, NoFriction, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 from frictionid.rollout import rollout
 from frictionid.signals import Signal

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from remembering import FilmLag, Sampled
+from remembering import Sampled
 from tiny import PENDULUM, RATE, TRUTH, dataset, disturbed, recordings, select, shortened
 
 from frictionid.errors import InputError
@@ -23,7 +23,7 @@ from frictionid.evaluation import (
     under,
 )
 from frictionid.friction import Friction, Nodes, along, at_rest, memory_along
-from frictionid.laws import CoulombViscous, NoFriction
+from frictionid.laws import CoulombViscous, FilmLag, NoFriction
 from frictionid.mechanics import plant_of
 from frictionid.recordings import Recording
 from frictionid.signals import Signal

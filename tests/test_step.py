@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 import torch
-from remembering import FilmLag, Sampled
+from remembering import Sampled
 from scipy.integrate import solve_ivp
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
-from frictionid.laws import CoulombViscous, NoFriction, Stribeck
+from frictionid.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 from frictionid.step import State, euler_step, semi_implicit_step, step, stiffness, substeps
 
