@@ -20,6 +20,7 @@ from frictionid.evaluation import (
     Prepared,
     Protocol,
     Row,
+    course_folds,
     curves,
     judge,
     judge_folds,
@@ -92,6 +93,8 @@ def ground_of(contest: Contest, recipes: Sequence[Recipe]) -> Ground:
     """
     prepared = prepare(contest.dataset, contest.protocol)
     start_folds(prepared.starts, contest.folds, prepared.observed.causal)
+    if prepared.course is not None:
+        course_folds(prepared.course, contest.folds)
     problems = {recipe.name: training_of(prepared, recipe) for recipe in recipes}
     return Ground(
         prepared,

@@ -19,10 +19,12 @@ from frictionid.laws import (
     CoulombViscous,
     Dahl,
     FilmLag,
+    GearLoad,
     LoadDependent,
     LoadDependentStribeck,
     LuGre,
     MotorLoad,
+    MotorLoadQuadratic,
     NoFriction,
     Quadratic,
     Ripple,
@@ -41,6 +43,8 @@ LAWS: Mapping[str, type] = {
     "coulomb_viscous": CoulombViscous,
     "coulomb_viscous_asymmetric": AsymmetricCoulombViscous,
     "motor_load": MotorLoad,
+    "motor_load_quadratic": MotorLoadQuadratic,
+    "gear_load": GearLoad,
     "load_dependent": LoadDependent,
     "load_dependent_stribeck": LoadDependentStribeck,
     "quadratic": Quadratic,
@@ -70,9 +74,16 @@ def coulomb_viscous(
     return LeastSquares(law)
 
 
-def motor_load(width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
+def motor_load(squared: bool = False, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
     """Coulomb and viscous friction, and a share of the motor torque, by least squares."""
-    return LeastSquares(MotorLoad(width, shape))
+    return LeastSquares((MotorLoadQuadratic if squared else MotorLoad)(width, shape))
+
+
+def gear_load(
+    moment: Annotated[float, Field(ge=0)], width: Positive = 0.02, shape: Shape = "tanh"
+) -> Identifier:
+    """Friction of a gear that motor and gravity load, by least squares."""
+    return LeastSquares(GearLoad(moment, width, shape))
 
 
 def stribeck(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh") -> Identifier:
@@ -169,6 +180,7 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "none": none,
     "coulomb_viscous": coulomb_viscous,
     "motor_load": motor_load,
+    "gear_load": gear_load,
     "load_dependent": load_dependent,
     "quadratic": quadratic,
     "stribeck": stribeck,

@@ -74,6 +74,7 @@ class Suite(Strict):
     every: Positive = Protocol.every
     history: Annotated[float, Field(ge=0)] = Protocol.history
     sample_time: Positive | None = None
+    whole: bool = False
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
     datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
@@ -151,7 +152,9 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
     """Data, folds and protocol of one data set of a suite."""
     dataset = load_dataset(folder / entry.path, data)
     tests = tuple(load_dataset(folder / test, data) for test in entry.tests)
-    protocol = Protocol(tuple(suite.horizons), suite.every, suite.history, suite.sample_time)
+    protocol = Protocol(
+        tuple(suite.horizons), suite.every, suite.history, suite.sample_time, suite.whole
+    )
     return Contest(dataset, make_folds(dataset.recordings, suite.folds), protocol, tests)
 
 

@@ -290,6 +290,18 @@ def test_whole_numbers_are_taken_as_floats():
     np.testing.assert_array_equal(p[:, 0], [2.0, 8.0])
 
 
+def test_a_motors_constants_are_parameters_that_move_nothing():
+    plain, motor = pendulum(), pendulum(motor=True)
+    assert motor.base_names == plain.base_names
+    assert set(motor.defaults) - set(plain.defaults) == {"kt", "R"}
+    physical = {"mass": 0.3, "length": 0.2, "rotor": 0.01}
+    close(motor.base({**physical, "kt": 0.4, "R": 3.0}), plain.base(physical))
+    q, w, u = np.random.default_rng(0).normal(size=(3, 4, 1))
+    close(motor.load(physical, q, w, u), plain.load(physical, q, w, u))
+    with pytest.raises(ValueError, match="motor = 'yes' must be true or false"):
+        pendulum(motor="yes")
+
+
 def test_pickled_mechanism_computes_the_same(mechanism):
     p, q, w = random_case(mechanism, 27)
     before = mechanism.terms(p, q, w)  # compiled code is in its cache and must not be pickled

@@ -32,6 +32,7 @@ READER_OF = {
 SETS = {
     "bam_xl330": 6,
     "bam_xl330_passive": 2,
+    "bam_xl330_whole": 8,
     "dfki_c1": 7,
     "dfki_c1_swingup": 4,
     "emps": 1,

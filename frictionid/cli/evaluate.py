@@ -18,6 +18,9 @@ def evaluate(
     sample_time: Annotated[
         float | None, typer.Option(help="Use samples at least this far apart [s].")
     ] = None,
+    whole: Annotated[
+        bool, typer.Option(help="Also simulate whole recordings from their start.")
+    ] = False,
 ) -> None:
     """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
     from frictionid.cli.progress import counted
@@ -33,7 +36,7 @@ def evaluate(
         raise InputError("evaluate needs at least one model file and, last, a data set")
     *models, place = files
     frictions = {path: friction_of(path) for path in models}
-    protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time)
+    protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time, whole=whole)
     dataset = load_dataset(place, data)
     prepared = prepare(dataset, protocol)
     rows = {}

@@ -2,6 +2,13 @@
 
 from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
 from frictionid.evaluation.folds import Folds, Split, make_folds
+from frictionid.evaluation.free_run import (
+    course_folds,
+    free_run,
+    free_run_rows,
+    make_course,
+    powered,
+)
 from frictionid.evaluation.judge import (
     Observed,
     Prepared,
@@ -27,15 +34,20 @@ __all__ = [
     "Row",
     "Split",
     "Starts",
+    "course_folds",
     "curve_error",
     "curve_rows",
     "curves",
+    "free_run",
+    "free_run_rows",
     "held_out_residual",
     "judge",
     "judge_folds",
+    "make_course",
     "make_folds",
     "make_starts",
     "one_step_rows",
+    "powered",
     "predict",
     "prepare",
     "rollout_rows",

@@ -11,6 +11,14 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
 from frictionid.evaluation.folds import Folds
+from frictionid.evaluation.free_run import (
+    Course,
+    course_folds,
+    free_run,
+    free_run_rows,
+    make_course,
+    powered,
+)
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
 from frictionid.evaluation.rollouts import predict, rollout_rows
@@ -43,6 +51,7 @@ class Prepared(NamedTuple):
     euler: Problem
     integral: Problem
     starts: Starts
+    course: Course | None
     grid: Array
 
 
@@ -51,7 +60,8 @@ def prepare(
 ) -> Prepared:
     """A data set made ready for judging: problems, causal starts, velocities for the curves.
 
-    `parameters` replace the mechanism's, for models that bring their own.
+    `parameters` replace the mechanism's, for models that bring their own; with motor constants
+    among them, torques that follow from voltages follow them.
 
     Raises
     ------
@@ -84,6 +94,7 @@ def _prepared(
     plant = plant_of(dataset, parameters)
     if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
         raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
+    dataset = powered(dataset, plant)
     told = dataset, plant
     limits = protocol.sample_time, protocol.history
     return Prepared(
@@ -101,6 +112,7 @@ def _prepared(
             every=protocol.every,
             begin=protocol.history,
         ),
+        course=make_course(dataset, observed.causal, protocol.history) if protocol.whole else None,
         grid=velocity_grid(speeds(dataset, observed.smoothed)),
     )
 
@@ -134,6 +146,10 @@ def judge_folds(
     owner = np.maximum(fold.max(axis=0), 0)
     motion = predict(prepared.plant, friction[owner], starts)
     rows += rollout_rows(motion, starts, fold)
+    if prepared.course is not None:
+        held = course_folds(prepared.course, folds)
+        q = free_run(prepared.plant, friction[np.maximum(held, 0)], prepared.course)
+        rows += free_run_rows(q, prepared.course, held)
     rows += curve_scores(friction, overall, prepared)
     rows.append(_count(friction))
     return rows, _examples(motion.q, prepared, fold[-1] >= 0, friction_of="fold")
@@ -162,6 +178,10 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
     everyone = np.zeros(len(starts.recording), dtype=int)
     motion = predict(prepared.plant, batch[everyone], starts)
     rows += _pooled(rollout_rows(motion, starts, np.zeros_like(starts.last)))
+    if prepared.course is not None:
+        all_ = np.zeros(len(prepared.course.names), dtype=int)
+        q = free_run(prepared.plant, batch[all_], prepared.course)
+        rows += _pooled(free_run_rows(q, prepared.course, all_))
     rows += _pooled(curve_scores(batch, friction, prepared))
     rows.append(_count(friction))
     return rows, _examples(motion.q, prepared, starts.last[-1] > 0, friction_of="all")

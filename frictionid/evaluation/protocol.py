@@ -14,6 +14,7 @@ class Protocol:
 
     history : [s] of each recording that nobody is scored on, at least the longest memory
     sample_time : [s] between the samples used, None for all
+    whole : whether recordings are also simulated as a whole, from their start, see `free_run`
 
     >>> Protocol(horizons=(0.5,)).every
     0.25
@@ -23,6 +24,7 @@ class Protocol:
     every: float = 0.25
     history: float = 0.15
     sample_time: float | None = None
+    whole: bool = False
 
     def __post_init__(self) -> None:
         if not self.horizons:

@@ -8,23 +8,32 @@ import sympy as sp
 
 from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter
 
+_MOTOR = (
+    Parameter(sp.Symbol("kt"), 0.0, "N m/A", "torque constant of the motor, at the joint"),
+    Parameter(sp.Symbol("R"), 0.0, "Ohm", "resistance of the motor"),
+)
+
 
 @cache
-def pendulum(driven: bool = True) -> Mechanism:
+def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
     """Pendulum of mass and length (to its centre of mass), reflected rotor inertia included.
 
     (m l^2 + J + N^2 Jr) dw/dt = -m g l sin q + u - Tf
 
+    With `motor`, the constants kt and R of a DC motor are parameters, too: torques of recordings
+    that tell its voltage follow from them. At zero the recordings' own constants hold.
+
     Raises
     ------
     ValueError
-        Unless `driven` is true or false.
+        Unless `driven` and `motor` are true or false.
 
     >>> pendulum().base_names
     ('inertia', 'gravity')
     """
-    if driven not in (False, True):
-        raise ValueError(f"pendulum: driven = {driven!r} must be true or false")
+    for name, value in (("driven", driven), ("motor", motor)):
+        if value not in (False, True):
+            raise ValueError(f"pendulum: {name} = {value!r} must be true or false")
     m, length, J, rotor, gear, g = symbols = sp.symbols("mass length inertia rotor gear g")
     q, w = sp.symbols("q1 w1")
     defaults = (1.0, 1.0, 0.0, 0.0, 1.0, 9.81)
@@ -44,7 +53,10 @@ def pendulum(driven: bool = True) -> Mechanism:
             q=(q,),
             w=(w,),
             gravity=g,
-            parameters=tuple(map(Parameter, symbols, defaults, units, meanings)),
+            parameters=(
+                *map(Parameter, symbols, defaults, units, meanings),
+                *(_MOTOR if motor else ()),
+            ),
             bodies=(Body(m, length * sp.sin(q), -length * sp.cos(q), J, w, 0),),
             rotors=((rotor, gear * w),),
             driven=(driven,),

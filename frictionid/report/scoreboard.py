@@ -55,6 +55,7 @@ def numbers_of(
         for statistic in ("median", "q90", "diverged"):
             name = f"rollout_angle_{statistic}_{h:g}s"
             out[name] = scores[Key("rollout_angle", statistic, h)]
+    out["free_run_mean"] = scores[Key("free_run", "mean")]
     for joint in joints:
         key = Key("curve_error", "rms", joint=joint)
         out[f"curve_error_joint{joint}"] = scores[key]
@@ -85,7 +86,8 @@ def summary_table(
     """
     several = bool((board.frame["recipe"] != "").any())
     parts = [_names(board, recipes and several)]
-    parts += _one_step(board, deviations, detail) + _rollouts(board, detail) + _curves(board)
+    parts += _one_step(board, deviations, detail) + _rollouts(board, detail)
+    parts += _free_run(board) + _curves(board)
     if detail != BRIEF:
         count = Column("parameters")
         parts.append(_column(board, count, "n_parameters", lambda v: fixed(v, 0), False))
@@ -104,6 +106,8 @@ def caption_of(board: Board, section: Section) -> str:
         parts.append("rollouts: median (90 % quantile, share further off than 1 rad)")
     elif shares:
         parts.append("rollouts: median (90 % quantile), none further off than 1 rad")
+    if board.frame["free_run_mean"].notna().any():
+        parts.append("free run: mean error over whole recordings, simulated from their start")
     return f"{'; '.join(parts)}. Best fitted model in bold."
 
 
@@ -162,6 +166,15 @@ def _rollout(board: Board, horizon: float, full: bool) -> Part:
     name = f"rollout_angle_median_{horizon:g}s"
     column = Column(seconds(horizon), "rollout", board.unit, ", median (90 %)")
     return _marked(board, column, name, words)
+
+
+def _free_run(board: Board) -> list[Part]:
+    values = board.frame["free_run_mean"]
+    if values.isna().all():
+        return []
+    places = decimals(values)
+    column = Column("mean", "free run", board.unit)
+    return [_marked(board, column, "free_run_mean", [fixed(v, places) for v in values])]
 
 
 def _curves(board: Board) -> list[Part]:

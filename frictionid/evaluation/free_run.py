@@ -1,0 +1,218 @@
+"""Free runs: whole recordings simulated from their start, and never put right on the way.
+
+Where a servo drives, it drives the simulation, too: the firmware acts on the *simulated* angle and
+the back-EMF is that of the simulated velocity, as in the position errors of [Duclusaud2025]; the
+recorded voltage would take the motion away within a second, because nothing pulls it back to the
+goal. All other recordings run under their recorded torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.actuator import Servo, motor_torque, servo_torque
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.evaluation.folds import Folds
+from frictionid.evaluation.rows import Row
+from frictionid.friction import Friction
+from frictionid.mechanics import Plant
+from frictionid.recordings import Dataset, Recording
+from frictionid.rollout import rollout
+from frictionid.signals import averages, sample
+from frictionid.states import States
+from frictionid.step import State, inputs, step, substeps
+
+# A servo's torque is held for so long [s]; with 0.5 ms in its place the mean errors of published
+# models on real logs are the same to 1e-4 of 0.06 rad
+_PIECE = 4e-3
+
+
+class Course(NamedTuple):
+    """Whole recordings side by side, R over at most T intervals.
+
+    names; time (T + 1, R) [s]; q, w (R, n): where they start; u (T, R, n) [N m] recorded torque;
+    measured (T + 1, R, n) [rad], NaN behind a recording's end; servos: empty, or one for each.
+    """
+
+    names: tuple[str, ...]
+    time: Array
+    q: Array
+    w: Array
+    u: Array
+    measured: Array
+    servos: tuple[Servo, ...]
+
+    @property
+    def dt(self) -> Array:
+        """Length of each interval, (T, R) [s]."""
+        return np.diff(self.time, axis=0)
+
+
+def powered(dataset: Dataset, plant: Plant) -> Dataset:
+    """The data set with the torque that the plant's motors make of its voltages.
+
+    It is the same where the plant has no motor constants, or a recording knows no servo.
+    """
+    if "kt" not in plant.parameters:
+        return dataset
+    pairs = zip(plant.parameters["kt"], plant.parameters["R"], strict=True)
+    each = zip(dataset.recordings, pairs, strict=True)
+    return replace(dataset, recordings=tuple(_powered(r, *motor) for r, motor in each))
+
+
+def _powered(recording: Recording, kt: float, R: float) -> Recording:
+    if recording.servo is None or kt <= 0 or R <= 0:
+        return recording
+    servo = recording.servo.with_motor(kt, R)
+    return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
+
+
+def make_course(dataset: Dataset, states: Sequence[States], begin: float = 0.0) -> Course:
+    """All recordings from `begin` [s] after their first sample to their end.
+
+    The states (`Causal`, for a fair prediction) give the start, the recordings all else.
+    """
+    first = [int(np.searchsorted(s.time, s.time[0] + begin - 1e-9)) for s in states]
+    times = [s.time[k:] for s, k in zip(states, first, strict=True)]
+    for r, time in zip(dataset.recordings, times, strict=True):
+        if len(time) < 2:
+            raise InputError(
+                f"recording {r.name!r} ends within the history of {begin:g} s: shorten the "
+                "history, or leave the recording out"
+            )
+    T = max(map(len, times)) - 1
+    pairs = list(zip(dataset.recordings, times, strict=True))
+    servos = [r.servo for r in dataset.recordings if r.servo is not None]
+    return Course(
+        names=tuple(r.name for r in dataset.recordings),
+        time=np.stack([_lengthened(time, T + 1) for time in times], axis=1),
+        q=np.stack([s.q[k] for s, k in zip(states, first, strict=True)]),
+        w=np.stack([s.w[k] for s, k in zip(states, first, strict=True)]),
+        u=_side_by_side([averages(r.torque, time) for r, time in pairs], T, 0.0),
+        measured=_side_by_side([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
+        servos=tuple(servos) if len(servos) == len(times) else (),
+    )
+
+
+def _lengthened(time: Array, length: int) -> Array:
+    """A clock that ticks on behind its end at its usual pace."""
+    more = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))
+    return np.concatenate([time, time[-1] + more])
+
+
+def _side_by_side(series: Sequence[Array], length: int, fill: float) -> Array:
+    out = np.full((length, len(series), series[0].shape[1]), fill)
+    for i, part in enumerate(series):
+        out[: len(part), i] = part
+    return out
+
+
+def free_run(plant: Plant, friction: Friction, course: Course) -> Array:
+    """Angles (T + 1, R, n) [rad] of all recordings, simulated from their start only.
+
+    plant, friction : with one batch entry for each recording, or one for all
+    """
+    start = State(course.q, course.w)
+    if not course.servos:
+        return rollout(plant, friction, start, course.u, course.dt).q
+    with np.errstate(all="ignore"):  # a motion that diverges is infinitely wrong, no warning
+        return _run(plant, friction, start, course)
+
+
+class _Drive(NamedTuple):
+    """The servos of R recordings, their constants (R, 1)."""
+
+    servos: tuple[Servo, ...]
+    kt: Array
+    R: Array
+
+    def torque(self, time: Array, q: Array, w: Array) -> Array:
+        """Torque (R, n) [N m] of each recording's servo at its own time (R,) and state (R, n)."""
+        each = [s.voltage(t[None], a[None]) for s, t, a in zip(self.servos, time, q, strict=True)]
+        connected = [s.connected(t[None]) for s, t in zip(self.servos, time, strict=True)]
+        u = motor_torque(np.concatenate(each), w, self.kt, self.R)
+        return u * np.concatenate(connected)
+
+
+def _drive_of(course: Course) -> _Drive:
+    constants = [np.array([[getattr(s, name)] for s in course.servos]) for name in ("kt", "R")]
+    return _Drive(course.servos, *constants)
+
+
+def _run(plant: Plant, friction: Friction, start: State, course: Course) -> Array:
+    drive = _drive_of(course)
+    longest = course.dt.max(axis=1)
+    pieces = np.maximum(np.ceil(longest / _PIECE - 1e-9), 1.0).astype(int)
+    count = substeps(plant, friction, float((longest / pieces).max()))
+    u = drive.torque(course.time[0], start.q, start.w)
+    x = inputs(plant, friction, start, u)
+    state = start._replace(memory=friction.law.start(friction.theta, x))
+    before, q = state, [state.q]
+    for k, number in enumerate(pieces):
+        h = course.dt[k][:, None] / number
+        for piece in range(number):
+            w = state.w + (state.w - before.w) / 2  # that of the piece's middle
+            time = course.time[k] + (piece + 0.5) * h[:, 0]
+            u = drive.torque(time, state.q + w * h / 2, w)
+            before, state = state, step(plant, friction, state, u, h, count)
+        state = _sampled(plant, friction, state, u, course.dt[k][:, None])
+        q.append(state.q)
+    return np.stack(q)
+
+
+def _sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
+    """Memory of laws that advance once a sample."""
+    if not state.memory or friction.law.sample_time is None:
+        return state
+    x = inputs(plant, friction, state, u)
+    return state._replace(memory=friction.law.advance(friction.theta, x, state.memory, dt))
+
+
+def course_folds(course: Course, folds: Folds) -> Array:
+    """Fold that holds out each whole recording (R,), -1 where none does.
+
+    Raises
+    ------
+    InputError
+        When no fold holds out any recording as a whole.
+    """
+    last = np.isfinite(course.measured[..., 0]).sum(axis=0) - 1
+    found = [folds.whole(r, course.time[0, r], course.time[k, r]) for r, k in enumerate(last)]
+    if all(fold is None for fold in found):
+        raise InputError(
+            'whole = true: no fold holds out a whole recording: set folds.kind = "recordings"'
+        )
+    return np.array([-1 if fold is None else fold for fold in found])
+
+
+def free_run_rows(q: Array, course: Course, fold: Array) -> Iterator[Row]:
+    """Rows of mean and RMS position errors of free runs q (T + 1, R, n).
+
+    Both are taken over each recording, then over the recordings: of each fold (R,), and of all that
+    a fold holds out; a recording's own stand under the statistic "mean NAME" and "rms NAME".
+    """
+    error = q - course.measured
+    known = np.isfinite(course.measured).all(-1)
+    error = np.where(known[..., None], np.where(np.isfinite(error), error, np.inf), 0.0)
+    norm = np.linalg.norm(error, axis=-1)
+    use = fold >= 0
+    for f in np.unique(fold[use]):
+        yield from _pooled(norm[:, fold == f], known[:, fold == f], str(f), "all")
+    yield from _pooled(norm[:, use], known[:, use], "all", "all")
+    for j in range(error.shape[-1]):
+        yield from _pooled(np.abs(error[:, use, j]), known[:, use], "all", str(j + 1))
+    for r in np.flatnonzero(use):
+        yield from _pooled(norm[:, [r]], known[:, [r]], "all", "all", f" {course.names[r]}")
+
+
+def _pooled(error: Array, known: Array, fold: str, joint: str, name: str = "") -> Iterator[Row]:
+    count = known.sum(axis=0)
+    mean, square = error.sum(axis=0) / count, (error**2).sum(axis=0) / count
+    values = {"mean": float(mean.mean()), "rms": float(np.sqrt(square.mean()))}
+    for statistic, value in values.items():
+        yield Row(fold, "free_run", f"{statistic}{name}", None, joint, value, "rad")
