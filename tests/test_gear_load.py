@@ -16,6 +16,7 @@ from frictionid.laws import (
     check_law,
 )
 from frictionid.problem import Problem
+from frictionid.suite import identifier_named
 
 MOMENT = 0.5
 GEAR = GearLoad(MOMENT)
@@ -152,3 +153,20 @@ def test_truth_in_truth_out(law):
 def test_a_moment_that_means_nothing_is_refused(moment):
     with pytest.raises(InputError, match="moment = .* must be finite and not negative"):
         GearLoad(moment)
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "law"),
+    [
+        ("gear_load", {"moment": 0.5, "width": 0.1}, GearLoad(0.5, 0.1)),
+        ("motor_load", {"squared": True}, MotorLoadQuadratic()),
+        ("motor_load", {}, MotorLoad()),
+    ],
+)
+def test_suites_name_them(kind, settings, law):
+    assert identifier_named(kind, settings) == LeastSquares(law)
+
+
+def test_a_suite_must_say_the_moment():
+    with pytest.raises(InputError, match="moment"):
+        identifier_named("gear_load", {})
