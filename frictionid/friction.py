@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
+from frictionid.rig import Rig
 
 Memory = tuple[Array, ...]
 
@@ -90,7 +91,8 @@ class Friction:
 
     `parameters` are mechanism parameters that belong to this friction (published models bring their
     own inertias); empty where those of the data set hold. `provenance` says where it comes from.
-    `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`.
+    `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`. `rig` is
+    what was found about machine and sensors beside friction, with the batch axes of theta.
 
     Examples
     --------
@@ -111,6 +113,7 @@ class Friction:
     parameters: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     angle_unit: str = "rad"
+    rig: Rig | None = None
 
     def __post_init__(self) -> None:
         P = len(self.law.names)
@@ -122,7 +125,8 @@ class Friction:
 
     def __getitem__(self, index: Any) -> Friction:
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
-        return replace(self, theta=self.theta[index])
+        rig = None if self.rig is None else self.rig[index]
+        return replace(self, theta=self.theta[index], rig=rig)
 
     @property
     def n(self) -> int:

@@ -21,9 +21,9 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     *("errors", "arrays", "signals", "actuator", "geometry"),
     *("recordings", "readers"),
-    *("mechanics",),
+    *("mechanics", "rig"),
     *("friction", "laws"),
-    *("kinematic", "states", "step"),
+    *("kinematic", "states", "contact", "pace", "step"),
     *("rollout", "problem", "recipe"),
     *("identifiers", "shooting"),
     *("check", "excitation", "evaluation"),

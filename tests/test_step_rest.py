@@ -7,11 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from frictionid.arrays import times
+from frictionid.contact import beyond, crossing
 from frictionid.friction import Friction, Inputs
 from frictionid.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 from frictionid.rollout import rollout
-from frictionid.step import Grip, State, _beyond, _crossing, step, substeps
+from frictionid.step import Grip, State, step, substeps
 
 # 0.01 kg m^2 without gravity: a rotor on which torques are loads
 ROTOR = Plant.of(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
@@ -304,8 +305,8 @@ def test_stopping_keeps_the_momentum_of_free_joints_and_never_adds_energy():
     crossed = before * after < 0
     friction = Friction(CoulombViscous(), np.stack([1e4 * crossed, 0.0 * q], axis=-1))
     states = State(q, before), State(q, after)
-    crossing = _crossing(DOUBLE, friction, *states, np.zeros((200, 2)), Grip(np.sign(before)))
-    end = _beyond(crossing, *states, np.array([1e-3]))
+    crossed = crossing(DOUBLE, friction, *states, np.zeros((200, 2)), Grip(np.sign(before)))
+    end = beyond(crossed, *states, np.array([1e-3]))
     np.testing.assert_array_equal(end.w == 0.0, crossed)
     M, _ = DOUBLE.dynamics(q, after)
     change = times(M, end.w - after)

@@ -1,0 +1,57 @@
+"""The block of the friction law's own parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.shooting.blocks.block import Entry, Guess, checked
+
+
+@dataclass(frozen=True)
+class FrictionBlock:
+    """Parameters of the law, but for those whose names are `fixed`.
+
+    `prior` is a standard deviation relative to each value.
+    """
+
+    fixed: tuple[str, ...] = ()
+    prior: float | None = None
+    name: str = "friction"
+    enters: str = "friction"
+
+    def entries(self, guess: Guess) -> tuple[Entry, ...]:
+        law, theta = guess.friction.law, np.asarray(guess.friction.theta)
+        for name in self.fixed:
+            if name not in law.names:
+                raise InputError(
+                    f"block 'friction': {law} has no parameter {name!r} to fix; "
+                    f"known are {', '.join(law.names)}"
+                )
+        relative = checked(self.prior, self.name)
+        joints = guess.mechanism.description.joints
+        units = guess.friction.units
+        return tuple(
+            Entry(
+                self.name,
+                f"{name} of {joints[j]}",
+                units[i],
+                float(theta[j, i]),
+                *law.bounds[i],
+                relative * max(abs(float(theta[j, i])), 1e-12) if self.prior else relative,
+                (j, i),
+            )
+            for j in range(theta.shape[0])
+            for i, name in enumerate(law.names)
+            if name not in self.fixed
+        )
+
+    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
+        theta = np.array(guess.friction.theta, dtype=float)
+        for entry, value in zip(entries, values, strict=True):
+            theta[entry.place] = value
+        return guess._replace(friction=replace(guess.friction, theta=theta))

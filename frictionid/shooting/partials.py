@@ -1,0 +1,162 @@
+"""How a friction torque changes with what it depends on: the law's own slopes, or differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.contact import Grip, State, inputs, sliding
+from frictionid.friction import Friction, Inputs, Law, Memory
+from frictionid.mechanics import Plant
+
+# Central differences: the cube root of rounding, times the scale on which friction changes
+SPEED = 1e-6  # [rad/s], and [rad], [N m]
+_THETA = 1e-6  # of the value
+
+
+class Free(NamedTuple):
+    """Which entries of theta are free: joint and place (m,) of each."""
+
+    joint: Array
+    place: Array
+
+    def of(self, joint: int) -> list[int]:
+        """Which of them belong to a joint."""
+        return [int(k) for k in np.flatnonzero(self.joint == joint)]
+
+
+class Slopes(NamedTuple):
+    """Friction torque (K, n) [N m] and its partial derivatives.
+
+    by_q, by_w, by_u (K, n, n), None where there are none; by_memory, an array (K, n) for each entry
+    of the memory; by_theta (m, K): of each free entry's own joint.
+    """
+
+    torque: Array
+    by_q: Array | None
+    by_w: Array
+    by_u: Array | None
+    by_memory: Memory
+    by_theta: Array
+
+
+class Seen(NamedTuple):
+    """What a law looks at besides the velocity: the angle, the motor torque."""
+
+    q: bool
+    u: bool
+
+
+def seen_by(law: Law, theta: Array, x: Inputs) -> Seen:
+    """Whether the torque of a law depends on angle and motor torque at inputs (K, n)."""
+
+    def torque(x: Inputs) -> Array:
+        memory = law.start(theta, x)
+        dt = np.full((1,), law.sample_time or 0.01)
+        return law.torque(theta, x, law.advance(theta, x, memory, dt))
+
+    here = torque(x)
+    turned = torque(x._replace(q=x.q + 0.3))
+    pushed = torque(x._replace(u=x.u + 0.1 * (1.0 + np.abs(x.u).max())))
+    return Seen(not np.array_equal(here, turned), not np.array_equal(here, pushed))
+
+
+def slopes(
+    plant: Plant,
+    friction: Friction,
+    state: State,
+    u: Array,
+    free: Free,
+    seen: Seen,
+    grip: Grip,
+) -> Slopes:
+    """Friction torque and its slopes at states (K, n), of joints that slide to their side."""
+    law, theta, memory = friction.law, friction.theta, state.memory
+    x = inputs(plant, friction, state, u)
+    w = sliding(friction, x.w, grip)
+    x, moves = x._replace(w=w), (w == x.w)[..., None]
+    here = law.torque(theta, x, memory)
+    if law.uses_load:
+        by_q, by_w, by_u = _through_load(plant, friction, state, u)
+    else:
+        by_q = _diagonal(law, theta, x, memory, "q") if seen.q else None
+        by_w = _diagonal(law, theta, x, memory, "w") * moves
+        by_u = _diagonal(law, theta, x, memory, "u") if seen.u else None
+    return Slopes(
+        here,
+        by_q,
+        by_w,
+        by_u,
+        by_memory(lambda m: law.torque(theta, x, m), memory),
+        by_theta(
+            law, theta, free, lambda t: law.torque(t, x, memory), None if memory else x, 0.0 * x.w
+        ),
+    )
+
+
+def _diagonal(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Array:
+    value = getattr(x, name)
+    up = law.torque(theta, x._replace(**{name: value + SPEED}), memory)
+    down = law.torque(theta, x._replace(**{name: value - SPEED}), memory)
+    return ((up - down) / (2 * SPEED))[..., None] * np.eye(value.shape[-1])
+
+
+def _through_load(
+    plant: Plant, friction: Friction, state: State, u: Array
+) -> tuple[Array, Array, Array]:
+    """Slopes of a law that sees the bearing load, which depends on the motion of all joints."""
+    n = state.q.shape[-1]
+
+    def torque(q: Array, w: Array, u: Array) -> Array:
+        at = State(q, w, state.memory)
+        return friction.torque(inputs(plant, friction, at, u), state.memory)
+
+    columns: list[list[Array]] = [[], [], []]
+    values = (state.q, state.w, u)
+    for part in range(3):
+        for j in range(n):
+            step = SPEED * np.eye(n)[j]
+            up, down = ([*values], [*values])
+            up[part], down[part] = values[part] + step, values[part] - step
+            columns[part].append((torque(*up) - torque(*down)) / (2 * SPEED))
+    by_q, by_w, by_u = (np.stack(c, axis=-1) for c in columns)
+    return by_q, by_w, by_u
+
+
+def by_memory(function: Callable[[Memory], Array], memory: Memory) -> Memory:
+    """Slopes of a function of the memory, entry by entry, each joint's in its own."""
+    out = []
+    for i, entry in enumerate(memory):
+        step = 1e-6 * (1e-3 + np.abs(entry))
+        up, down = ((*memory[:i], entry + s * step, *memory[i + 1 :]) for s in (1, -1))
+        out.append((function(up) - function(down)) / (2 * step))
+    return tuple(out)
+
+
+def by_theta(
+    law: Law,
+    theta: Array,
+    free: Free,
+    function: Callable[[Array], Array],
+    static: Inputs | None,
+    zero: Array,
+) -> Array:
+    """Slopes (m, K) of a function of theta in its free entries, in those entries' joints.
+
+    At inputs of a static law that knows its gradient it is asked for, otherwise differences.
+    """
+    if static is not None and hasattr(law, "gradient"):
+        gradient = law.gradient(theta, static)
+        return gradient[..., free.joint, free.place].T
+    columns = {}
+    for place in np.unique(free.place):
+        step = np.zeros_like(theta)
+        step[..., place] = _THETA * np.maximum(1e-3, np.abs(theta[..., place]))
+        rise = function(theta + step) - function(theta - step)
+        columns[int(place)] = rise / (2 * step[..., place]) + zero
+    chosen = zip(free.place, free.joint, strict=True)
+    rows = [columns[int(place)][..., int(joint)] for place, joint in chosen]
+    return np.stack(rows) if rows else np.empty((0, len(zero)))

@@ -1,0 +1,213 @@
+"""Refining a friction by shooting: the one entry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.recordings import Dataset
+from frictionid.rig import Rig
+from frictionid.shooting.blocks.block import Block, Guess
+from frictionid.shooting.blocks.friction import FrictionBlock
+from frictionid.shooting.covariance import Covariance, covariance_of
+from frictionid.shooting.intervals import Intervals, intervals_of
+from frictionid.shooting.settings import Settings
+from frictionid.shooting.solve import Shot, settle
+from frictionid.shooting.track import Track, track_of
+
+_UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
+
+
+class Place(NamedTuple):
+    """A stretch of a recording: its name, begin and end [s], and the residual's size [noise]."""
+
+    recording: str
+    begin: float
+    end: float
+    size: float
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """How a fit went.
+
+    sigma : (n,) [rad], noise of the angles as the residuals show it
+    windows : their number; left_out : those whose prediction jumps with their start state (a joint
+        just misses or just reaches a stop); unexplained : those with residuals of three times the
+        noise and more
+    settled : whether it came to an end; iterations : how many that took
+    """
+
+    sigma: Array
+    windows: int
+    left_out: tuple[Place, ...]
+    unexplained: tuple[Place, ...]
+    settled: bool
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """What shooting found: friction with its rig, their covariance, and how it went."""
+
+    friction: Friction
+    covariance: Covariance
+    diagnostics: Diagnostics
+    mechanism: object
+    blocks: tuple[Block, ...]
+
+    @property
+    def rig(self) -> Rig:
+        """Base parameters, and what the sensors do."""
+        assert self.friction.rig is not None
+        return self.friction.rig
+
+    def bands(self, w: Array, level: float = 0.95, seed: int = 0) -> tuple[Array, Array]:
+        """Half-widths (V, n) [N m] of each joint's curve at velocities w (V, n).
+
+        Pointwise, and simultaneous over all its velocities.
+        """
+        slope = self._slopes(w)
+        covariance = self.covariance
+        sure = np.isfinite(covariance.error)
+        inner = covariance.matrix[np.ix_(sure, sure)]
+        error = np.sqrt(np.einsum("vnd,de,vne->vn", slope[..., sure], inner, slope[..., sure]))
+        point = student.ppf(0.5 + level / 2, covariance.freedom) * error
+        off = (covariance.draws(seed) - covariance.values)[:, sure]
+        size = np.abs(np.einsum("vnd,bd->bvn", slope[..., sure], off))
+        ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
+        return point, np.quantile(ratio, level, axis=0) * error
+
+    def _slopes(self, w: Array) -> Array:
+        """Derivatives (V, n, D) of each joint's curve in the free parameters."""
+        covariance = self.covariance
+        out = np.zeros((*w.shape, len(covariance.entries)))
+        theta = np.asarray(self.friction.theta, dtype=float)
+        for k, entry in enumerate(covariance.entries):
+            if entry.block != "friction":
+                continue
+            step = np.zeros_like(theta)
+            step[entry.place] = 1e-6 * max(1e-3, abs(theta[entry.place]))
+            up, down = (replace(self.friction, theta=theta + s * step) for s in (1.0, -1.0))
+            j = entry.place[0]
+            rise = up.curve(w[:, j])[:, j] - down.curve(w[:, j])[:, j]
+            out[:, j, k] = rise / (2 * step[entry.place])
+        return out
+
+
+def refine(
+    friction: Friction,
+    dataset: Dataset,
+    blocks: Sequence[Block] = (FrictionBlock(),),
+    settings: Settings | None = None,
+    *,
+    sample_time: float | None = None,
+) -> Refined:
+    """Friction, and whatever else the blocks free, from the measured angles themselves.
+
+    Windows of the recordings are predicted from free start states by the physics step, and all
+    parameters are those for which the predicted angles come closest to the measured ones, in units
+    of the angle noise [Bock1983]. The given friction, its rig and the data set's mechanism are
+    where it starts.
+
+    Raises
+    ------
+    InputError
+        For combinations of blocks that no data can tell apart, and data too short for windows.
+    """
+    settings = settings or Settings()
+    track = track_of(dataset, sample_time)
+    intervals, guess = begin(friction, track, blocks, settings)
+    shot = settle(intervals, guess, np.ones(len(track.dt), dtype=bool))
+    return refined(intervals, shot, tuple(blocks))
+
+
+def begin(
+    friction: Friction, track: Track, blocks: Sequence[Block], settings: Settings
+) -> tuple[Intervals, Guess]:
+    """What a fit to a track needs, and where it starts."""
+    table = track.dataset.mechanism
+    mechanism = mechanism_of(table)
+    base = mechanism.base(parameters_of(table, friction.parameters))
+    rig = friction.rig or Rig.ideal(mechanism.n)
+    rig = rig if rig.base is not None else replace(rig, base=base)
+    guess = Guess(friction, rig, mechanism)
+    check_blocks(blocks, guess, track)
+    return intervals_of(track, guess, blocks, settings), guess
+
+
+def refined(intervals: Intervals, shot: Shot, blocks: tuple[Block, ...]) -> Refined:
+    """The result of a fit."""
+    friction = replace(shot.guess.friction, rig=shot.guess.rig, parameters={})
+    return Refined(
+        friction,
+        covariance_of(intervals, shot),
+        _diagnostics(intervals, shot),
+        shot.guess.mechanism,
+        blocks,
+    )
+
+
+def check_blocks(blocks: Sequence[Block], guess: Guess, track: Track) -> None:
+    """Complain about blocks that no data, or not these data, can tell apart."""
+    names = [b.name for b in blocks]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"block {name!r} is given twice")
+    entries = {b.name: b.entries(guess) for b in blocks}
+    everything = len(guess.mechanism.base_names)
+    scale = len(entries.get("inertia", ())) == everything and "friction" in entries
+    known = any(np.isfinite(e.prior) for own in entries.values() for e in own)
+    torque = any(np.any(r.torque.value) for r in track.dataset.recordings)
+    way = (
+        "fix one base parameter that you are sure of, such as "
+        f"{guess.mechanism.base_names[-1]!r}, or give a prior"
+    )
+    if scale and not known and not torque:
+        raise InputError(
+            "block 'inertia': without motor torque only the ratios of inertia, gravity and "
+            f"friction show in the motion: {way}"
+        )
+    if scale and not known and "gain" in entries and torque:
+        raise InputError(
+            "blocks 'gain' and 'inertia' with all base parameters free: a larger gain with larger "
+            f"inertias and friction gives the same motion: {way}"
+        )
+    if not torque:
+        for name in ("gain", "delay"):
+            if name in entries:
+                raise InputError(f"block {name!r}: no recording has any motor torque; leave it out")
+
+
+def _diagnostics(intervals: Intervals, shot: Shot) -> Diagnostics:
+    share = shot.share[..., None] * np.ones_like(shot.residual)
+    square = (shot.residual / shot.sigma) ** 2 * share
+    size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
+    wild = shot.closed & (size > _UNEXPLAINED)
+    return Diagnostics(
+        shot.sigma,
+        len(shot.windows),
+        _places(intervals, shot, ~shot.closed, size),
+        _places(intervals, shot, wild, size),
+        shot.settled,
+        shot.iterations,
+    )
+
+
+def _places(intervals: Intervals, shot: Shot, which: Array, size: Array) -> tuple[Place, ...]:
+    track = intervals.track
+    out = []
+    for w in np.flatnonzero(which):
+        rows = shot.windows[w][shot.windows[w] >= 0]
+        name = track.dataset.recordings[int(track.recording[rows[0]])].name
+        end = float(track.time[rows[-1]] + track.dt[rows[-1]])
+        out.append(Place(name, float(track.time[rows[0]]), end, float(size[w])))
+    return tuple(out)

@@ -1,0 +1,273 @@
+"""Gauss-Newton over all windows at once, start states eliminated, Huber weights, damped steps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.identifiers.bounded import bounded
+from frictionid.shooting.blocks.block import Guess
+from frictionid.shooting.intervals import Intervals, put, values_of
+from frictionid.shooting.track import cut
+from frictionid.shooting.windows import Chain, Normal, chained, eliminated
+
+_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
+_LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
+_DAMPING = (1e-8, 1e4)
+_WORSE = 1.02  # a cost that grows by more was a step too far
+_ROUNDS = 3
+_MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
+_CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
+_PATIENCE = 5  # iterations
+_LEADING = 4  # iterations of the stages before the last
+
+
+class Shot(NamedTuple):
+    """Where a fit ended.
+
+    guess; nodes (K, s); windows (W, N); residual (W, N + 1, n) [rad] after the last step, share and
+    weight of each; sigma (n,) [rad]; normal equations (W, ...) of the windows before the last step,
+    and that step, move (D,); free (D,),
+    parameters that are not at a bound; closed (W,), windows that counted; settled, and the number
+    of iterations.
+    """
+
+    guess: Guess
+    nodes: Array
+    windows: Array
+    residual: Array
+    share: Array
+    weight: Array
+    sigma: Array
+    normal: Normal
+    move: Array
+    free: Array
+    closed: Array
+    settled: bool
+    iterations: int
+
+
+class _Stand(NamedTuple):
+    """Parameters and nodes, and what they were linearised to.
+
+    gap (W,): how far nodes are from their window's prediction, in standard deviations of the noise;
+    pace (W,): share of its wanted move that a window makes; out (W,): does not count.
+    """
+
+    guess: Guess
+    nodes: Array
+    chain: Chain
+    prior: Array
+    gap: Array
+    pace: Array
+    out: Array
+
+
+def settle(
+    intervals: Intervals, guess: Guess, use: Array, nodes: Array | None = None, *, stages: int = 0
+) -> Shot:
+    """The fit to the intervals that may be used, (K,) true or false.
+
+    nodes : where to begin, those of the smoothed motion by default
+    stages : the last so many stages only, all by default
+    """
+    s, track = intervals.settings, intervals.track
+    nodes = intervals.start(guess) if nodes is None else nodes
+    sigma = _noise(intervals, use)
+    mean = values_of(guess, intervals.parts)
+    total = 0
+    shot = None
+    for seconds in s.windows[-stages:]:
+        windows = cut(track, use, seconds)
+        most = s.iterations if seconds == s.windows[-1] else min(s.iterations, _LEADING)
+        shot = _stage(intervals, guess, nodes, windows, sigma, mean, most)
+        total += shot.iterations
+        guess, nodes, sigma = shot.guess, shot.nodes, shot.sigma
+    assert shot is not None
+    return shot._replace(iterations=total)
+
+
+def _noise(intervals: Intervals, use: Array) -> Array:
+    """First idea of the angle noise (n,) [rad]: what the smoother took off."""
+    track = intervals.track
+    off = np.abs(track.before - track.q)[use]
+    floor = 1e-9 + 1e-6 * np.abs(track.before).max(axis=0)
+    return np.maximum(_MAD * np.median(off, axis=0), floor)
+
+
+def _stage(
+    intervals: Intervals,
+    guess: Guess,
+    nodes: Array,
+    windows: Array,
+    sigma: Array,
+    mean: Array,
+    most: int,
+) -> Shot:
+    s = intervals.settings
+    rows = windows[windows >= 0]
+    damping, last, settled, count = _DAMPING[0], None, False, 0
+    shot = None
+    while count < most and not settled:
+        count += 1
+        now = _linearised(intervals, guess, nodes, windows, rows, sigma)
+        if last is not None:
+            now = _judged(now, last, count)
+            before, after = (_cost(x.chain, now.out, sigma, s.huber) for x in (last, now))
+            worse = after > _WORSE * before and damping < _DAMPING[1]
+            damping = max(damping, 1e-4) * 10.0 if worse else max(damping / 10.0, _DAMPING[0])
+            now = last if worse else now
+        last = now
+        shot, step = _solved(intervals, now, windows, sigma, mean, damping)
+        sigma, guess, nodes = shot.sigma, shot.guess, shot.nodes
+        settled = bool(step <= s.tolerance) and damping < 1e-2
+    assert shot is not None
+    return shot._replace(settled=settled, iterations=count)
+
+
+def _judged(now: _Stand, last: _Stand | None, count: int) -> _Stand:
+    """Which windows count: not those whose prediction jumps with their start state.
+
+    Where a joint just misses or just reaches a stop, no start state is best. Such a window first
+    makes smaller moves; where it has not become continuous when most have, it is left out.
+    """
+    if last is None or not np.median(now.gap) < _CLOSED:
+        return now
+    jumps = (now.gap > _OPEN) & (now.gap > 0.5 * last.gap)
+    pace = np.where(jumps, np.maximum(0.5 * last.pace, 0.25), 1.0)
+    return now._replace(pace=pace, out=last.out | (jumps & (count > _PATIENCE)))
+
+
+def _linearised(
+    intervals: Intervals,
+    guess: Guess,
+    nodes: Array,
+    windows: Array,
+    rows: Array,
+    sigma: Array,
+) -> _Stand:
+    track, n = intervals.track, intervals.track.n
+    first = windows[:, 0]
+    nodes = nodes.copy()
+    warm = intervals.warm(guess.friction)
+    if warm:
+        nodes[first, 2 * n :] = np.concatenate(warm, axis=-1)[first]
+    lines = intervals.lines(guess, nodes, rows)
+    chain = chained(track, lines, nodes, windows, guess.rig.offset)
+    # a joint at rest does not tell its start velocity: it stays near the smoothed one
+    precision = np.zeros((len(windows), 2 * n))
+    precision[:, n:] = 1.0 / intervals.settings.start_velocity**2
+    precision[:, :n] = 1e-6 / np.maximum(1.0, np.abs(nodes[first, :n])) ** 2
+    wanted = np.zeros_like(precision)
+    wanted[:, n:] = track.w[first] - nodes[first, n : 2 * n]
+    gap = (np.abs(chain.moved[..., :n]) / sigma).max(axis=(1, 2))
+    prior = np.stack([wanted, precision])
+    alike = np.ones(len(windows))
+    return _Stand(guess, nodes, chain, prior, gap, alike, alike < 0)
+
+
+def _cost(chain: Chain, out: Array, sigma: Array, huber: float) -> float:
+    """Huber's cost of the windows' predictions as they stand, none counting more than its share."""
+    e = np.abs(chain.error) / sigma
+    rho = np.where(e <= huber, e**2, 2 * huber * e - huber**2) * chain.share[..., None]
+    most = _MOST * huber**2 * chain.share.sum(axis=1)
+    return float(np.minimum(rho.sum(axis=(1, 2)), most)[~out].sum())
+
+
+def _solved(
+    intervals: Intervals,
+    now: _Stand,
+    windows: Array,
+    sigma: Array,
+    mean: Array,
+    damping: float,
+) -> tuple[Shot, float]:
+    """The fit after one step, and the largest move of a parameter in standard errors."""
+    s, n = intervals.settings, intervals.track.n
+    chain, value = now.chain, values_of(now.guess, intervals.parts)
+    entries = [e for part in intervals.parts for e in part.entries]
+    low, high, sd = (np.array([getattr(e, k) for e in entries]) for k in ("low", "high", "prior"))
+    precision = 1.0 / sd**2
+    counts = ~now.out * 1.0
+    weight = np.ones_like(chain.error)
+    for _ in range(_ROUNDS):
+        normal = eliminated(chain, weight, sigma, now.prior)
+        H = np.einsum("w,wij->ij", counts, normal.H) + np.diag(precision)
+        g = counts @ normal.g + precision * (mean - value)
+        move = _step(H, g, low - value, high - value, damping)
+        start = normal.start - normal.to_start @ move
+        all_moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)
+        residual = chain.error - (chain.slope @ all_moves[:, None, :, None])[..., 0]
+        sigma = _scale(residual, chain.share, normal.leverage, sigma)
+        size = np.abs(residual) / sigma
+        weight = np.minimum(1.0, s.huber / np.maximum(size, 1e-12))
+    wanted = value + move
+    inside = (wanted > low + 1e-12) & (wanted < high - 1e-12)
+    largest = float((np.abs(move) / _errors(H, inside))[inside].max(initial=0.0))
+    guess = put(now.guess, intervals.parts, wanted)
+    nodes = _moved(intervals, now, windows, all_moves)
+    shot = Shot(
+        *(
+            guess,
+            nodes,
+            windows,
+            residual,
+            chain.share,
+            weight,
+            sigma,
+            normal,
+            move,
+            inside,
+            ~now.out,
+        ),
+        settled=False,
+        iterations=0,
+    )
+    return shot, largest
+
+
+def _errors(H: Array, inside: Array) -> Array:
+    """Standard errors (D,) by the curvature alone, of parameters at a bound infinite."""
+    out = np.full(len(H), np.inf)
+    own = H[np.ix_(inside, inside)]
+    scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+    variance = np.diag(np.linalg.pinv(own / np.outer(scale, scale), hermitian=True))
+    out[inside] = np.sqrt(variance) / scale
+    return out
+
+
+def _step(H: Array, g: Array, low: Array, high: Array, damping: float) -> Array:
+    """Damped step within bounds, in units in which the diagonal of H is one."""
+    if not len(g):
+        return g
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    scaled = H / np.outer(scale, scale) + damping * np.eye(len(g))
+    inner = bounded(scaled[None], (g / scale)[None], (low * scale)[None], (high * scale)[None])
+    return inner[0] / scale
+
+
+def _scale(residual: Array, share: Array, leverage: Array, sigma: Array) -> Array:
+    """Angle noise (n,) [rad] from the residuals, each corrected for what its window took up."""
+    known = share > 0
+    clean = residual / np.sqrt(np.maximum(1.0 - leverage, 0.05))
+    found = _MAD * np.median(np.abs(clean[known]), axis=0)
+    return np.maximum(found, 1e-3 * sigma)
+
+
+def _moved(intervals: Intervals, now: _Stand, windows: Array, moves: Array) -> Array:
+    """Nodes on the predictions of their windows; those that got lost begin anew."""
+    n, track = intervals.track.n, intervals.track
+    nodes = now.nodes.copy()
+    step = now.chain.moved + (now.chain.carried @ moves[:, None, :, None])[..., 0]
+    on = windows >= 0
+    at = windows[on]
+    nodes[at] += (now.pace[:, None, None] * step)[on]
+    off = np.abs(nodes[at, :n] - (track.before[at] - now.guess.rig.offset)).max(axis=-1)
+    bad = ~(off < _LOST) | ~np.isfinite(nodes[at]).all(axis=-1)
+    if bad.any():
+        owner = np.repeat(np.arange(len(windows)), on.sum(axis=1))
+        lost = np.isin(owner, np.unique(owner[bad]))
+        nodes[at[lost]] = intervals.start(now.guess)[at[lost]]
+    return nodes

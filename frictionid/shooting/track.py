@@ -1,0 +1,131 @@
+"""The recordings as one series of sample intervals, with measured angles and torque on demand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.problem import GAP
+from frictionid.recipe import states_of
+from frictionid.recordings import Dataset
+from frictionid.rig import Rig
+from frictionid.signals import averages, sample
+from frictionid.states import RTS, States
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """K intervals between samples, all recordings in one series.
+
+    time, dt : (K,) [s] begin and length; recording, index : (K,), of the sample at its begin
+    before, after : (K, n) [rad] measured at begin and end
+    q, w : (K, n) smoothed states at the begin
+    joined : (K,), whether an interval begins where the one before it ends
+    """
+
+    dataset: Dataset
+    states: tuple[States, ...]
+    time: Array
+    dt: Array
+    recording: Array
+    index: Array
+    before: Array
+    after: Array
+    q: Array
+    w: Array
+    joined: Array
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.q.shape[1])
+
+
+def track_of(
+    dataset: Dataset, sample_time: float | None = None, states: tuple[States, ...] | None = None
+) -> Track:
+    """Intervals of a data set at samples at least `sample_time` [s] apart; gaps are none of them.
+
+    states : what the RTS smoother gives, where it has been asked before
+
+    Raises
+    ------
+    InputError
+        Where no recording has three intervals in one piece.
+    """
+    states = states or states_of(dataset, RTS(), sample_time)
+    parts = []
+    for i, (recording, s) in enumerate(zip(dataset.recordings, states, strict=True)):
+        dt = np.diff(s.time)
+        whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
+        measured = sample(recording.angle, s.time)
+        joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
+        columns = (
+            s.time[:-1],
+            dt,
+            np.full(len(dt), i),
+            np.arange(len(dt)),
+            measured[:-1],
+            measured[1:],
+        )
+        parts.append([x[whole] for x in (*columns, s.q[:-1], s.w[:-1], joined)])
+    series = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    if len(series[0]) < 3:
+        raise InputError(
+            f"data set {dataset.name!r}: shooting needs recordings of at least 4 samples in one "
+            f"piece; there are {len(series[0])} intervals in all"
+        )
+    return Track(dataset, tuple(states), *series)
+
+
+def torques(track: Track, rig: Rig, rows: Array, pieces: int) -> tuple[Array, Array]:
+    """Logged torque (pieces, k, n) that acts in equal pieces of some intervals, and d/d delay.
+
+    Before gain and bias, but with the rig's delay: means over the pieces of the logged signal, held
+    or interpolated as it was logged.
+    """
+    n = track.n
+    mean, slope = np.empty((2, pieces, len(rows), n))
+    share = np.arange(pieces + 1) / pieces
+    for r in np.unique(track.recording[rows]):
+        own = np.flatnonzero(track.recording[rows] == r)
+        at = rows[own]
+        signal = track.dataset.recordings[r].torque
+        edges = track.time[at, None] + track.dt[at, None] * share - float(rig.delay)
+        # neighbouring intervals share an edge, averages wants each once
+        flat, back = np.unique(edges, return_inverse=True)
+        back = np.reshape(back, edges.shape)
+        area = np.zeros((len(flat), n))
+        area[1:] = np.cumsum(averages(signal, flat) * np.diff(flat)[:, None], axis=0)
+        value = sample(signal, flat)
+        width = np.diff(edges, axis=1)[..., None]
+        mean[:, own] = np.moveaxis(np.diff(area[back], axis=1) / width, 1, 0)
+        slope[:, own] = np.moveaxis(-np.diff(value[back], axis=1) / width, 1, 0)
+    return mean, slope
+
+
+def cut(track: Track, use: Array, seconds: float) -> Array:
+    """Windows (W, N) of about so many seconds, as indices of intervals, -1 behind their ends.
+
+    use : (K,), intervals that may be used; windows do not cross others, or gaps
+
+    Every unbroken run is divided into windows of nearly equal length, of at least 3 intervals.
+    """
+    index = np.flatnonzero(use)
+    breaks = ~track.joined[index] | (np.diff(index, prepend=-2) != 1)
+    runs = np.split(index, np.flatnonzero(breaks)[1:]) if breaks.any() else [index]
+    windows: list[Array] = []
+    for run in runs:
+        if len(run) >= 3:
+            span = float(track.dt[run].sum())
+            most = len(run) // 3
+            windows += np.array_split(run, min(max(1, round(span / seconds)), most))
+    if not windows:
+        raise InputError(
+            f"data set {track.dataset.name!r}: no three intervals in one piece are left to fit"
+        )
+    longest = max(len(w) for w in windows)
+    return np.stack([np.pad(w, (0, longest - len(w)), constant_values=-1) for w in windows])

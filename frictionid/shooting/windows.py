@@ -1,0 +1,109 @@
+"""Windows of intervals: chained into predictions from their start, and start states eliminated."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.shooting.intervals import Lines
+from frictionid.shooting.track import Track
+
+
+class Chain(NamedTuple):
+    """What W windows of at most N intervals predict, linear in starts and parameters.
+
+    error (W, N + 1, n) [rad]: measured minus predicted angle; slope (W, N + 1, n, 2n + D): of the
+    predicted angle, in the window's start state and the parameters; share (W, N + 1): how much a
+    sample counts, half where it belongs to two windows, nothing where there is none.
+    moved (W, N, s): how far nodes are from where their window's own prediction passes;
+    carried (W, N, s, 2n + D): its derivatives.
+    """
+
+    error: Array
+    slope: Array
+    share: Array
+    moved: Array
+    carried: Array
+
+
+def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Array) -> Chain:
+    """Windows (W, N) of intervals that each begin at its own node (K, s), made continuous.
+
+    The prediction from the window's start passes node k + 1 at x_{k+1} + g_{k+1} with
+    g_{k+1} = F_k - x_{k+1} + Phi_k g_k to first order in the gaps F_k - x_{k+1}; when they have
+    closed, it is exactly the prediction from the start [Bock1983].
+    """
+    n, s = track.n, nodes.shape[1]
+    W, N = windows.shape
+    D = lines.by.shape[-1]
+    on = windows >= 0
+    index = np.where(on, windows, 0)
+    last = on & ~np.concatenate([on[:, 1:], np.zeros((W, 1), bool)], axis=1)
+    error, share = np.zeros((W, N + 1, n)), np.zeros((W, N + 1))
+    slope = np.zeros((W, N + 1, n, 2 * n + D))
+    moved, carried = np.zeros((W, N, s)), np.zeros((W, N, s, 2 * n + D))
+    g, T = np.zeros((W, s)), np.zeros((W, s, 2 * n + D))
+    T[:, : 2 * n, : 2 * n] = np.eye(2 * n)
+    for k in range(N):
+        i, use, end = index[:, k], on[:, k], last[:, k]
+        moved[:, k], carried[:, k] = g, T
+        error[use, k] = (track.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
+        slope[use, k] = T[use, :n]
+        share[use, k] = 1.0 if k else 0.5
+        Phi = lines.by_start[i]
+        follows = np.where(end, i, index[:, min(k + 1, N - 1)])
+        gap = np.where(end[:, None], 0.0, lines.end[i] - nodes[follows])
+        g = (Phi @ g[..., None])[..., 0] + gap
+        T = Phi @ T
+        T[..., 2 * n :] += lines.by[i]
+        at = lines.end[i, :n] + g[:, :n]
+        error[end, k + 1] = (track.after[i] - offset - at)[end]
+        slope[end, k + 1] = T[end, :n]
+        share[end, k + 1] = 0.5
+    slope[..., 2 * n :] += lines.angle.T * (share > 0)[..., None, None]
+    return Chain(error, slope, share, moved, carried)
+
+
+class Normal(NamedTuple):
+    """Normal equations of each window, its start state eliminated.
+
+    H (W, D, D), g (W, D) of the shared parameters; to_start (W, 2n, D) and start (W, 2n): the best
+    start moves by start - to_start step. leverage (W, N + 1, n): share of each residual that the
+    window's own start takes up.
+    """
+
+    H: Array
+    g: Array
+    to_start: Array
+    start: Array
+    leverage: Array
+
+
+def eliminated(chain: Chain, weight: Array, sigma: Array, prior: Array) -> Normal:
+    """Schur complements of the windows; weight (W, N + 1, n), sigma (n,), prior (W, 2n) and precision.
+
+    prior : (2, W, 2n): the start's wanted move, and its precision
+    """
+    W = len(chain.error)
+    root = np.sqrt(weight * chain.share[..., None]) / sigma
+    D = chain.slope.shape[-1]
+    A = (chain.slope * root[..., None]).reshape(W, -1, D)
+    b = (chain.error * root).reshape(W, -1)
+    size = prior.shape[-1]
+    At = np.swapaxes(A, 1, 2)
+    full = At @ A
+    right = (At @ b[..., None])[..., 0]
+    wanted, precision = prior
+    start = full[:, :size, :size] + precision[:, :, None] * np.eye(size)
+    start_right = right[:, :size] + precision * wanted
+    inverse = np.linalg.inv(start)
+    cross = full[:, :size, size:]
+    to_start = inverse @ cross
+    best = (inverse @ start_right[..., None])[..., 0]
+    H = full[:, size:, size:] - np.swapaxes(cross, 1, 2) @ to_start
+    g = right[:, size:] - np.einsum("wsd,ws->wd", cross, best)
+    own = A[..., :size]
+    leverage = np.einsum("wks,wst,wkt->wk", own, inverse, own).reshape(root.shape)
+    return Normal(H, g, to_start, best, leverage)
