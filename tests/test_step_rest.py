@@ -40,7 +40,7 @@ def test_a_load_below_break_away_moves_nothing_and_one_above_does():
     begin, end = held_for(10.0, ROTOR, UNEQUAL, 0.3, loads)
     np.testing.assert_array_equal(end.q[:4], begin.q[:4])
     np.testing.assert_array_equal(end.w[:4], 0.0)
-    # just above break-away dw/dt = 0.01 + peak/inertia (w/ws)^2: within 10 s w grows to 0.1 and more
+    # just above break-away dw/dt = 0.01 + peak/inertia (w/ws)^2: in 10 s w grows beyond 0.1
     assert end.w[4, 0] > 0.1 and end.q[4, 0] > 0.3
     assert end.w[5, 0] < -0.1 and end.q[5, 0] < -0.3
 
@@ -305,8 +305,8 @@ def test_stopping_keeps_the_momentum_of_free_joints_and_never_adds_energy():
     crossed = before * after < 0
     friction = Friction(CoulombViscous(), np.stack([1e4 * crossed, 0.0 * q], axis=-1))
     states = State(q, before), State(q, after)
-    crossed = crossing(DOUBLE, friction, *states, np.zeros((200, 2)), Grip(np.sign(before)))
-    end = beyond(crossed, *states, np.array([1e-3]))
+    found = crossing(DOUBLE, friction, *states, np.zeros((200, 2)), Grip(np.sign(before)))
+    end = beyond(found, *states, np.array([1e-3]))
     np.testing.assert_array_equal(end.w == 0.0, crossed)
     M, _ = DOUBLE.dynamics(q, after)
     change = times(M, end.w - after)
