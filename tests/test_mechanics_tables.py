@@ -18,7 +18,8 @@ from frictionid.mechanics import (
     parameters_of,
     pendulum,
 )
-from frictionid.mechanics.lagrange import derive, flat_code
+from frictionid.mechanics.derivation import derive
+from frictionid.mechanics.lagrange import flat_code
 
 # ---------------------------------------------------------------- [mechanism] tables
 

@@ -1,16 +1,9 @@
 """Equations of motion: mechanisms described by their bodies, compiled to fast scalar code."""
 
 from frictionid.mechanics.acrobot import acrobot
+from frictionid.mechanics.description import Base, Body, Description, Parameter
 from frictionid.mechanics.double_pendulum import double_pendulum
-from frictionid.mechanics.lagrange import (
-    Base,
-    Body,
-    Description,
-    Mechanism,
-    Parameter,
-    Partials,
-    Terms,
-)
+from frictionid.mechanics.lagrange import Mechanism, Partials, Terms
 from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import Plant, plant_of

@@ -9,7 +9,8 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter
+from frictionid.mechanics.description import Base, Body, Description, Parameter
+from frictionid.mechanics.lagrange import Mechanism
 
 PARAMETERS = {
     "m1": (0.135, "kg", "link 1"),

@@ -12,7 +12,8 @@ from itertools import product
 
 import sympy as sp
 
-from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter
+from frictionid.mechanics.description import Base, Body, Description, Parameter
+from frictionid.mechanics.lagrange import Mechanism
 
 PARAMETERS = {
     "m1": (0.5, "kg", "mass of link 1"),

@@ -6,7 +6,8 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.lagrange import Base, Body, Description, Mechanism, Parameter
+from frictionid.mechanics.description import Base, Body, Description, Parameter
+from frictionid.mechanics.lagrange import Mechanism
 
 _MOTOR = (
     Parameter(sp.Symbol("kt"), 0.0, "N m/A", "torque constant of the motor, at the joint"),

@@ -90,7 +90,7 @@ class Intervals:
             np.zeros_like(nodes),
             np.zeros((len(nodes), size, size)),
             np.zeros((len(nodes), size, D)),
-            self._angle(guess),
+            self._angle(),
         )
         plant = self._plant(guess)
         scene = self._scene(guess, plant)
@@ -158,7 +158,7 @@ class Intervals:
         by = np.concatenate(slopes) if slopes else np.empty((0, *u.shape))
         return Forces(u, np.moveaxis(by, 0, 1))
 
-    def _angle(self, guess: Guess) -> Array:
+    def _angle(self) -> Array:
         out = np.zeros((self.count, self.track.n))
         for part in self.parts:
             if part.block.enters == "angle":

@@ -12,7 +12,7 @@ class Settings:
     """How friction is refined by shooting.
 
     windows : lengths [s] of the windows, one stage after the other (5, 10 and 20 samples at 60 Hz)
-    iterations : at most so many in the last stage; the others, which only lead there, have at most 4
+    iterations : at most so many in the last stage; the others, which only lead there, have 4
     tolerance : a stage ends when no parameter moves by more than this share of its standard error
     huber : residuals beyond so many standard deviations count less
     fine : [s], substeps of pieces in which a joint comes near rest

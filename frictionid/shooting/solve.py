@@ -185,7 +185,7 @@ def _solved(
     damping: float,
 ) -> tuple[Shot, float]:
     """The fit after one step, and the largest move of a parameter in standard errors."""
-    s, n = intervals.settings, intervals.track.n
+    s = intervals.settings
     chain, value = now.chain, values_of(now.guess, intervals.parts)
     entries = [e for part in intervals.parts for e in part.entries]
     low, high, sd = (np.array([getattr(e, k) for e in entries]) for k in ("low", "high", "prior"))

@@ -94,7 +94,7 @@ def ends(scene: Scene, start: State, forces: Forces, dt: Array, fine: int) -> En
         for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
             if len(rows):
                 some = scene._replace(plant=scene.plant[rows])
-                here = State(*(x[rows] for x in state[:2]), tuple(z[rows] for z in state.memory))
+                here = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
                 there = _taken(tangent, rows)
                 end = _piece(some, here, there, u[rows], by[:, rows], part[rows] / count, count)
                 parts.append((rows, end, there))
@@ -291,21 +291,20 @@ def _memory_rates(scene: Scene, state: State, u: Array, dt: Array) -> _Rates:
     up, down = (
         law.advance(theta, x._replace(w=x.w + s * SPEED), state.memory, dt) for s in (1.0, -1.0)
     )
-    entries = range(len(state.memory))
-    return _Rates(
-        tuple(
-            by_memory(lambda m, i=i: law.advance(theta, x, m, dt)[i], state.memory) for i in entries
-        ),
-        tuple((a - b) / (2 * SPEED) for a, b in zip(up, down, strict=True)),
-        tuple(
-            by_theta(
-                *(law, theta, scene.free),
-                lambda t, i=i: law.advance(t, x, state.memory, dt)[i],
-                *(None, 0.0 * x.w),
-            )
-            for i in entries
-        ),
-    )
+    by_w = tuple((a - b) / (2 * SPEED) for a, b in zip(up, down, strict=True))
+
+    def one(i: int) -> tuple[Memory, Array]:
+        def of_memory(memory: Memory) -> Array:
+            return law.advance(theta, x, memory, dt)[i]
+
+        def of_theta(theta: Array) -> Array:
+            return law.advance(theta, x, state.memory, dt)[i]
+
+        own = by_theta(law, theta, scene.free, of_theta, None, 0.0 * x.w)
+        return by_memory(of_memory, state.memory), own
+
+    inner, own = zip(*(one(i) for i in range(len(state.memory))), strict=True)
+    return _Rates(inner, by_w, own)
 
 
 def _remember(scene: Scene, tangent: _Tangent, rates: _Rates) -> None:

@@ -32,7 +32,7 @@ def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Ar
     """Windows (W, N) of intervals that each begin at its own node (K, s), made continuous.
 
     The prediction from the window's start passes node k + 1 at x_{k+1} + g_{k+1} with
-    g_{k+1} = F_k - x_{k+1} + Phi_k g_k to first order in the gaps F_k - x_{k+1}; when they have
+    g_{k+1} = F_k - x_{k+1} + P_k g_k to first order in the gaps F_k - x_{k+1}; when they have
     closed, it is exactly the prediction from the start [Bock1983].
     """
     n, s = track.n, nodes.shape[1]
@@ -52,11 +52,11 @@ def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Ar
         error[use, k] = (track.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
         slope[use, k] = T[use, :n]
         share[use, k] = 1.0 if k else 0.5
-        Phi = lines.by_start[i]
+        P = lines.by_start[i]
         follows = np.where(end, i, index[:, min(k + 1, N - 1)])
         gap = np.where(end[:, None], 0.0, lines.end[i] - nodes[follows])
-        g = (Phi @ g[..., None])[..., 0] + gap
-        T = Phi @ T
+        g = (P @ g[..., None])[..., 0] + gap
+        T = P @ T
         T[..., 2 * n :] += lines.by[i]
         at = lines.end[i, :n] + g[:, :n]
         error[end, k + 1] = (track.after[i] - offset - at)[end]
@@ -82,9 +82,10 @@ class Normal(NamedTuple):
 
 
 def eliminated(chain: Chain, weight: Array, sigma: Array, prior: Array) -> Normal:
-    """Schur complements of the windows; weight (W, N + 1, n), sigma (n,), prior (W, 2n) and precision.
+    """Schur complements of the windows.
 
-    prior : (2, W, 2n): the start's wanted move, and its precision
+    weight (W, N + 1, n), sigma (n,) [rad]; prior (2, W, 2n): the start's wanted move, and its
+    precision
     """
     W = len(chain.error)
     root = np.sqrt(weight * chain.share[..., None]) / sigma
@@ -92,9 +93,9 @@ def eliminated(chain: Chain, weight: Array, sigma: Array, prior: Array) -> Norma
     A = (chain.slope * root[..., None]).reshape(W, -1, D)
     b = (chain.error * root).reshape(W, -1)
     size = prior.shape[-1]
-    At = np.swapaxes(A, 1, 2)
-    full = At @ A
-    right = (At @ b[..., None])[..., 0]
+    transposed = np.swapaxes(A, 1, 2)
+    full = transposed @ A
+    right = (transposed @ b[..., None])[..., 0]
     wanted, precision = prior
     start = full[:, :size, :size] + precision[:, :, None] * np.eye(size)
     start_right = right[:, :size] + precision * wanted

@@ -21,11 +21,14 @@ class BiasBlock:
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
         d, sd = guess.mechanism.description, checked(self.prior, self.name)
-        infinity = float("inf")
         return tuple(
             Entry(
-                *(self.name, f"torque bias of {d.joints[j]}", d.torque_unit),
-                *(float(guess.rig.bias[j]), -infinity, infinity, sd, (j,)),
+                block=self.name,
+                name=f"torque bias of {d.joints[j]}",
+                unit=d.torque_unit,
+                value=float(guess.rig.bias[j]),
+                prior=sd,
+                place=(j,),
             )
             for j in joints_of(guess.mechanism, driven=True)
         )

@@ -34,10 +34,10 @@ class Entry(NamedTuple):
     name: str
     unit: str
     value: float
-    low: float
-    high: float
-    prior: float
-    place: tuple[int, ...]
+    low: float = -float("inf")
+    high: float = float("inf")
+    prior: float = float("inf")
+    place: tuple[int, ...] = ()
 
 
 class Block(Protocol):

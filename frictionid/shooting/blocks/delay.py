@@ -31,8 +31,16 @@ class DelayBlock:
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
         sd = checked(self.prior, self.name)
-        value = float(guess.rig.delay)
-        return (Entry(self.name, "torque delay", "s", value, -self.most, self.most, sd, ()),)
+        entry = Entry(
+            block=self.name,
+            name="torque delay",
+            unit="s",
+            value=float(guess.rig.delay),
+            low=-self.most,
+            high=self.most,
+            prior=sd,
+        )
+        return (entry,)
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
         return guess._replace(rig=replace(guess.rig, delay=np.asarray(float(values[0]))))

@@ -37,13 +37,14 @@ class FrictionBlock:
         units = guess.friction.units
         return tuple(
             Entry(
-                self.name,
-                f"{name} of {joints[j]}",
-                units[i],
-                float(theta[j, i]),
-                *law.bounds[i],
-                relative * max(abs(float(theta[j, i])), 1e-12) if self.prior else relative,
-                (j, i),
+                block=self.name,
+                name=f"{name} of {joints[j]}",
+                unit=units[i],
+                value=float(theta[j, i]),
+                low=law.bounds[i][0],
+                high=law.bounds[i][1],
+                prior=relative * max(abs(float(theta[j, i])), 1e-12) if self.prior else relative,
+                place=(j, i),
             )
             for j in range(theta.shape[0])
             for i, name in enumerate(law.names)

@@ -23,8 +23,13 @@ class GainBlock:
         joints, sd = guess.mechanism.description.joints, checked(self.prior, self.name)
         return tuple(
             Entry(
-                *(self.name, f"torque gain of {joints[j]}", "1"),
-                *(float(guess.rig.gain[j]), 0.0, float("inf"), sd, (j,)),
+                block=self.name,
+                name=f"torque gain of {joints[j]}",
+                unit="1",
+                value=float(guess.rig.gain[j]),
+                low=0.0,
+                prior=sd,
+                place=(j,),
             )
             for j in joints_of(guess.mechanism, driven=True)
         )

@@ -30,7 +30,7 @@ class InertiaBlock:
     enters: str = "base"
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        base, d = guess.rig.base, guess.mechanism.description
+        base, d = np.asarray(guess.rig.base), guess.mechanism.description
         names = guess.mechanism.base_names
         for name in self.fixed:
             if name not in names:
@@ -39,17 +39,14 @@ class InertiaBlock:
                     f"known are {', '.join(names)}"
                 )
         relative = checked(self.prior, self.name)
-        infinity = float("inf")
         return tuple(
             Entry(
-                self.name,
-                b.name,
-                b.unit,
-                float(base[i]),
-                -infinity,
-                infinity,
-                relative * max(abs(float(base[i])), 1e-12) if self.prior else relative,
-                (i,),
+                block=self.name,
+                name=b.name,
+                unit=b.unit,
+                value=float(base[i]),
+                prior=relative * max(abs(float(base[i])), 1e-12) if self.prior else relative,
+                place=(i,),
             )
             for i, b in enumerate(d.base)
             if b.name not in self.fixed
@@ -59,7 +56,7 @@ class InertiaBlock:
         new = np.array(guess.rig.base, dtype=float)
         for entry, value in zip(entries, values, strict=True):
             new[entry.place] = value
-        base = inside(guess.mechanism, guess.rig.base, new)
+        base = inside(guess.mechanism, np.asarray(guess.rig.base), new)
         return guess._replace(rig=replace(guess.rig, base=base))
 
 

@@ -19,11 +19,14 @@ class OffsetBlock:
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
         d, sd = guess.mechanism.description, checked(self.prior, self.name)
-        infinity = float("inf")
         return tuple(
             Entry(
-                *(self.name, f"angle offset of {d.joints[j]}", d.angle_unit),
-                *(float(guess.rig.offset[j]), -infinity, infinity, sd, (j,)),
+                block=self.name,
+                name=f"angle offset of {d.joints[j]}",
+                unit=d.angle_unit,
+                value=float(guess.rig.offset[j]),
+                prior=sd,
+                place=(j,),
             )
             for j in joints_of(guess.mechanism, driven=False)
         )
