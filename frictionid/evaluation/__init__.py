@@ -18,6 +18,7 @@ from frictionid.evaluation.judge import (
     speeds,
     training_of,
     under,
+    with_rig,
 )
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
@@ -57,5 +58,6 @@ __all__ = [
     "training_of",
     "true_friction",
     "under",
+    "with_rig",
     "velocity_grid",
 ]

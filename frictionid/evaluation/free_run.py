@@ -99,6 +99,19 @@ def make_course(dataset: Dataset, states: Sequence[States], begin: float = 0.0) 
     )
 
 
+def some_of(course: Course, rows: Array) -> Course:
+    """Some of the recordings."""
+    return Course(
+        tuple(course.names[r] for r in rows),
+        course.time[:, rows],
+        course.q[rows],
+        course.w[rows],
+        course.u[:, rows],
+        course.measured[:, rows],
+        tuple(course.servos[r] for r in rows) if course.servos else (),
+    )
+
+
 def _lengthened(time: Array, length: int) -> Array:
     """A clock that ticks on behind its end at its usual pace."""
     more = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))

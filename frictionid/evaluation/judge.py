@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,18 +19,21 @@ from frictionid.evaluation.free_run import (
     free_run_rows,
     make_course,
     powered,
+    some_of,
 )
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
 from frictionid.evaluation.rollouts import predict, rollout_rows
 from frictionid.evaluation.rows import Row
-from frictionid.evaluation.starts import Starts, make_starts, start_folds
+from frictionid.evaluation.starts import Starts, make_starts, start_folds, taken
 from frictionid.evaluation.truth import steady_state
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, plant_of
 from frictionid.problem import Problem
 from frictionid.recipe import INTEGRAL, STUDY, Recipe, problem_of, states_of, training_problem
 from frictionid.recordings import Dataset
+from frictionid.rig import Rig, corrected, plant_under
+from frictionid.rollout import Rollout
 from frictionid.states import Causal, States
 
 
@@ -74,7 +78,7 @@ def prepare(
         dataset,
         protocol,
         Observed(*(states_of(dataset, estimator, apart) for estimator in estimators)),
-        parameters,
+        plant_of(dataset, parameters),
     )
 
 
@@ -82,16 +86,24 @@ def under(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:
     """The same data under other mechanism parameters; nothing is estimated anew."""
     if not parameters:
         return prepared
-    return _prepared(prepared.dataset, prepared.protocol, prepared.observed, parameters)
+    plant = plant_of(prepared.dataset, parameters)
+    return _prepared(prepared.dataset, prepared.protocol, prepared.observed, plant)
 
 
-def _prepared(
-    dataset: Dataset,
-    protocol: Protocol,
-    observed: Observed,
-    parameters: Mapping[str, float] | None,
-) -> Prepared:
-    plant = plant_of(dataset, parameters)
+def with_rig(prepared: Prepared, rig: Rig | None) -> Prepared:
+    """The same data as ideal sensors would have recorded them, under the rig's base parameters."""
+    if rig is None:
+        return prepared
+    dataset, protocol = prepared.dataset, prepared.protocol
+    observed = Observed(*(_shifted(own, rig.offset) for own in prepared.observed))
+    return _prepared(corrected(dataset, rig), protocol, observed, plant_under(dataset, rig))
+
+
+def _shifted(states: tuple[States, ...], offset: Array) -> tuple[States, ...]:
+    return tuple(s._replace(q=s.q - offset) for s in states)
+
+
+def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: Plant) -> Prepared:
     if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
         raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
     dataset = powered(dataset, plant)
@@ -135,24 +147,77 @@ def speeds(dataset: Dataset, smoothed: Iterable[States]) -> Array:
 def judge_folds(
     friction: Friction, overall: Friction, prepared: Prepared, folds: Folds
 ) -> tuple[list[Row], list[dict[str, Any]]]:
-    """Rows of held-out scores of the folds' frictions, and example motions."""
+    """Rows of held-out scores of the folds' frictions, and example motions.
+
+    Frictions that bring a rig are judged on the data as that rig would have recorded them.
+    """
+    views = list(_views(friction, prepared))
     rows: list[Row] = []
-    for score, problem in _problems(prepared):
+    for k, (score, problem) in enumerate(_problems(prepared)):
         held = folds.held_out(problem.recording, problem.time)
-        rows += one_step_rows(held_out_residual(friction, problem, held), held, score)
-    starts = prepared.starts
-    fold = start_folds(starts, folds, prepared.observed.causal)
+        residual = np.empty_like(problem.r)
+        for own, view in views:
+            use = np.isin(held, own)
+            place = np.searchsorted(own, held[use])
+            part = held_out_residual(friction[own], _problems(view)[k][1], use, place)
+            residual[use] = part
+        rows += one_step_rows(residual, held, score)
+    fold = start_folds(prepared.starts, folds, prepared.observed.causal)
     # whatever of a start is held out, is held out by one fold: its friction predicts
     owner = np.maximum(fold.max(axis=0), 0)
-    motion = predict(prepared.plant, friction[owner], starts)
+    starts, motion = _predicted(friction, views, prepared.starts, owner)
     rows += rollout_rows(motion, starts, fold)
     if prepared.course is not None:
         held = course_folds(prepared.course, folds)
-        q = free_run(prepared.plant, friction[np.maximum(held, 0)], prepared.course)
-        rows += free_run_rows(q, prepared.course, held)
+        rows += free_run_rows(*_ran(friction, views, prepared.course, held), held)
     rows += curve_scores(friction, overall, prepared)
     rows.append(_count(friction))
-    return rows, _examples(motion.q, prepared, fold[-1] >= 0, friction_of="fold")
+    shown = prepared._replace(starts=starts)
+    return rows, _examples(motion.q, shown, fold[-1] >= 0, friction_of="fold")
+
+
+def _views(friction: Friction, prepared: Prepared) -> Iterator[tuple[Array, Prepared]]:
+    """Folds that see the data alike, and the data as they see them."""
+    folds = np.arange(len(friction.theta))
+    if friction.rig is None:
+        yield folds, prepared
+        return
+    for f in folds:
+        yield folds[f : f + 1], with_rig(prepared, friction.rig[f])
+
+
+def _predicted(
+    friction: Friction,
+    views: Sequence[tuple[Array, Prepared]],
+    starts: Starts,
+    owner: Array,
+) -> tuple[Starts, Rollout]:
+    """Starts with the measured angles that their owners (S,) see, and the motion they predict."""
+    measured, q, w = np.empty((3, *starts.measured.shape))
+    for own, view in views:
+        use = np.flatnonzero(np.isin(owner, own))
+        if len(use):
+            part = taken(view.starts, use)
+            measured[:, use] = part.measured
+            q[:, use], w[:, use] = predict(view.plant, friction[owner[use]], part)
+    return starts._replace(measured=measured), Rollout(q, w)
+
+
+def _ran(
+    friction: Friction, views: Sequence[tuple[Array, Prepared]], course: Course, held: Array
+) -> tuple[Array, Course]:
+    """Simulated angles of whole recordings, each by the friction that has not seen it."""
+    owner = np.maximum(held, 0)
+    measured, q = np.empty_like(course.measured), np.empty_like(course.measured)
+    for own, view in views:
+        assert view.course is not None
+        use = np.isin(owner, own)
+        measured[:, use] = view.course.measured[:, use]
+        if len(views) == 1:
+            return free_run(view.plant, friction[owner], view.course), view.course
+        part = some_of(view.course, np.flatnonzero(use))
+        q[:, use] = free_run(view.plant[np.flatnonzero(use)], friction[owner[use]], part)
+    return q, course._replace(measured=measured)
 
 
 def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[str, Any]]]:
@@ -169,11 +234,14 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
             f"data set {prepared.dataset.name!r} has {n} joints, the model's theta has shape "
             f"{tuple(friction.theta.shape)}: it must be ({n}, {len(friction.law.names)})"
         )
+    prepared = with_rig(prepared, friction.rig)
+    friction = replace(friction, rig=None)
     rows: list[Row] = []
     batch = friction[None]
     for score, problem in _problems(prepared):
         whole = np.zeros(len(problem.r), dtype=int)
-        rows += _pooled(one_step_rows(held_out_residual(batch, problem, whole), whole, score))
+        residual = held_out_residual(batch, problem, whole == 0, whole)
+        rows += _pooled(one_step_rows(residual, whole, score))
     starts = prepared.starts
     everyone = np.zeros(len(starts.recording), dtype=int)
     motion = predict(prepared.plant, batch[everyone], starts)

@@ -12,13 +12,13 @@ from frictionid.friction import Friction, along
 from frictionid.problem import Problem
 
 
-def held_out_residual(friction: Friction, problem: Problem, fold: Array) -> Array:
-    """Residuals (K, n) [rad/s], each row judged by the friction of the fold that holds it out.
+def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:
+    """Residuals (k, n) [rad/s] of some rows, each judged by the friction that has not seen it.
 
-    friction : batch of F frictions; fold : (K,) fold of each row.
+    friction : batch of F frictions; use : (K,) true for the k rows; fold : (k,) friction of each.
     """
     residual = problem.residual(along(friction, problem.nodes))
-    return residual[fold, np.arange(len(fold))]
+    return residual[fold, np.flatnonzero(use)]
 
 
 def one_step_rows(residual: Array, fold: Array, score: str) -> Iterator[Row]:
