@@ -68,7 +68,7 @@ def _pins() -> dict[str, Version]:
     return {canonicalize_name(name): Version(version) for name, version in pins}
 
 
-@pytest.mark.parametrize("group", ["core", "test", "dev"])
+@pytest.mark.parametrize("group", ["core", "test", "dev", "peers"])
 def test_constraints_pin_every_requirement_within_its_bounds(group: str) -> None:
     project, pins = _project(), _pins()
     wanted = project["dependencies"] if group == "core" else project["optional-dependencies"][group]
