@@ -30,14 +30,20 @@ from frictionid.evaluation import (
     under,
 )
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier
+from frictionid.identifiers import Identifier, Nothing, Published
 from frictionid.problem import Problem
 from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.recordings import Dataset
+from frictionid.shooting import Refined, Shooting, refine_folds
+from frictionid.shooting.track import Track, track_of
 
 
 class Result(NamedTuple):
-    """What a task found: rows of scores, friction of the folds and of all data, pictures' data."""
+    """What a task found: rows of scores, friction of the folds and of all data, pictures' data.
+
+    `curves` stand at the velocities (V, n) of `grid`; `refined` is what shooting knows of the
+    friction of all data.
+    """
 
     rows: tuple[Row, ...]
     friction: Friction
@@ -46,6 +52,8 @@ class Result(NamedTuple):
     motions: tuple[dict[str, Any], ...]
     tests: Mapping[str, tuple[Row, ...]]
     seconds: Mapping[str, float]
+    grid: Array
+    refined: Refined | None = None
 
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
@@ -81,9 +89,11 @@ class Ground(NamedTuple):
     tests: tuple[Prepared, ...]
     problems: Mapping[str, Problem]  # what each recipe fits, by its name
     weights: Mapping[str, Array]  # (F + 1, K): the rows that train each fold, and all rows
+    track: Track | None = None  # what shooting fits, and the intervals (F + 1, K) of each fold
+    training: Array | None = None
 
 
-def ground_of(contest: Contest, recipes: Sequence[Recipe]) -> Ground:
+def ground_of(contest: Contest, recipes: Sequence[Recipe | Shooting]) -> Ground:
     """States, problems, training rows and rollout starts of a contest.
 
     Raises
@@ -95,13 +105,21 @@ def ground_of(contest: Contest, recipes: Sequence[Recipe]) -> Ground:
     start_folds(prepared.starts, contest.folds, prepared.observed.causal)
     if prepared.course is not None:
         course_folds(prepared.course, contest.folds)
-    problems = {recipe.name: training_of(prepared, recipe) for recipe in recipes}
-    return Ground(
-        prepared,
-        tuple(prepare(test, contest.protocol) for test in contest.tests),
-        problems,
-        {name: _weights(contest, problem) for name, problem in problems.items()},
-    )
+    steps = {recipe.name: recipe for recipe in map(first_step, recipes)}
+    problems = {name: training_of(prepared, recipe) for name, recipe in steps.items()}
+    weights = {name: _weights(contest, problem) for name, problem in problems.items()}
+    tests = tuple(prepare(test, contest.protocol) for test in contest.tests)
+    if not any(isinstance(recipe, Shooting) for recipe in recipes):
+        return Ground(prepared, tests, problems, weights)
+    track = track_of(prepared.dataset, states=prepared.observed.smoothed)
+    training = contest.folds.training(track.recording, track.time, track.dt)
+    everything = np.ones((1, len(track.dt)))
+    return Ground(prepared, tests, problems, weights, track, np.concatenate([training, everything]))
+
+
+def first_step(recipe: Recipe | Shooting) -> Recipe:
+    """The one-step recipe that a fit uses, or begins with."""
+    return recipe.start if isinstance(recipe, Shooting) else recipe
 
 
 def _weights(contest: Contest, problem: Problem) -> Array:
@@ -117,7 +135,7 @@ def _weights(contest: Contest, problem: Problem) -> Array:
 def run(
     contest: Contest,
     identifier: Identifier,
-    recipe: Recipe,
+    recipe: Recipe | Shooting,
     seed: int = 0,
     ground: Ground | None = None,
 ) -> Result:
@@ -134,8 +152,12 @@ def run(
     ground = ground or ground_of(contest, [recipe])
     ready = time.perf_counter()
     unit = ground.prepared.plant.mechanism.description.angle_unit
-    problem, weights = ground.problems[recipe.name], ground.weights[recipe.name]
-    fitted = fit(identifier, problem, weights, seed, unit)
+    step = first_step(recipe).name
+    problem, weights = ground.problems[step], ground.weights[step]
+    fitted, found = fit(identifier, problem, weights, seed, unit), None
+    if isinstance(recipe, Shooting) and not isinstance(identifier, Nothing | Published):
+        assert ground.track is not None and ground.training is not None
+        fitted, found = refine_folds(fitted, ground.track, recipe, ground.training)
     done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]
     prepared = under(ground.prepared, fitted.parameters)
@@ -147,7 +169,10 @@ def run(
         pictures += shown
     lines = np.concatenate([curves(friction, prepared.grid), curves(overall, prepared.grid)[None]])
     seconds = {"prepare": ready - begin, "fit": done - ready, "score": time.perf_counter() - done}
-    return Result(tuple(rows), friction, overall, lines, tuple(pictures), tests, seconds)
+    return Result(
+        *(tuple(rows), friction, overall, lines, tuple(pictures)),
+        *(tests, seconds, prepared.grid, found),
+    )
 
 
 def fit(
@@ -177,7 +202,7 @@ def compare(
     dataset: Dataset,
     identifiers: Mapping[str, Identifier],
     folds: Folds,
-    recipes: Sequence[Recipe] = (INTEGRAL,),
+    recipes: Sequence[Recipe | Shooting] = (INTEGRAL,),
     protocol: Protocol | None = None,
     seed: int = 0,
 ) -> dict[tuple[str, str], Result]:

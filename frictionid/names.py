@@ -32,6 +32,16 @@ from frictionid.laws import (
     Stribeck,
 )
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
+from frictionid.shooting import Shooting
+from frictionid.shooting.blocks import (
+    BiasBlock,
+    Block,
+    DelayBlock,
+    FrictionBlock,
+    GainBlock,
+    InertiaBlock,
+    OffsetBlock,
+)
 from frictionid.states import RTS, Backward, Estimator, SavitzkyGolay
 from frictionid.store import load_model
 
@@ -196,4 +206,14 @@ ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
     "savgol": savgol,
     "rts": rts,
 }
-RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (STUDY, INTEGRAL)}
+RECIPES: Mapping[str, Recipe | Shooting] = {
+    recipe.name: recipe for recipe in (STUDY, INTEGRAL, Shooting())
+}
+BLOCKS: Mapping[str, Callable[..., Block]] = {
+    "friction": FrictionBlock,
+    "inertia": InertiaBlock,
+    "delay": DelayBlock,
+    "gain": GainBlock,
+    "bias": BiasBlock,
+    "offset": OffsetBlock,
+}

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.mechanics import Plant, mechanism_of, parameters_of, plant_of
 from frictionid.recordings import Dataset, Recording
 from frictionid.signals import Signal
@@ -62,12 +63,23 @@ def plant_under(dataset: Dataset, rig: Rig) -> Plant:
     """Plant of a data set, one entry for each recording, with the rig's base parameters.
 
     What a recording changes (an exchangeable mass) adds to them what it adds to the table's.
+
+    Raises
+    ------
+    InputError
+        Where the rig is that of another mechanism.
     """
     plant = plant_of(dataset)
     if rig.base is None:
         return plant
     table: Any = dataset.mechanism
     usual = mechanism_of(table).base(parameters_of(table, {}))
+    if np.shape(rig.base)[-1] != len(usual):
+        names = ", ".join(plant.mechanism.base_names)
+        raise InputError(
+            f"data set {dataset.name!r}: the model's rig has {np.shape(rig.base)[-1]} base "
+            f"parameters, this mechanism has {len(usual)} ({names})"
+        )
     return replace(plant, p=plant.p + (rig.base - usual))
 
 

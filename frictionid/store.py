@@ -20,6 +20,7 @@ import numpy as np
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, units_of
+from frictionid.rig import Rig
 
 FORMAT = "frictionid model 1"
 
@@ -129,6 +130,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
         "parameters": dict(friction.parameters),
         "provenance": dict(friction.provenance),
         **({} if friction.angle_unit == "rad" else {"angle_unit": friction.angle_unit}),
+        **({} if friction.rig is None else {"rig": asdict(friction.rig)}),
     }
 
 
@@ -163,7 +165,8 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str
         theta = _theta(document, law, where)
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
         unit = str(document.get("angle_unit", "rad"))
-        friction = Friction(law, theta, parameters, dict(document.get("provenance", {})), unit)
+        rig = _rig(document.get("rig"), where)
+        friction = Friction(law, theta, parameters, dict(document.get("provenance", {})), unit, rig)
     except InputError:
         raise
     except (TypeError, ValueError, AttributeError) as error:
@@ -174,6 +177,21 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str
         if not np.isfinite(value):
             raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
     return friction
+
+
+def _rig(table: Any, where: str) -> Rig | None:
+    """Rig of its table, every number finite."""
+    if table is None:
+        return None
+    names = [f.name for f in fields(Rig)]
+    if not isinstance(table, Mapping) or set(table) != set(names):
+        raise InputError(f'{where}: "rig" must have {", ".join(names)}')
+    numbers = {k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()}
+    for name, value in numbers.items():
+        known = value is not None and np.isfinite(value).all()
+        if not known and not (value is None and name == "base"):
+            raise InputError(f"{where}: rig.{name} must be finite numbers")
+    return Rig(**numbers)
 
 
 def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:

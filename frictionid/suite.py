@@ -11,6 +11,7 @@ import inspect
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -23,11 +24,13 @@ from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, Published
 from frictionid.mechanics import plant_of
-from frictionid.names import ESTIMATORS, IDENTIFIERS, LAWS, RECIPES, folds
+from frictionid.names import BLOCKS, ESTIMATORS, IDENTIFIERS, LAWS, RECIPES, folds
 from frictionid.readers.dataset import load_dataset
 from frictionid.readers.strict import STRICT, Strict, mistake, nearest
-from frictionid.recipe import Recipe
+from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.recordings import Dataset
+from frictionid.shooting import Settings, Shooting
+from frictionid.shooting.blocks import Block
 from frictionid.store import load_model
 from frictionid.tasks import Task
 
@@ -43,9 +46,21 @@ class DatasetEntry(Strict):
 
 
 class RecipeEntry(Strict):
-    """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest."""
+    """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest.
+
+    With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed` the
+    parameters of them that stay, `priors` their standard deviations; `start` is the recipe it
+    begins with, `windows` and `iterations` are its settings.
+    """
 
     name: Name
+    by: Literal["shooting"] | None = None
+    free: Annotated[list[str], Field(min_length=1)] | None = None
+    fixed: list[str] | None = None
+    priors: dict[str, Positive] | None = None
+    start: str | None = None
+    windows: Annotated[list[Positive], Field(min_length=1)] | None = None
+    iterations: Annotated[int, Field(ge=1)] | None = None
     states: dict[str, Any] | None = None
     scheme: Literal["euler", "integral"] | None = None
     rest: Annotated[float, Field(ge=0)] | None = None
@@ -182,13 +197,20 @@ def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset])
             )
 
 
-def recipe_of(entry: RecipeEntry) -> Recipe:
+def recipe_of(entry: RecipeEntry) -> Recipe | Shooting:
     """Recipe of its table."""
-    own = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
     where = f"recipe {entry.name!r}"
+    steps = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
+    shots = [key for key in _SHOTS if getattr(entry, key) is not None]
+    if entry.by == "shooting" or (entry.name == "shooting" and not steps):
+        if steps:
+            raise InputError(f"{where}: {steps[0]} belongs to one-step recipes, name one as start")
+        return shooting_of(entry, where)
+    if shots:
+        raise InputError(f'{where}: {shots[0]} needs by = "shooting"')
     if entry.name in RECIPES:
-        if own:
-            raise InputError(f"{where} has its own {own[0]}: give yours another name")
+        if steps:
+            raise InputError(f"{where} has its own {steps[0]}: give yours another name")
         return RECIPES[entry.name]
     if entry.states is None or entry.scheme is None:
         raise InputError(
@@ -198,7 +220,62 @@ def recipe_of(entry: RecipeEntry) -> Recipe:
     return Recipe(entry.name, states, entry.scheme, entry.rest or 0.0)
 
 
-def recipe_named(name: str) -> Recipe:
+_SHOTS = ("free", "fixed", "priors", "start", "windows", "iterations")
+
+
+def shooting_of(entry: RecipeEntry, where: str) -> Shooting:
+    """Shooting with the blocks and settings of its table."""
+    start = recipe_named(entry.start or INTEGRAL.name)
+    if isinstance(start, Shooting):
+        raise InputError(f"{where}: start = {entry.start!r} must be a one-step recipe")
+    blocks = blocks_of(entry.free or ["friction"], entry.fixed or [], entry.priors or {}, where)
+    usual = Settings()
+    settings = replace(
+        usual,
+        windows=tuple(entry.windows or usual.windows),
+        iterations=entry.iterations or usual.iterations,
+    )
+    return Shooting(entry.name, blocks, settings, start)
+
+
+def blocks_of(
+    free: Sequence[str], fixed: Sequence[str], priors: Mapping[str, float], where: str
+) -> tuple[Block, ...]:
+    """Blocks by their names; `fixed` parameters stay as they are, `priors` hold others near."""
+    for name in (*free, *priors):
+        if name not in BLOCKS:
+            raise InputError(f"{where}: block {name!r} is unknown; {nearest(name, BLOCKS)}")
+    for name in priors:
+        if name not in free:
+            raise InputError(f"{where}: a prior of block {name!r}, which is not free")
+    _distinct(list(free), "blocks")
+    inertia, own = _fixed(fixed, free, where)
+    blocks = []
+    for name in free:
+        settings: dict[str, Any] = {"prior": priors[name]} if name in priors else {}
+        if name in ("inertia", "friction"):
+            settings["fixed"] = inertia if name == "inertia" else own
+        blocks.append(BLOCKS[name](**settings))
+    return tuple(blocks)
+
+
+def _fixed(
+    fixed: Sequence[str], free: Sequence[str], where: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names "inertia.x" and "friction.x" of parameters that stay, without the block's name."""
+    parts: dict[str, list[str]] = {"inertia": [], "friction": []}
+    for name in fixed:
+        block, _, parameter = name.partition(".")
+        if block not in parts or not parameter or block not in free:
+            raise InputError(
+                f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME of a free block, "
+                'such as "inertia.gravity_2"'
+            )
+        parts[block].append(parameter)
+    return tuple(parts["inertia"]), tuple(parts["friction"])
+
+
+def recipe_named(name: str) -> Recipe | Shooting:
     """Recipe that stands as it is, by its name."""
     if name not in RECIPES:
         raise InputError(f"recipe {name!r} is unknown; {nearest(name, RECIPES)}")
@@ -206,7 +283,7 @@ def recipe_named(name: str) -> Recipe:
 
 
 def identifier_of(
-    entry: IdentifierEntry, folder: Path, recipes: Sequence[Recipe]
+    entry: IdentifierEntry, folder: Path, recipes: Sequence[Recipe | Shooting]
 ) -> tuple[str, Identifier, tuple[str, ...] | None]:
     """Name, identifier and (where it is limited to some) recipes of a suite's identifier table.
 

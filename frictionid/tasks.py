@@ -31,6 +31,7 @@ from frictionid.compare import Contest, Ground, Result, ground_of, run
 from frictionid.errors import InputError
 from frictionid.identifiers import Identifier, Nothing, Published
 from frictionid.recipe import Recipe
+from frictionid.shooting import Shooting, document_of
 from frictionid.store import model_document, read_json, remove_unfinished, write_json
 
 FORMAT = 1  # of the result files
@@ -42,7 +43,7 @@ class Task(NamedTuple):
     contest: Contest
     name: str
     identifier: Identifier
-    recipe: Recipe
+    recipe: Recipe | Shooting
     seed: int
 
     @property
@@ -305,4 +306,5 @@ def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, 
         "curves": result.curves,
         "motions": list(result.motions),
         "seconds": dict(result.seconds),
+        "refined": result.refined and document_of(result.refined, result.grid),
     }

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from frictionid.recipe import Recipe
+    from frictionid.shooting import Shooting
 
 
 def fit(
@@ -21,26 +25,37 @@ def fit(
         float | None, typer.Option(help="Use samples at least this far apart [s].")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
+    by: Annotated[str | None, typer.Option(help="shooting: refine what the recipe finds.")] = None,
+    free: Annotated[
+        str, typer.Option(help="What shooting frees: friction,inertia,delay,gain,bias,offset.")
+    ] = "friction",
+    fixed: Annotated[
+        list[str] | None,
+        typer.Option(help="A parameter that stays, e.g. inertia.gravity_2; repeatable."),
+    ] = None,
 ) -> None:
     """Fit friction to all recordings of a data set."""
     import numpy as np
 
+    from frictionid.compare import first_step, with_provenance
     from frictionid.compare import fit as find
-    from frictionid.compare import with_provenance
-    from frictionid.evaluation import Protocol
+    from frictionid.evaluation import Protocol, velocity_grid
     from frictionid.mechanics import plant_of
     from frictionid.names import LAWS
     from frictionid.readers.dataset import load_dataset
     from frictionid.recipe import training_problem
+    from frictionid.report import show_refined
+    from frictionid.shooting import Shooting, document_of, refine
     from frictionid.store import save_model
-    from frictionid.suite import identifier_named, recipe_named
+    from frictionid.suite import identifier_named
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
-    made = recipe_named(recipe)
+    made = _recipe(recipe, by, free, fixed or [])
+    step = first_step(made)
     protocol = Protocol(sample_time=sample_time)
     recordings = load_dataset(dataset, data)
     plant = plant_of(recordings)
-    problem = training_problem(recordings, plant, made, protocol.sample_time, protocol.history)
+    problem = training_problem(recordings, plant, step, protocol.sample_time, protocol.history)
     unit = plant.mechanism.description.angle_unit
     friction = find(chosen, problem, np.ones((1, len(problem.r))), seed, unit)[0]
     source: dict[str, Any] = {
@@ -51,9 +66,32 @@ def fit(
         "sample_time": sample_time,
         "seed": seed,
     }
+    if isinstance(made, Shooting):
+        found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
+        friction = found.friction
+        source["refined"] = document_of(found, velocity_grid(problem.nodes.inputs.w))
+        show_refined(source["refined"])
     save_model(with_provenance(friction, source), out, LAWS)
-    print(friction)
+    if not isinstance(made, Shooting):
+        print(friction)
     print(f"written to {out}")
+
+
+def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Recipe | Shooting:
+    """Recipe that the options name."""
+    from frictionid.errors import InputError
+    from frictionid.suite import RecipeEntry, recipe_named, shooting_of
+
+    if by is None:
+        if free != "friction" or fixed:
+            raise InputError("--free and --fixed need --by shooting")
+        return recipe_named(name)
+    if by != "shooting":
+        raise InputError(f"--by {by!r} is unknown; known is shooting")
+    blocks = [part.strip() for part in free.split(",")]
+    start = "integral" if name == "shooting" else name
+    entry = RecipeEntry(name="shooting", by="shooting", free=blocks, fixed=fixed, start=start)
+    return shooting_of(entry, "--by shooting")
 
 
 def _setting(text: str) -> tuple[str, Any]:

@@ -1,7 +1,19 @@
 """Shooting: friction, inertia and rig from the measured angles themselves, windows at a time."""
 
 from frictionid.shooting.covariance import Covariance
+from frictionid.shooting.document import document_of
+from frictionid.shooting.recipe import Shooting, refine_folds
 from frictionid.shooting.refine import Diagnostics, Place, Refined, refine
 from frictionid.shooting.settings import Settings
 
-__all__ = ["Covariance", "Diagnostics", "Place", "Refined", "Settings", "refine"]
+__all__ = [
+    "Covariance",
+    "Diagnostics",
+    "Place",
+    "Refined",
+    "Settings",
+    "Shooting",
+    "document_of",
+    "refine",
+    "refine_folds",
+]
