@@ -35,7 +35,7 @@ def mjcf(parameters: Mapping[str, float]) -> str:
     shaft = v["J_shaft"] + v["J_clamp"] + v["J_bush"] + v["J_link1"]
     link1 = _inertial([(v["m1"], v["L1"], shaft), (v["m2"], v["L2"], 0.0)])
     link2 = _inertial([(v["m3"], v["L3"], v["J2"]), (v["m4"], v["L4"], 0.0)])
-    # RK4: its smooth motion is exact to 1e-5 rad over a window with four steps a sample, where the
+    # RK4: smooth motion is exact to 4e-5 rad over a window with four steps a sample, where the
     # Euler-like integrators (default, implicit, implicitfast, discrete) are 4e-3 rad off.
     return f"""<mujoco>
   <compiler angle="radian"/>
