@@ -90,6 +90,7 @@ class Suite(Strict):
     history: Annotated[float, Field(ge=0)] = Protocol.history
     sample_time: Positive | None = None
     whole: bool = False
+    starts: Literal["filter", "model"] = "filter"
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
     datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
@@ -168,7 +169,12 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
     dataset = load_dataset(folder / entry.path, data)
     tests = tuple(load_dataset(folder / test, data) for test in entry.tests)
     protocol = Protocol(
-        tuple(suite.horizons), suite.every, suite.history, suite.sample_time, suite.whole
+        tuple(suite.horizons),
+        suite.every,
+        suite.history,
+        suite.sample_time,
+        suite.whole,
+        suite.starts,
     )
     return Contest(dataset, make_folds(dataset.recordings, suite.folds), protocol, tests)
 

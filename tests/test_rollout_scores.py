@@ -58,7 +58,7 @@ def test_the_truth_from_true_states_predicts_the_true_motion():
     ]
     starts = starts_of(data, true, horizons=(0.1, 0.5, 1.0))
     everyone = np.zeros(len(starts.recording), dtype=int)
-    motion = predict(plant_of(data), true_friction(TRUTH)[None][everyone], starts)
+    motion = predict(plant_of(data)[starts.recording], true_friction(TRUTH)[None][everyone], starts)
     rows = list(rollout_rows(motion, starts, np.zeros_like(starts.last)))
     for horizon in (0.1, 0.5, 1.0):
         truth = select(rows, score="rollout_angle_truth", statistic="q90", horizon_s=horizon)
@@ -104,7 +104,7 @@ def test_starts_know_nothing_of_what_comes_later():
         np.testing.assert_array_equal(before.q[early], other.q[early])
         np.testing.assert_array_equal(before.w[early], other.w[early])
         friction = Friction(FilmLag(), np.tile([[0.03, 0.01, 1.0, 0.0, 0.1]], (len(early), 1, 1)))
-        known = [predict(plant_of(data), friction, s).q[0] for s in (before, other)]
+        known = [predict(plant_of(data)[s.recording], friction, s).q[0] for s in (before, other)]
         np.testing.assert_array_equal(known[0][early], known[1][early])
         # and the disturbance is one that is felt
         assert np.abs(before.w[~early] - other.w[~early]).max() > 0.1
@@ -238,7 +238,7 @@ def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
     fold = start_folds(starts, folds, prepared.observed.causal)
     for f in range(4):
         alone = np.full(len(starts.recording), f)
-        motion = predict(prepared.plant, friction[alone], starts)
+        motion = predict(prepared.plant[starts.recording], friction[alone], starts)
         own = list(rollout_rows(motion, starts, np.where(fold == f, f, -1)))
         for row in own:
             if row.fold == str(f):
@@ -287,8 +287,9 @@ def test_a_remembering_law_is_predicted_with_the_memory_of_its_start():
     S = len(starts.recording)
     # a slow film: what happened before the start decides the friction after it
     friction = Friction(FilmLag(), np.tile([[0.0, 0.2, 3.0, 0.0, 5.0]], (S, 1, 1)))
-    warm = predict(plant_of(data), friction, starts)
-    cold = predict(plant_of(data), friction, starts._replace(nodes=_cold(starts)))
+    plant = plant_of(data)[starts.recording]
+    warm = predict(plant, friction, starts)
+    cold = predict(plant, friction, starts._replace(nodes=_cold(starts)))
     assert np.nanmax(np.abs(warm.q - cold.q)) > 0.01
 
 

@@ -91,7 +91,7 @@ def errors(dataset, friction):
     starts = make_starts(dataset, states, plant, (0.5,), every=1.5, begin=0.5)
     S = len(starts.recording)
     theta = np.broadcast_to(friction.theta, (S, *friction.theta.shape))
-    motion = predict(plant, Friction(friction.law, theta), starts)
+    motion = predict(plant[starts.recording], Friction(friction.law, theta), starts)
     off = (motion.q - starts.truth)[starts.last[0], np.arange(S)]
     return np.linalg.norm(off, axis=-1)
 

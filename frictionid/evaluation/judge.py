@@ -21,11 +21,12 @@ from frictionid.evaluation.free_run import (
     powered,
     some_of,
 )
+from frictionid.evaluation.observer import Past, make_past
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
 from frictionid.evaluation.rollouts import predict, rollout_rows
 from frictionid.evaluation.rows import Row
-from frictionid.evaluation.starts import Starts, make_starts, start_folds, taken
+from frictionid.evaluation.starts import Starts, make_starts, start_folds
 from frictionid.evaluation.truth import steady_state
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, plant_of
@@ -56,6 +57,7 @@ class Prepared(NamedTuple):
     integral: Problem
     starts: Starts
     course: Course | None
+    past: Past | None
     grid: Array
 
 
@@ -109,6 +111,15 @@ def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: P
     dataset = powered(dataset, plant)
     told = dataset, plant
     limits = protocol.sample_time, protocol.history
+    starts = make_starts(
+        dataset,
+        observed.causal,
+        plant,
+        protocol.horizons,
+        every=protocol.every,
+        begin=protocol.history,
+    )
+    own = protocol.starts == "model"
     return Prepared(
         dataset=dataset,
         protocol=protocol,
@@ -116,15 +127,9 @@ def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: P
         plant=plant,
         euler=problem_of(*told, STUDY, *limits, observed.backward),
         integral=problem_of(*told, INTEGRAL, *limits, observed.smoothed),
-        starts=make_starts(
-            dataset,
-            observed.causal,
-            plant,
-            protocol.horizons,
-            every=protocol.every,
-            begin=protocol.history,
-        ),
+        starts=starts,
         course=make_course(dataset, observed.causal, protocol.history) if protocol.whole else None,
+        past=make_past(dataset, observed.causal, starts) if own else None,
         grid=velocity_grid(speeds(dataset, observed.smoothed)),
     )
 
@@ -193,14 +198,19 @@ def _predicted(
     owner: Array,
 ) -> tuple[Starts, Rollout]:
     """Starts with the measured angles that their owners (S,) see, and the motion they predict."""
-    measured, q, w = np.empty((3, *starts.measured.shape))
+    starts = starts._replace(q=starts.q.copy(), u=starts.u.copy(), measured=starts.measured.copy())
+    first = views[0][1]
+    plant, past = first.plant[starts.recording], first.past
+    p = np.array(plant.p)
     for own, view in views:
         use = np.flatnonzero(np.isin(owner, own))
-        if len(use):
-            part = taken(view.starts, use)
-            measured[:, use] = part.measured
-            q[:, use], w[:, use] = predict(view.plant, friction[owner[use]], part)
-    return starts._replace(measured=measured), Rollout(q, w)
+        starts.q[use], p[use] = view.starts.q[use], view.plant.p[starts.recording[use]]
+        starts.u[:, use], starts.measured[:, use] = (
+            x[:, use] for x in (view.starts.u, view.starts.measured)
+        )
+        if past is not None and view.past is not None:
+            past = past.mixed(view.past, np.isin(past.owner, use))
+    return starts, predict(replace(plant, p=p), friction[owner], starts, past)
 
 
 def _ran(
@@ -244,7 +254,8 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
         rows += _pooled(one_step_rows(residual, whole, score))
     starts = prepared.starts
     everyone = np.zeros(len(starts.recording), dtype=int)
-    motion = predict(prepared.plant, batch[everyone], starts)
+    plant = prepared.plant[starts.recording]
+    motion = predict(plant, batch[everyone], starts, prepared.past)
     rows += _pooled(rollout_rows(motion, starts, np.zeros_like(starts.last)))
     if prepared.course is not None:
         all_ = np.zeros(len(prepared.course.names), dtype=int)

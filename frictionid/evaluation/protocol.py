@@ -15,6 +15,8 @@ class Protocol:
     history : [s] of each recording that nobody is scored on, at least the longest memory
     sample_time : [s] between the samples used, None for all
     whole : whether recordings are also simulated as a whole, from their start, see `free_run`
+    starts : who knows the state a rollout starts from, by samples up to there only: a kinematic
+        "filter", the same state for all, or each "model" itself, see `observer`
 
     >>> Protocol(horizons=(0.5,)).every
     0.25
@@ -25,6 +27,7 @@ class Protocol:
     history: float = 0.15
     sample_time: float | None = None
     whole: bool = False
+    starts: str = "filter"
 
     def __post_init__(self) -> None:
         if not self.horizons:
@@ -34,11 +37,12 @@ class Protocol:
         _check("every", self.every, math.isfinite(self.every) and self.every > 0, "positive [s]")
         fine = math.isfinite(self.history) and self.history >= 0
         _check("history", self.history, fine, "0 s or more, and finite")
+        _check("starts", self.starts, self.starts in ("filter", "model"), '"filter" or "model"')
         apart = self.sample_time
         if apart is not None:
             _check("sample_time", apart, math.isfinite(apart) and apart > 0, "positive [s]")
 
 
-def _check(name: str, value: float, fine: bool, rule: str) -> None:
+def _check(name: str, value: float | str, fine: bool, rule: str) -> None:
     if not fine:
         raise InputError(f"{name}: {value} must be {rule}")

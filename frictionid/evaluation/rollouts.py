@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.evaluation.observer import Past, found
 from frictionid.evaluation.rows import Row, summarise_rollouts
 from frictionid.evaluation.starts import Starts
 from frictionid.friction import Friction, Inputs, Memory, memory_along
@@ -15,10 +16,16 @@ from frictionid.rollout import Rollout, rollout
 from frictionid.step import State
 
 
-def predict(plant: Plant, friction: Friction, starts: Starts) -> Rollout:
-    """Motion from all starts; friction has one entry for each start, theta (S, n, P)."""
-    state = State(starts.q, starts.w, _memory(friction, starts))
-    return rollout(plant[starts.recording], friction, state, starts.u, starts.dt)
+def predict(plant: Plant, friction: Friction, starts: Starts, past: Past | None = None) -> Rollout:
+    """Motion from all starts; plant and friction have one entry for each start, theta (S, n, P).
+
+    past : where each friction finds the start states itself, see `observer`
+    """
+    if past is None:
+        state = State(starts.q, starts.w, _memory(friction, starts))
+    else:
+        state = found(plant, friction, past, starts)
+    return rollout(plant, friction, state, starts.u, starts.dt)
 
 
 def _memory(friction: Friction, starts: Starts) -> Memory:

@@ -40,21 +40,6 @@ class Starts(NamedTuple):
     nodes: Nodes
 
 
-def taken(starts: Starts, rows: Array) -> Starts:
-    """Some of the starts."""
-    return starts._replace(
-        recording=starts.recording[rows],
-        index=starts.index[rows],
-        q=starts.q[rows],
-        w=starts.w[rows],
-        u=starts.u[:, rows],
-        dt=starts.dt[:, rows],
-        measured=starts.measured[:, rows],
-        truth=None if starts.truth is None else starts.truth[:, rows],
-        last=starts.last[:, rows],
-    )
-
-
 def make_starts(
     dataset: Dataset,
     states: Sequence[States],

@@ -67,6 +67,12 @@ class Scene(NamedTuple):
     base: tuple[int, ...]
     seen: Seen
 
+    def take(self, rows: Array) -> Scene:
+        """That of some rows; friction may have one entry for each, or one for all."""
+        batch = np.ndim(self.friction.theta) > 2
+        friction = self.friction[rows] if batch else self.friction
+        return self._replace(plant=self.plant[rows], friction=friction)
+
     @property
     def directions(self) -> int:
         """Number of free friction and base parameters."""
@@ -93,7 +99,7 @@ def ends(scene: Scene, start: State, forces: Forces, dt: Array, fine: int) -> En
         parts = []
         for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
             if len(rows):
-                some = scene._replace(plant=scene.plant[rows])
+                some = scene.take(rows)
                 here = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
                 there = _taken(tangent, rows)
                 end = _piece(some, here, there, u[rows], by[:, rows], part[rows] / count, count)
@@ -250,7 +256,8 @@ def _gripped(scene: Scene, state: State, u: Array, grip: Grip, of: Slopes) -> Sl
     rows = np.flatnonzero(level.any(-1))
     if not len(rows):
         return of
-    plant = scene.plant[rows]
+    scene = scene.take(rows)
+    plant = scene.plant
     some = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
     x = contact.inputs(plant, scene.friction, some, u[rows])
     brakes = grip.brakes[rows]  # type: ignore[index]

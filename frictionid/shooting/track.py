@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -42,6 +42,11 @@ class Track:
     def n(self) -> int:
         """Number of joints."""
         return int(self.q.shape[1])
+
+    def take(self, rows: Array) -> Track:
+        """Some of the intervals, as often as they are asked for."""
+        names = [f.name for f in fields(self) if f.name not in ("dataset", "states")]
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def track_of(
