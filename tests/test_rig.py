@@ -1,4 +1,4 @@
-"""What a fit found of machine and sensors: undone in the data, added to the machine, kept in files."""
+"""What a fit found of machine and sensors: undone in the data, added to it, kept in files."""
 
 from __future__ import annotations
 
