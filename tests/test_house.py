@@ -274,13 +274,14 @@ def test_required_recordings_may_not_be_skipped(
         )
 
 
-def test_the_examples_of_the_readme_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    path = ROOT / "README.md"
+@pytest.mark.parametrize("name", ["README.md", "docs/shooting.md"])
+def test_the_examples_of_the_pages_run(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    path = ROOT / name
     assert path.exists()
     monkeypatch.chdir(ROOT)
     # a fence ends what an example prints, as an empty line would
     text = re.sub(r"^```.*$", "", path.read_text(), flags=re.MULTILINE)
-    example = doctest.DocTestParser().get_doctest(text, {}, "README", str(path), 0)
+    example = doctest.DocTestParser().get_doctest(text, {}, name, str(path), 0)
     said: list[str] = []
     outcome = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(
         example, out=said.append
