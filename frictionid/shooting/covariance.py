@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.shooting.blocks.block import Entry
@@ -53,7 +53,7 @@ class Covariance:
 
     def interval(self, level: float = 0.95) -> Array:
         """Lower and upper ends (D, 2) of each parameter's interval; its bounds limit it."""
-        reach = student.ppf(0.5 + level / 2, self.freedom) * self.error
+        reach = stdtrit(self.freedom, 0.5 + level / 2) * self.error
         low, high = (np.array([getattr(e, name) for e in self.entries]) for name in ("low", "high"))
         return np.stack(
             [np.maximum(self.values - reach, low), np.minimum(self.values + reach, high)], axis=-1
@@ -66,7 +66,7 @@ class Covariance:
         Not at a bound, and with a 95 % interval no wider, to either side, than the value: of a
         delay, a bias or an offset, whose value may well be zero, the interval must only be finite.
         """
-        reach = student.ppf(0.975, self.freedom) * self.error
+        reach = stdtrit(self.freedom, 0.975) * self.error
         zero = np.array([e.block in ("delay", "bias", "offset") for e in self.entries], dtype=bool)
         small = reach <= np.abs(self.values)
         return np.asarray(np.isfinite(reach) & ~self.bound & (small | zero), dtype=bool)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
@@ -80,7 +80,7 @@ class Refined:
         sure = np.isfinite(covariance.error)
         inner = covariance.matrix[np.ix_(sure, sure)]
         error = np.sqrt(np.einsum("vnd,de,vne->vn", slope[..., sure], inner, slope[..., sure]))
-        point = student.ppf(0.5 + level / 2, covariance.freedom) * error
+        point = stdtrit(covariance.freedom, 0.5 + level / 2) * error
         off = (covariance.draws(seed) - covariance.values)[:, sure]
         size = np.abs(np.einsum("vnd,bd->bvn", slope[..., sure], off))
         ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
