@@ -1,7 +1,7 @@
 """The result folder of a comparison: its tables are a reduction of the tasks' files.
 
 tasks/*.json      one file for each task, all that is needed below
-datasets.json     velocities, true curves and origin of the data sets
+datasets.json     velocities, true curves and parameters, and origin of the data sets
 provenance.json   versions, hashes of data and folds, settings
 scores.csv        all scores, one per line
 timings.csv       seconds of each task (no part of reproducibility)
@@ -16,15 +16,16 @@ import shutil
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 
 from frictionid.compare import Ground
 from frictionid.errors import InputError
-from frictionid.evaluation import Prepared, Row, curves, speeds, steady_state
-from frictionid.mechanics import mechanism_of
+from frictionid.evaluation import Prepared, Row, curves, speeds, steady_state, true_friction
+from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.recordings import Dataset
 from frictionid.store import read_json, remove_unfinished, write_json, write_text
 from frictionid.tasks import Task, file_name
 
@@ -106,9 +107,40 @@ def _about(prepared: Prepared) -> dict[str, Any]:
         "samples": sum(len(r.angle.time) for r in dataset.recordings),
         "seconds": sum(float(r.angle.time[-1] - r.angle.time[0]) for r in dataset.recordings),
         "velocity": grid,
+        "measured": [w.min(axis=0), w.max(axis=0)],
         "truth": truth,
+        "true_parameters": None if dataset.truth is None else _true_parameters(dataset),
         "density": density,
     }
+
+
+def _true_parameters(dataset: Dataset) -> dict[str, Any]:
+    """What the simulation knows of each block of parameters: friction's by name, for each joint.
+
+    Names of laws without a side have a value where both sides have the same one.
+    """
+    table: Any = dataset.truth
+    truth = true_friction(table) or steady_state(table)
+    friction: dict[str, Any] = {
+        name: truth.theta[:, i].tolist() for i, name in enumerate(truth.law.names)
+    }
+    for name in ("coulomb", "peak"):
+        sides = zip(friction[f"{name}_positive"], friction[f"{name}_negative"], strict=True)
+        friction[name] = [a if a == b else None for a, b in sides]
+    # without a peak its width is any
+    peaks = zip(friction["peak_positive"], friction["peak_negative"], strict=True)
+    friction["stribeck_velocity"] = [
+        v if any(p) else None for v, p in zip(friction["stribeck_velocity"], peaks, strict=True)
+    ]
+    out: dict[str, Any] = {"friction": friction}
+    if "rig" in table:
+        rig, told = table["rig"], cast(Any, dataset.mechanism)
+        mechanism = mechanism_of(told)
+        base = mechanism.base(parameters_of(told, rig.get("parameters", {})))
+        out |= {"inertia": dict(zip(mechanism.base_names, base.tolist(), strict=True))}
+        out |= {"delay": rig.get("torque_delay", 0.0), "gain": rig.get("torque_gain", 1.0)}
+        out |= {"bias": 0.0, "offset": 0.0}
+    return out
 
 
 def task_documents(folder: Path) -> list[dict[str, Any]]:
@@ -131,7 +163,18 @@ def task_documents(folder: Path) -> list[dict[str, Any]]:
                 f"{path}: is no whole result, or does not fit datasets.json: finish the comparison "
                 "anew with --resume"
             )
-    return list(documents.values())
+    return [_counted(task) for task in documents.values()]
+
+
+def _counted(task: dict[str, Any]) -> dict[str, Any]:
+    """A task's document that counts all that was fitted, not the numbers of friction alone."""
+    parameters = (task.get("refined") or {"parameters": ()})["parameters"]
+    more = sum(entry["block"] != "friction" for entry in parameters)
+    rows = {
+        dataset: [[*r[:5], r[5] + more, r[6]] if r[1] == "n_parameters" else r for r in own]
+        for dataset, own in task["rows"].items()
+    }
+    return {**task, "rows": rows}
 
 
 def _whole(task: Mapping[str, Any], about: Mapping[str, Any]) -> bool:

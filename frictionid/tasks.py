@@ -306,5 +306,5 @@ def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, 
         "curves": result.curves,
         "motions": list(result.motions),
         "seconds": dict(result.seconds),
-        "refined": result.refined and document_of(result.refined, result.grid),
+        "refined": result.refined and document_of(result.refined, dataset, result.grid),
     }

@@ -69,7 +69,8 @@ def fit(
     if isinstance(made, Shooting):
         found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
         friction = found.friction
-        source["refined"] = document_of(found, velocity_grid(problem.nodes.inputs.w))
+        grid = velocity_grid(problem.nodes.inputs.w)
+        source["refined"] = document_of(found, recordings, grid)
         show_refined(source["refined"])
     save_model(with_provenance(friction, source), out, LAWS)
     if not isinstance(made, Shooting):

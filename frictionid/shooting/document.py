@@ -7,16 +7,27 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.recordings import Dataset
 from frictionid.shooting.refine import Refined
 
 LEVELS = (0.9, 0.95)
+BEYOND = 1.5  # of the curves' velocities: that far the bands reach, to be seen growing
+_IDEAL = {"gain": 1.0, "delay": 0.0, "bias": 0.0, "offset": 0.0}
 
 
-def document_of(result: Refined, grid: Array) -> dict[str, Any]:
-    """Parameters with intervals, correlation, bands on a velocity grid (V, n), and how it went."""
+def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any]:
+    """Parameters with intervals, correlation, curves with bands, and how it went.
+
+    Each parameter has beside it what is told of it: the data set's mechanism gives base parameters,
+    a log of sensors without faults the rest; of friction nothing is told. `bands` has the curve of
+    each joint with half-widths at velocities (V, n), half as far again as those of the grid (V, n).
+    """
     covariance, went = result.covariance, result.diagnostics
     intervals = {level: covariance.interval(level) for level in LEVELS}
     identified, error = covariance.identified, covariance.error
+    table: Any = dataset.mechanism
+    base = mechanism_of(table).base(parameters_of(table, {}))
     parameters = [
         {
             "block": entry.block,
@@ -28,10 +39,13 @@ def document_of(result: Refined, grid: Array) -> dict[str, Any]:
             **{f"interval_{round(100 * v)}": ends[k].tolist() for v, ends in intervals.items()},
             "at_bound": bool(covariance.bound[k]),
             "identified": bool(identified[k]),
+            "prior": entry.prior if np.isfinite(entry.prior) else None,
+            "told": float(base[entry.place[0]])
+            if entry.block == "inertia"
+            else _IDEAL.get(entry.block),
         }
         for k, entry in enumerate(covariance.entries)
     ]
-    pointwise, simultaneous = result.bands(grid)
     return {
         "parameters": parameters,
         "correlation": np.asarray(covariance.correlation),
@@ -40,11 +54,25 @@ def document_of(result: Refined, grid: Array) -> dict[str, Any]:
         "clusters": covariance.clusters,
         "singular_values": covariance.singular,
         "undetermined": list(covariance.undetermined),
-        "bands": {"level": 0.95, "pointwise": pointwise, "simultaneous": simultaneous},
+        "bands": _bands(result, BEYOND * grid),
         "angle_noise": went.sigma,
         "windows": went.windows,
         "left_out": [place._asdict() for place in went.left_out],
         "unexplained": [place._asdict() for place in went.unexplained],
         "settled": went.settled,
         "iterations": went.iterations,
+    }
+
+
+def _bands(result: Refined, w: Array) -> dict[str, Any]:
+    """Curves (V, n) at velocities w (V, n) with their half-widths."""
+    friction = result.friction
+    curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
+    pointwise, simultaneous = result.bands(w)
+    return {
+        "level": 0.95,
+        "velocity": w,
+        "curve": curve,
+        "pointwise": pointwise,
+        "simultaneous": simultaneous,
     }
