@@ -78,9 +78,27 @@ def terminal_voltage(servo: Servo, angle: Signal) -> Signal:
     return Signal(time, servo.voltage(time, angle.value) * servo.connected(time))
 
 
-def servo_torque(servo: Servo, angle: Signal) -> Signal:
-    """Torque [N m] along recorded angles, with velocities by central differences."""
+def servo_torque(servo: Servo, angle: Signal, delay: float = 0.0) -> Signal:
+    """Torque [N m] along recorded angles, with velocities by central differences.
+
+    delay : [s], how much later than by the clock of the angles the voltage acts
+    """
     time = angle.time
+    then = time - delay
     w = np.gradient(angle.value, time, axis=0)
-    torque = motor_torque(servo.voltage(time, angle.value), w, servo.kt, servo.R)
-    return Signal(time, torque * servo.connected(time))
+    torque = motor_torque(servo.voltage(then, sample(angle, then)), w, servo.kt, servo.R)
+    return Signal(time, torque * servo.connected(then))
+
+
+def applied_voltage(servo: Servo, angle: Signal) -> Signal:
+    """Voltage [V] along recorded angles that falls, and rises, at once where motors are switched.
+
+    Samples just before those of the switch hold what acted until then.
+    """
+    time, on = angle.time, servo.connected(angle.time)
+    volts = servo.voltage(time, angle.value)
+    at = 1 + np.flatnonzero((np.diff(on, axis=0) != 0).any(axis=1))
+    just = time[at] - 1e-6 * np.diff(time)[at - 1]
+    return Signal(
+        np.insert(time, at, just), np.insert(volts * on, at, volts[at] * on[at - 1], axis=0)
+    )

@@ -34,6 +34,7 @@ from frictionid.laws import (
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.shooting import Shooting
 from frictionid.shooting.blocks import (
+    ActuatorBlock,
     BiasBlock,
     Block,
     DelayBlock,
@@ -216,4 +217,5 @@ BLOCKS: Mapping[str, Callable[..., Block]] = {
     "gain": GainBlock,
     "bias": BiasBlock,
     "offset": OffsetBlock,
+    "actuator": ActuatorBlock,
 }

@@ -3,6 +3,8 @@
 A recorded torque u and angle q belong to the true ones by
 
 u_true(t) = gain u(t - delay) + bias,    q_true = q - offset.
+
+Where a servo drives, kt and R of its motors may be found, too: then u follows from its voltage.
 """
 
 from __future__ import annotations
@@ -12,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.actuator import servo_torque
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant, mechanism_of, parameters_of, plant_of
 from frictionid.recordings import Dataset, Recording
-from frictionid.signals import Signal
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,8 @@ class Rig:
     """Base parameters of the machine, and what its sensors do; leading axes are batches.
 
     base (..., nb), or None where the data set's hold; gain (..., n); delay (...) [s], positive
-    where the torque acts later than it was logged; bias (..., n) [N m]; offset (..., n) [rad].
+    where the torque acts later than it was logged; bias (..., n) [N m]; offset (..., n) [rad];
+    motor (..., 2), kt [N m/A] and R [Ohm] of servos, or None where those of the recordings hold.
 
     >>> rig = Rig.ideal(2)
     >>> rig.gain, float(rig.delay)
@@ -36,6 +39,7 @@ class Rig:
     delay: Array
     bias: Array
     offset: Array
+    motor: Array | None = None
 
     @staticmethod
     def ideal(n: int, base: Array | None = None) -> Rig:
@@ -44,16 +48,20 @@ class Rig:
 
     def __getitem__(self, index: Any) -> Rig:
         """Rig at an index into the batch axes."""
-        base = None if self.base is None else self.base[index]
-        return Rig(base, *(x[index] for x in (self.gain, self.delay, self.bias, self.offset)))
+        base, motor = (None if x is None else x[index] for x in (self.base, self.motor))
+        gain, delay, bias, offset = (getattr(self, name)[index] for name in _SENSORS)
+        return Rig(base, gain, delay, bias, offset, motor)
 
 
 def stacked(rigs: list[Rig]) -> Rig:
     """One rig with a new leading batch axis."""
     parts = {name: np.stack([getattr(r, name) for r in rigs]) for name in _SENSORS}
-    bases = [r.base for r in rigs]
-    known = [base for base in bases if base is not None]
-    return Rig(np.stack(known) if len(known) == len(bases) else None, **parts)
+    return Rig(_all([r.base for r in rigs]), **parts, motor=_all([r.motor for r in rigs]))
+
+
+def _all(values: list[Array | None]) -> Array | None:
+    known = [value for value in values if value is not None]
+    return np.stack(known) if len(known) == len(values) else None
 
 
 _SENSORS = ("gain", "delay", "bias", "offset")
@@ -91,10 +99,14 @@ def corrected(dataset: Dataset, rig: Rig) -> Dataset:
 
 
 def _corrected(recording: Recording, rig: Rig, driven: Array) -> Recording:
-    angle, torque = recording.angle, recording.torque
+    angle, torque, servo = recording.angle, recording.torque, recording.servo
+    angle = angle._replace(value=angle.value - rig.offset)
+    if servo is not None:
+        servo = replace(servo, goal=servo.goal._replace(value=servo.goal.value - rig.offset))
+    if servo is not None and rig.motor is not None:
+        servo = servo.with_motor(*rig.motor)
+        torque = servo_torque(servo, angle, float(rig.delay))
+    else:
+        torque = torque._replace(time=torque.time + rig.delay)
     felt = (rig.gain * torque.value + rig.bias) * driven
-    return replace(
-        recording,
-        angle=angle._replace(value=angle.value - rig.offset),
-        torque=Signal(torque.time + rig.delay, felt, torque.hold, torque.sigma),
-    )
+    return replace(recording, angle=angle, torque=torque._replace(value=felt), servo=servo)

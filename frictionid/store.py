@@ -183,13 +183,13 @@ def _rig(table: Any, where: str) -> Rig | None:
     """Rig of its table, every number finite."""
     if table is None:
         return None
-    names = [f.name for f in fields(Rig)]
-    if not isinstance(table, Mapping) or set(table) != set(names):
-        raise InputError(f'{where}: "rig" must have {", ".join(names)}')
+    names = [f.name for f in fields(Rig) if f.name != "motor"]
+    if not isinstance(table, Mapping) or set(table) - {"motor"} != set(names):
+        raise InputError(f'{where}: "rig" must have {", ".join(names)}, and may have motor')
     numbers = {k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()}
     for name, value in numbers.items():
         known = value is not None and np.isfinite(value).all()
-        if not known and not (value is None and name == "base"):
+        if not known and not (value is None and name in ("base", "motor")):
             raise InputError(f"{where}: rig.{name} must be finite numbers")
     return Rig(**numbers)
 

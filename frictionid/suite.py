@@ -255,30 +255,28 @@ def blocks_of(
         if name not in free:
             raise InputError(f"{where}: a prior of block {name!r}, which is not free")
     _distinct(list(free), "blocks")
-    inertia, own = _fixed(fixed, free, where)
+    stay = _fixed(fixed, free, where)
     blocks = []
     for name in free:
         settings: dict[str, Any] = {"prior": priors[name]} if name in priors else {}
-        if name in ("inertia", "friction"):
-            settings["fixed"] = inertia if name == "inertia" else own
+        if name in stay:
+            settings["fixed"] = stay[name]
         blocks.append(BLOCKS[name](**settings))
     return tuple(blocks)
 
 
-def _fixed(
-    fixed: Sequence[str], free: Sequence[str], where: str
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names "inertia.x" and "friction.x" of parameters that stay, without the block's name."""
-    parts: dict[str, list[str]] = {"inertia": [], "friction": []}
+def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, tuple[str, ...]]:
+    """Parameters that stay, told as "inertia.x", "friction.x" or "actuator.x", of each block."""
+    parts: dict[str, list[str]] = {"inertia": [], "friction": [], "actuator": []}
     for name in fixed:
         block, _, parameter = name.partition(".")
         if block not in parts or not parameter or block not in free:
             raise InputError(
-                f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME of a free block, "
-                'such as "inertia.gravity_2"'
+                f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME, actuator.kt or "
+                'actuator.R of a free block, such as "inertia.gravity_2"'
             )
         parts[block].append(parameter)
-    return tuple(parts["inertia"]), tuple(parts["friction"])
+    return {block: tuple(names) for block, names in parts.items()}
 
 
 def recipe_named(name: str) -> Recipe | Shooting:

@@ -76,11 +76,12 @@ def prepare(
     """
     apart = protocol.sample_time
     estimators = (STUDY.states, INTEGRAL.states, Causal())
+    plant = plant_of(dataset, parameters)
     return _prepared(
-        dataset,
+        powered(dataset, plant),
         protocol,
         Observed(*(states_of(dataset, estimator, apart) for estimator in estimators)),
-        plant_of(dataset, parameters),
+        plant,
     )
 
 
@@ -89,7 +90,8 @@ def under(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:
     if not parameters:
         return prepared
     plant = plant_of(prepared.dataset, parameters)
-    return _prepared(prepared.dataset, prepared.protocol, prepared.observed, plant)
+    dataset = powered(prepared.dataset, plant)
+    return _prepared(dataset, prepared.protocol, prepared.observed, plant)
 
 
 def with_rig(prepared: Prepared, rig: Rig | None) -> Prepared:
@@ -108,7 +110,6 @@ def _shifted(states: tuple[States, ...], offset: Array) -> tuple[States, ...]:
 def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: Plant) -> Prepared:
     if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
         raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
-    dataset = powered(dataset, plant)
     told = dataset, plant
     limits = protocol.sample_time, protocol.history
     starts = make_starts(

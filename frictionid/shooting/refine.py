@@ -18,6 +18,7 @@ from frictionid.rig import Rig
 from frictionid.shooting.blocks.block import Block, Guess
 from frictionid.shooting.blocks.friction import FrictionBlock
 from frictionid.shooting.covariance import Covariance, covariance_of
+from frictionid.shooting.driven import driven_of, has_actuator, motored
 from frictionid.shooting.intervals import Intervals, intervals_of
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import Shot, settle
@@ -140,8 +141,10 @@ def begin(
     rig = friction.rig or Rig.ideal(mechanism.n)
     rig = rig if rig.base is not None else replace(rig, base=base)
     guess = Guess(friction, rig, mechanism)
+    guess = motored(guess, track.dataset) if has_actuator(blocks) else guess
     check_blocks(blocks, guess, track)
-    return intervals_of(track, guess, blocks, settings), guess
+    made = driven_of if has_actuator(blocks) else intervals_of
+    return made(track, guess, blocks, settings), guess
 
 
 def refined(intervals: Intervals, shot: Shot, blocks: tuple[Block, ...]) -> Refined:

@@ -1,5 +1,6 @@
 """Blocks of parameters that shooting can free: friction, inertia, and what sensors do."""
 
+from frictionid.shooting.blocks.actuator import ActuatorBlock
 from frictionid.shooting.blocks.bias import BiasBlock
 from frictionid.shooting.blocks.block import Block, Entry, Guess
 from frictionid.shooting.blocks.delay import DelayBlock
@@ -9,6 +10,7 @@ from frictionid.shooting.blocks.inertia import InertiaBlock
 from frictionid.shooting.blocks.offset import OffsetBlock
 
 __all__ = [
+    "ActuatorBlock",
     "BiasBlock",
     "Block",
     "DelayBlock",

@@ -43,7 +43,8 @@ class Entry(NamedTuple):
 class Block(Protocol):
     """A block: its free parameters, and how they enter.
 
-    `enters` is "friction", "base", "torque" or "angle": which of the physics' inputs they are.
+    `enters` is "friction", "base", "torque", "angle" or "actuator": which of the physics' inputs
+    they are.
     """
 
     @property
