@@ -27,7 +27,7 @@ def fit(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
     by: Annotated[str | None, typer.Option(help="shooting: refine what the recipe finds.")] = None,
     free: Annotated[
-        str, typer.Option(help="What shooting frees: friction,inertia,delay,gain,bias,offset.")
+        str, typer.Option(help="Blocks: friction,inertia,delay,gain,bias,offset,actuator.")
     ] = "friction",
     fixed: Annotated[
         list[str] | None,
@@ -51,11 +51,10 @@ def fit(
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
     made = _recipe(recipe, by, free, fixed or [])
-    step = first_step(made)
-    protocol = Protocol(sample_time=sample_time)
+    step, history = first_step(made), Protocol(sample_time=sample_time).history
     recordings = load_dataset(dataset, data)
     plant = plant_of(recordings)
-    problem = training_problem(recordings, plant, step, protocol.sample_time, protocol.history)
+    problem = training_problem(recordings, plant, step, sample_time, history)
     unit = plant.mechanism.description.angle_unit
     friction = find(chosen, problem, np.ones((1, len(problem.r))), seed, unit)[0]
     source: dict[str, Any] = {
@@ -69,12 +68,12 @@ def fit(
     if isinstance(made, Shooting):
         found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
         friction = found.friction
-        grid = velocity_grid(problem.nodes.inputs.w)
-        source["refined"] = document_of(found, recordings, grid)
-        show_refined(source["refined"])
-    save_model(with_provenance(friction, source), out, LAWS)
-    if not isinstance(made, Shooting):
+        document = document_of(found, recordings, velocity_grid(problem.nodes.inputs.w))
+        source["refined"] = document
+        show_refined(document)
+    else:
         print(friction)
+    save_model(with_provenance(friction, source), out, LAWS)
     print(f"written to {out}")
 
 

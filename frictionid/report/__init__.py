@@ -6,12 +6,12 @@ pairs       differences between models against the scatter over the folds
 tables      tables as Markdown, LaTeX and for the terminal
 findings    sentences that the numbers support; summary: the page that holds all of it
 boxplots, horizons, tradeoff, curves, motion: one kind of picture each; style: common looks
-refined     parameters with intervals, as shooting finds them
-write       all files of a report; terminal: the summary table printed
+refined     what shooting found; intervals: its tables; remarks: its sentences; correlation, bands:
+            its pictures; found: all of it for the page
+write       all files of a report; terminal: what is printed of it
 """
 
-from frictionid.report.refined import show_refined
-from frictionid.report.terminal import show, show_scores
+from frictionid.report.terminal import show, show_refined, show_scores
 from frictionid.report.write import build
 
 __all__ = ["build", "show", "show_refined", "show_scores"]

@@ -63,6 +63,7 @@ class Entry:
     theta: Array  # (F, n, P)
     model: Mapping[str, Any]
     settings: Mapping[str, str]  # constructor calls of identifier and recipe
+    refined: Mapping[str, Any] | None = None  # what shooting found, where it did
 
     @property
     def title(self) -> str:
@@ -169,6 +170,7 @@ def _entry(task: Mapping[str, Any], tasks: Sequence[Mapping[str, Any]]) -> Entry
         theta=theta,
         model=task["model"],
         settings=task["settings"],
+        refined=task.get("refined") or None,
     )
 
 

@@ -187,6 +187,8 @@ def true_prediction(m: Matter) -> str:
         return ""
     size = _size(m, truth[0], m.last)
     apart = paired(truth[0], first, m.dataset, m.last)
+    if apart.clear is None:
+        return f"The true friction itself is {size} off."
     if not apart.clear:
         return f"The true friction itself is {size} off, not distinguishable from that."
     if apart.mean > 0:
@@ -210,6 +212,7 @@ def one_step(m: Matter) -> str:
     elif predictor is not None:
         clear = paired(lowest, predictor, m.dataset, m.last).clear
         verdict = "predicts clearly worse" if clear else "does not predict measurably worse"
+        verdict = "predicts worse, how surely is not known" if clear is None else verdict
         told += f"{m.name(lowest)}, which {verdict}"
     else:
         told += m.name(lowest)

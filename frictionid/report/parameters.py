@@ -10,6 +10,7 @@ import pandas as pd
 
 from frictionid.report.evidence import ANY, Entry, Section
 from frictionid.report.numbers import NOTHING, fixed
+from frictionid.report.refined import estimates
 from frictionid.report.tables import Cell, Column, Line, Table
 
 DIGITS = 4  # significant, of the largest of a line
@@ -18,18 +19,12 @@ DIGITS = 4  # significant, of the largest of a line
 def parameter_numbers(section: Section) -> pd.DataFrame:
     """Numbers of every parameter of every model, one line each.
 
-    Columns: identifier, recipe, role, joint, parameter, unit, mean, sd (over the folds), all_data.
+    Columns: identifier, recipe, role, joint, parameter, unit, mean, sd (over the folds), all_data,
+    identified (by shooting; else nothing).
     """
     columns = (
-        "identifier",
-        "recipe",
-        "role",
-        "joint",
-        "parameter",
-        "unit",
-        "mean",
-        "sd",
-        "all_data",
+        *("identifier", "recipe", "role", "joint", "parameter", "unit"),
+        *("mean", "sd", "all_data", "identified"),
     )
     lines = [line for entry in section.entries for line in _lines(entry)]
     return pd.DataFrame(lines, columns=list(columns))
@@ -37,6 +32,8 @@ def parameter_numbers(section: Section) -> pd.DataFrame:
 
 def _lines(entry: Entry) -> list[tuple[Any, ...]]:
     out = []
+    read = estimates(entry.refined or {"parameters": ()})
+    known = {(e.joint, e.short): e.identified for e in read if e.block == "friction"}
     for j, words in enumerate(entry.model["joints"]):
         for i, (name, number) in enumerate(words.items()):
             folds = entry.theta[:, j, i]
@@ -45,7 +42,7 @@ def _lines(entry: Entry) -> list[tuple[Any, ...]]:
             sd = float(folds.std(ddof=1)) if fitted and len(folds) > 1 else float("nan")
             value = float("nan") if number["value"] is None else float(number["value"])
             head = (entry.label, entry.recipe, entry.role, j + 1)
-            out.append((*head, name, number["unit"], mean, sd, value))
+            out.append((*head, name, number["unit"], mean, sd, value, known.get((j, name))))
     return out
 
 
@@ -72,6 +69,8 @@ def parameter_table(section: Section, joints: Sequence[str]) -> Table | None:
         f"{section.dataset}: parameters of the fitted models, mean and standard deviation over the "
         "folds and the value from all data; given are numbers that no fit has changed."
     )
+    if (frame["identified"].map(str) == "False").any():
+        caption += " Not identified: at a bound or less sure than its own size, says shooting."
     return Table(caption, f"parameters-{section.dataset}", tuple(heads), tuple(lines))
 
 
@@ -87,8 +86,20 @@ def _values(own: pd.DataFrame, recipes: Sequence[str], given: bool) -> list[Cell
             cells += [Cell(NOTHING)] * (1 if recipe == ANY else 2)
             continue
         mean, sd, value = (float(line[c].iloc[0]) for c in ("mean", "sd", "all_data"))
+        if str(line["identified"].iloc[0]) == "False":
+            cells += [Cell(_coarse(mean, sd)), Cell("not identified")]
+            continue
         if recipe != ANY:
             spread = f"{fixed(mean, places)} ± {fixed(sd, places)}" if mean or sd else "0"
             cells.append(Cell(spread))
         cells.append(Cell(fixed(value, places) if value else "0"))
     return cells
+
+
+def _coarse(mean: float, sd: float) -> str:
+    """Mean and scatter of a parameter that is not identified, with two digits at the most.
+
+    >>> _coarse(0.0017721, 0.0011), _coarse(30.0, 0.0)
+    ('0.0018 ± 0.0011', '30 ± 0')
+    """
+    return " ± ".join(f"{float(f'{value:.2g}'):g}" for value in (mean, sd))

@@ -1,34 +1,115 @@
-"""What shooting found, in words: parameters with intervals, and how the fit went."""
+"""What shooting found, read from a task's or a model's document, and its numbers as text."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
-from rich.console import Console
-from rich.table import Table
+import numpy as np
 
-HEAD = ("parameter", "value", "95 % interval", "unit")
+from frictionid.arrays import Array
+from frictionid.report.numbers import NOTHING
 
 
-def parameter_rows(document: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
-    """Rows of name, value, 95 % interval and unit, as `document_of` has them.
+class Estimate(NamedTuple):
+    """A parameter that shooting freed, with its 90 and 95 % intervals.
 
-    A parameter that is not identified shows no digits, only what is known of it: its interval.
+    name : with the joint's, as the document has it; short: without
+    joint : index of the joint that it belongs to, None for the machine as a whole
+    error : standard error, infinite where the data say nothing
+    told, true : what the data set says of it, and what a simulation knows; None for nothing
     """
-    for entry in document["parameters"]:
-        low, high = (float(end) for end in entry["interval_95"])
-        yield (
-            str(entry["name"]),
-            digits(entry["value"], entry["error"]) if entry["identified"] else _why(entry),
-            interval(low, high, entry["error"]),
-            str(entry["unit"]),
-        )
+
+    block: str
+    name: str
+    short: str
+    joint: int | None
+    unit: str
+    value: float
+    error: float
+    inner: tuple[float, float]
+    low: float
+    high: float
+    at_bound: bool
+    identified: bool
+    prior: bool
+    told: float | None
+    true: float | None
+
+    @property
+    def outside(self) -> bool:
+        """Whether what is told lies outside the 95 % interval; not where it is not identified."""
+        known = self.identified and self.told is not None
+        return known and not self.low <= float(self.told or 0.0) <= self.high
+
+    @property
+    def covered(self) -> bool | None:
+        """Whether the true value lies inside; None where either is unknown."""
+        if not self.identified or self.true is None:
+            return None
+        return self.low <= self.true <= self.high
 
 
-def _why(entry: Mapping[str, Any]) -> str:
-    return "not identified (at its bound)" if entry["at_bound"] else "not identified"
+def estimates(
+    document: Mapping[str, Any], about: Mapping[str, Any] | None = None
+) -> list[Estimate]:
+    """Estimates of a document of `document_of`, in its order.
+
+    `about` is the data set's entry of datasets.json: names of joints, true values.
+    """
+    joints = (about or {}).get("joints")
+    return [_estimate(entry, joints, about or {}) for entry in document["parameters"]]
+
+
+def _estimate(
+    entry: Mapping[str, Any], joints: Sequence[str] | None, about: Mapping[str, Any]
+) -> Estimate:
+    name, joint = str(entry["name"]), entry["joint"]
+    short = name
+    if joint is not None:
+        short = name.removesuffix(f" of {joints[joint]}") if joints else name.rpartition(" of ")[0]
+    told = entry.get("told")
+    return Estimate(
+        block=str(entry["block"]),
+        name=name,
+        short=short or name,
+        joint=joint,
+        unit=str(entry["unit"]),
+        value=float(entry["value"]),
+        error=float(entry["error"]),
+        inner=(float(entry["interval_90"][0]), float(entry["interval_90"][1])),
+        low=float(entry["interval_95"][0]),
+        high=float(entry["interval_95"][1]),
+        at_bound=bool(entry["at_bound"]),
+        identified=bool(entry["identified"]),
+        prior=entry.get("prior") is not None,
+        told=None if told is None else float(told),
+        true=_true(str(entry["block"]), short, joint, about.get("true_parameters") or {}),
+    )
+
+
+def _true(block: str, name: str, joint: int | None, known: Mapping[str, Any]) -> float | None:
+    """True value of a parameter; those of sensors are the same for all joints."""
+    value = known.get(block)
+    if isinstance(value, Mapping):
+        value = value.get(name)
+        value = value[joint] if isinstance(value, list) and joint is not None else value
+    return None if value is None else float(value)
+
+
+def correlation_of(document: Mapping[str, Any]) -> Array:
+    """Correlation (D, D); NaN for parameters without an error."""
+    return np.array(document["correlation"], dtype=float).reshape(2 * [len(document["parameters"])])
+
+
+def value_words(estimate: Estimate) -> str:
+    """The value as tables show it: without digits where the data do not determine it."""
+    if estimate.at_bound:
+        return f"at its bound, {estimate.value:.3g}"
+    if not estimate.identified:
+        return "not identified"
+    return digits(estimate.value, estimate.error)
 
 
 def digits(value: float, error: float) -> str:
@@ -40,52 +121,19 @@ def digits(value: float, error: float) -> str:
     if not math.isfinite(error) or error <= 0:
         return f"{value:.4g}"
     decimals = max(0, 1 - math.floor(math.log10(error)))
-    return f"{value:.{decimals}f}" if decimals < 9 else f"{value:.4g}"
+    # + 0.0 turns -0.0 into 0.0
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if decimals < 9 else f"{value:.4g}"
 
 
 def interval(low: float, high: float, error: float) -> str:
     """An interval as text.
 
-    >>> interval(0.1, float("inf"), 0.01)
-    '0.100 ...'
+    >>> interval(0.1, 0.25, 0.01), interval(0, float("inf"), 0.01), interval(0, 1, float("inf"))
+    ('[0.100, 0.250]', '[0, ∞)', '–')
     """
-    if not math.isfinite(float(error)):
-        return "unknown"
-    ends = [digits(end, error) if math.isfinite(end) else "" for end in (low, high)]
-    return f"{ends[0]} ... {ends[1]}".strip()
-
-
-def remarks(document: Mapping[str, Any]) -> Iterator[str]:
-    """Sentences on what is undetermined, windows that were left out or not explained."""
-    for words in document["undetermined"]:
-        yield f"{words[:1].upper()}{words[1:]}."
-    if not document["settled"]:
-        yield f"The fit had not settled after {document['iterations']} iterations."
-    total = document["windows"]
-    if document["left_out"]:
-        yield (
-            f"{len(document['left_out'])} of {total} windows were left out: a joint just misses or "
-            "just reaches a stop there, and their prediction jumps with their start state."
-        )
-    if document["unexplained"]:
-        yield (
-            f"{len(document['unexplained'])} of {total} windows are not explained (residuals of 3 "
-            f"times the angle noise and more): {_places(document['unexplained'])}."
-        )
-
-
-def _places(places: Sequence[Mapping[str, Any]], most: int = 4) -> str:
-    told = [f"{p['recording']} at {p['begin']:.2f} s" for p in places[:most]]
-    more = len(places) - most
-    return ", ".join(told) + (f" and {more} more" if more > 0 else "")
-
-
-def show_refined(document: Mapping[str, Any]) -> None:
-    """Print the parameters with their intervals, and the remarks."""
-    console = Console(soft_wrap=True)
-    table = Table(*HEAD, box=None)
-    for row in parameter_rows(document):
-        table.add_row(*row)
-    console.print(table)
-    for sentence in remarks(document):
-        console.print(sentence)
+    if not math.isfinite(error):
+        return NOTHING
+    ends = ["0" if end == 0 else digits(end, error) for end in (low, high)]
+    left = f"[{ends[0]}" if math.isfinite(low) else "(-∞"
+    right = f"{ends[1]}]" if math.isfinite(high) else "∞)"
+    return f"{left}, {right}"

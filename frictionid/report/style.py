@@ -69,11 +69,11 @@ def drawing() -> AbstractContextManager[Any]:
     return matplotlib.style.context(["default", dict(settings)])
 
 
-def figure(height: float) -> Any:
-    """An empty figure as wide as a page, `height` in inches."""
+def figure(height: float, width: float = WIDTH) -> Any:
+    """An empty figure as wide as a page, sizes in inches."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH, height), layout="constrained")
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def rendered(picture: Any) -> dict[str, bytes]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from frictionid.report.cautions import cautions
 from frictionid.report.evidence import Evidence, Section
 from frictionid.report.findings import foretold, held_out_findings, matter, unseen_findings
+from frictionid.report.found import Found
 from frictionid.report.tables import Table, code, escape_markdown, markdown
 
 KINDS = {"recordings": "whole recordings", "blocks": "contiguous blocks"}
@@ -23,11 +24,15 @@ class Picture(NamedTuple):
 
 
 class Part(NamedTuple):
-    """What is shown of one scored data set: table, pictures, and tables to unfold with titles."""
+    """What is shown of one scored data set: table, pictures, and tables to unfold with titles.
+
+    found : what shooting found, where it was fitted by shooting
+    """
 
     table: Table
     pictures: tuple[Picture, ...]
     details: tuple[tuple[str, Table], ...] = ()
+    found: Found | None = None
 
 
 def summary(evidence: Evidence, parts: Mapping[tuple[str, str], Part]) -> str:
@@ -53,6 +58,7 @@ def summary(evidence: Evidence, parts: Mapping[tuple[str, str], Part]) -> str:
         title=escape_markdown(provenance.get("title") or provenance["suite"]),
         sections=[_section(evidence, section, parts) for section in evidence.sections],
         cautions=cautions(evidence, fitted, scored),
+        shooting=any(part.found for part in parts.values()),
         settings={"every": provenance["settings"].get("every", "…")},
         data=_data(evidence),
         origins=_origins(evidence),
@@ -68,16 +74,30 @@ def _section(
     name = section.dataset
     own = parts[name, name]
     told = matter(section, name, evidence.horizons, evidence.about[name])
+    lead = [own.found.lead] if own.found and own.found.lead else []
     return {
         "name": escape_markdown(name),
         "size": _size(evidence.about[name]),
         "folds": _folds(evidence.provenance["settings"].get("folds", {})),
         "words": foretold(told),
-        "findings": held_out_findings(told),
+        "findings": held_out_findings(told) + lead,
         "table": markdown(own.table),
         "pictures": [_shown(picture) for picture in own.pictures],
         "details": [{"title": t, "table": markdown(table)} for t, table in own.details],
+        "found": own.found and _found(own.found),
         "tests": [_test(evidence, section, test, parts[name, test]) for test in section.tests],
+    }
+
+
+def _found(part: Found) -> dict[str, Any]:
+    pictures = [Picture(f"figures/{stem}", words) for stem, words in part.pictures]
+    return {
+        "head": part.head,
+        "words": part.words,
+        "table": markdown(part.table),
+        "pictures": [_shown(picture) for picture in pictures],
+        "windows": "" if part.windows is None else markdown(part.windows),
+        "others": part.others,
     }
 
 

@@ -109,6 +109,7 @@ _LATEX = {
     "±": r"$\pm$",
     "≈": r"$\approx$",
     "−": r"$-$",
+    "²": r"$^2$",
     INFINITE: r"$\infty$",
     NOTHING: "--",
     **{c: "\\" + c for c in "&%$#_{}"},

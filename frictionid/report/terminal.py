@@ -1,13 +1,16 @@
-"""Results in the terminal: the summary tables, and where everything lies."""
+"""Results in the terminal: the summary tables, what shooting found, and where everything lies."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from frictionid.report.evidence import Scores, gather, horizons_of, scores_of
+from frictionid.report.refined import estimates, interval, value_words
+from frictionid.report.remarks import doubts, findings
 from frictionid.report.scoreboard import (
     DETAILS,
     Board,
@@ -18,6 +21,7 @@ from frictionid.report.scoreboard import (
 from frictionid.report.tables import for_terminal
 
 WIDTH = 120  # columns, where the output is no terminal
+HEAD = ("parameter", "value", "95 % interval", "unit")
 
 
 def show(folder: Path) -> None:
@@ -44,6 +48,27 @@ def show_scores(table: pd.DataFrame) -> None:
             for name, part in own.groupby("identifier", sort=False)
         }
         _print(console, _given(str(dataset), lines), str(dataset))
+
+
+def show_refined(document: Mapping[str, Any]) -> None:
+    """Print what shooting found: parameters with their intervals, and the remarks."""
+    from rich.table import Column
+    from rich.table import Table as Rows
+
+    console = _console()
+    table = Rows(*(Column(name, no_wrap=True) for name in HEAD), box=None)
+    for row in parameter_rows(document):
+        table.add_row(*row)
+    console.print(table)
+    read = estimates(document)
+    for sentence in (*findings(read), *doubts(document, read)):
+        console.print(sentence, markup=False, soft_wrap=True)
+
+
+def parameter_rows(document: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+    """Rows of name, value, 95 % interval and unit, as `document_of` has them."""
+    for e in estimates(document):
+        yield e.name, value_words(e), interval(e.low, e.high, e.error), e.unit
 
 
 def _given(dataset: str, lines: dict[str, Scores]) -> Board:

@@ -12,7 +12,15 @@ from frictionid.report.boxplots import one_step_boxes
 from frictionid.report.curves import friction_curves
 from frictionid.report.evidence import Evidence, Section, gather
 from frictionid.report.files import file_names, remove_others, write_bytes
+from frictionid.report.findings import matter
+from frictionid.report.found import Found, drawn_of_shooting, found, stems
 from frictionid.report.horizons import rollout_errors
+from frictionid.report.intervals import (
+    interval_numbers,
+    interval_table,
+    window_numbers,
+    window_table,
+)
 from frictionid.report.motion import motions
 from frictionid.report.pairs import differences
 from frictionid.report.parameters import parameter_numbers, parameter_table
@@ -77,7 +85,7 @@ def _part(
     scores = board(section.entries, dataset, evidence.horizons, about)
     table = summary_table(scores, caption_of(scores, section))
     files = _write_table(folder, f"summary--{name}", table, scores.frame)
-    details = []
+    details, shot = [], None
     if dataset == section.dataset:
         extra = differences(section, evidence.horizons, about["angle_unit"])
         if extra:
@@ -88,13 +96,41 @@ def _part(
             details.append(("Parameters of the models", numbers))
             frame = parameter_numbers(section)
             files += _write_table(folder, f"parameters--{name}", numbers, frame)
+        shot, own = _shooting(folder, evidence, section, name)
+        files += own
     pictures = []
     for stem, figure, words in _drawn(evidence, section, dataset, name):
-        for kind, content in rendered(figure).items():
-            files.append(folder / "figures" / f"{stem}.{kind}")
-            write_bytes(files[-1], content)
+        files += _write_picture(folder, stem, figure)
         pictures.append(Picture(f"figures/{stem}", words))
-    return Part(table, tuple(pictures), tuple(details)), files
+    return Part(table, tuple(pictures), tuple(details), shot), files
+
+
+def _shooting(
+    folder: Path, evidence: Evidence, section: Section, name: str
+) -> tuple[Found | None, list[Path]]:
+    """Tables and pictures of the fits by shooting, written, and what the page says of them."""
+    about, files = evidence.about[section.dataset], []
+    for entry, stem in stems(section, name).items():
+        table = interval_table(entry, section.dataset, about)
+        numbers = interval_numbers(entry, about)
+        files += _write_table(folder, f"shooting--{stem}", table, numbers)
+        windows = window_table(entry, section.dataset)
+        if windows is not None:
+            files += _write_table(folder, f"windows--{stem}", windows, window_numbers(entry))
+    every = looks(entry for part in evidence.sections for entry in part.entries)
+    for stem, figure in drawn_of_shooting(section, about, name, every):
+        files += _write_picture(folder, stem, figure)
+    told = matter(section, section.dataset, evidence.horizons, about)
+    return found(told, about, name), files
+
+
+def _write_picture(folder: Path, stem: str, figure: Any) -> list[Path]:
+    """Write a figure in all its formats."""
+    paths = []
+    for kind, content in rendered(figure).items():
+        paths.append(folder / "figures" / f"{stem}.{kind}")
+        write_bytes(paths[-1], content)
+    return paths
 
 
 def _write_table(folder: Path, stem: str, table: Table, frame: pd.DataFrame | None) -> list[Path]:

@@ -9,6 +9,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.recordings import Dataset
+from frictionid.shooting.blocks.block import Entry
 from frictionid.shooting.refine import Refined
 
 LEVELS = (0.9, 0.95)
@@ -20,14 +21,13 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
     """Parameters with intervals, correlation, curves with bands, and how it went.
 
     Each parameter has beside it what is told of it: the data set's mechanism gives base parameters,
-    a log of sensors without faults the rest; of friction nothing is told. `bands` has the curve of
-    each joint with half-widths at velocities (V, n), half as far again as those of the grid (V, n).
+    its servo a motor's constants, a log without faults the rest; of friction nothing is told.
+    `bands` has the curve of each joint with half-widths at velocities (V, n), half as far again as
+    those of the grid (V, n).
     """
     covariance, went = result.covariance, result.diagnostics
     intervals = {level: covariance.interval(level) for level in LEVELS}
     identified, error = covariance.identified, covariance.error
-    table: Any = dataset.mechanism
-    base = mechanism_of(table).base(parameters_of(table, {}))
     parameters = [
         {
             "block": entry.block,
@@ -40,9 +40,7 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
             "at_bound": bool(covariance.bound[k]),
             "identified": bool(identified[k]),
             "prior": entry.prior if np.isfinite(entry.prior) else None,
-            "told": float(base[entry.place[0]])
-            if entry.block == "inertia"
-            else _IDEAL.get(entry.block),
+            "told": _told(entry, dataset),
         }
         for k, entry in enumerate(covariance.entries)
     ]
@@ -54,6 +52,7 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "clusters": covariance.clusters,
         "singular_values": covariance.singular,
         "undetermined": list(covariance.undetermined),
+        "driven": any(bool(np.any(r.torque.value)) for r in dataset.recordings),
         "bands": _bands(result, BEYOND * grid),
         "angle_noise": went.sigma,
         "windows": went.windows,
@@ -62,6 +61,16 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "settled": went.settled,
         "iterations": went.iterations,
     }
+
+
+def _told(entry: Entry, dataset: Dataset) -> float | None:
+    if entry.block == "inertia":
+        table: Any = dataset.mechanism
+        return float(mechanism_of(table).base(parameters_of(table, {}))[entry.place[0]])
+    if entry.block == "actuator":
+        value = getattr(dataset.recordings[0].servo, entry.name, None)
+        return None if value is None else float(value)
+    return _IDEAL.get(entry.block)
 
 
 def _bands(result: Refined, w: Array) -> dict[str, Any]:

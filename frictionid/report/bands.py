@@ -1,0 +1,206 @@
+"""Friction curves found by shooting, with their bands, and grey where nothing was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.report.evidence import Entry
+from frictionid.report.style import DARK, GREY, Look, figure, key_above, plain
+
+COLUMNS = 3  # fits side by side at most; more go to another picture
+SHADE, HATCH = "#F0F0F0", "#D4D4D4"
+LINE = (0, (4, 1.5))
+SLOW = 0.05  # [rad/s]: below it the smoothing of the sign is compared, not friction
+STRONG, WEAK = 0.5, 0.22  # opacity of the pointwise and the simultaneous band
+
+
+class Band(NamedTuple):
+    """Curve (V,) of a joint at velocities (V,), with half-widths (V,)."""
+
+    velocity: Array
+    curve: Array
+    pointwise: Array
+    simultaneous: Array
+
+
+def curve_bands(
+    fits: Sequence[Entry], about: Mapping[str, Any], looks: Mapping[str, Look]
+) -> list[Any]:
+    """Pictures of curves and, below each, of the bands about it: a column for each fit."""
+    count = -(-len(fits) // COLUMNS)
+    parts = [fits[len(fits) * i // count : len(fits) * (i + 1) // count] for i in range(count)]
+    return [_picture(part, fits, about, looks) for part in parts]
+
+
+def _picture(
+    shown: Sequence[Entry],
+    every: Sequence[Entry],
+    about: Mapping[str, Any],
+    looks: Mapping[str, Look],
+) -> Any:
+    joints = range(len(about["joints"]))
+    picture = figure(0.55 + 2.5 * len(joints))
+    axes = picture.subplots(
+        2 * len(joints),
+        len(shown),
+        squeeze=False,
+        gridspec_kw={"height_ratios": [1.5, 1.0] * len(joints)},
+    )
+    for joint in joints:
+        bands = {entry: _band(entry, about, joint) for entry in every}
+        limits = _limits(bands, about, joint)
+        for c, entry in enumerate(shown):
+            pair = axes[2 * joint : 2 * joint + 2, c]
+            for axis, limit in zip(pair, limits, strict=True):
+                _frame(axis, bands[entry].velocity, about, joint, limit)
+                axis.tick_params(labelleft=c == 0)
+            pair[0].tick_params(labelbottom=False)
+            _curve(pair[0], bands[entry], about, joint, looks[entry.label])
+            _about_zero(pair[1], entry, bands[entry], about, joint, looks[entry.label])
+        unit = about["torque_unit"]
+        axes[2 * joint, 0].set_ylabel(f"{plain(about['joints'][joint])}\n[{unit}]")
+        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[m{unit}]")
+    recipes = {entry.recipe for entry in every}
+    for axis, entry in zip(axes[0], shown, strict=True):
+        beside = f", {entry.recipe}" if len(recipes) > 1 else ""
+        colour = looks[entry.label].colour
+        axis.set_title(plain(f"{entry.label}{beside}"), color=colour, weight="bold")
+    picture.align_ylabels(axes[:, 0])
+    picture.supxlabel(f"velocity [{about['angle_unit']}/s]", fontsize=8)
+    _key(picture, about)
+    return picture
+
+
+def _band(entry: Entry, about: Mapping[str, Any], joint: int) -> Band:
+    """A joint's band; documents without velocities of their own have it on the curves' grid."""
+    own = (entry.refined or {})["bands"]
+    velocity = own.get("velocity", about["velocity"])
+    curve = own.get("curve", entry.curves[-1])
+    parts = (velocity, curve, own["pointwise"], own["simultaneous"])
+    return Band(*(np.asarray(part, dtype=float)[:, joint] for part in parts))
+
+
+def _limits(
+    bands: Mapping[Entry, Band], about: Mapping[str, Any], joint: int
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Ends of a joint's two axes, the same for all fits: of curves, and of what is about them."""
+    tall, near = [], []
+    for entry, band in bands.items():
+        tall += [np.abs(band.curve)]
+        inside = _measured(band.velocity, about, joint)
+        near += [band.simultaneous[inside]]
+        off = _off_truth(entry, about, joint)
+        # a curve that is far off must not flatten the bands of all others
+        near += [] if off is None else [np.minimum(np.abs(off[1]), 4 * band.simultaneous.max())]
+    return tuple((-1.12 * _most(values), 1.12 * _most(values)) for values in (tall, near))  # type: ignore[return-value]
+
+
+def _most(values: Sequence[Array]) -> float:
+    joined = np.concatenate(values) if values else np.zeros(1)
+    joined = joined[np.isfinite(joined)]
+    return float(np.quantile(joined, 0.995)) if joined.size and joined.max() > 0 else 1.0
+
+
+def _measured(velocity: Array, about: Mapping[str, Any], joint: int) -> Array:
+    """Whether each velocity (V,) was reached by the motion."""
+    inside = np.ones(len(velocity), dtype=bool)
+    for low, high in _unmeasured(float(velocity[0]), float(velocity[-1]), about, joint):
+        inside &= ~((velocity >= low) & (velocity <= high))
+    return inside
+
+
+def _unmeasured(
+    begin: float, end: float, about: Mapping[str, Any], joint: int
+) -> Iterator[tuple[float, float]]:
+    """Ranges of velocities that the motion never had: beyond its ends, and empty bins between."""
+    grid = np.asarray(about["velocity"], dtype=float)[:, joint]
+    low, high = grid[0], grid[-1]
+    if "measured" in about:
+        low, high = (float(ends[joint]) for ends in about["measured"])
+    if begin < low:
+        yield begin, min(low, end)
+    if high < end:
+        yield max(high, begin), end
+    counts = np.asarray(about["density"], dtype=float)[joint]
+    edges = np.linspace(grid[0], grid[-1], len(counts) + 1)
+    for i in np.flatnonzero(counts == 0):
+        yield float(edges[i]), float(edges[i + 1])
+
+
+def _frame(
+    axis: Any, w: Array, about: Mapping[str, Any], joint: int, limits: tuple[float, float]
+) -> None:
+    """Axes of a panel, grey where no velocity was measured."""
+    for low, high in _unmeasured(float(w[0]), float(w[-1]), about, joint):
+        axis.axvspan(
+            low, high, facecolor=SHADE, edgecolor=HATCH, hatch="////", linewidth=0, zorder=0
+        )
+    axis.axhline(0, color="#BBBBBB", linewidth=0.5, zorder=1)
+    axis.axvline(0, color="#BBBBBB", linewidth=0.5, zorder=1)
+    axis.locator_params(nbins=5)
+    axis.set_xlim(float(w[0]), float(w[-1]))
+    axis.set_ylim(limits)
+
+
+def _curve(axis: Any, band: Band, about: Mapping[str, Any], joint: int, look: Look) -> None:
+    _fill(axis, band, band.curve, look)
+    axis.plot(band.velocity, band.curve, color=look.colour, linewidth=1.2)
+    if about["truth"] is not None:
+        w = np.asarray(about["velocity"], dtype=float)[:, joint]
+        true = np.asarray(about["truth"], dtype=float)[:, joint]
+        axis.plot(w, true, color=DARK, linewidth=1, linestyle=LINE)
+
+
+def _about_zero(
+    axis: Any,
+    entry: Entry,
+    band: Band,
+    about: Mapping[str, Any],
+    joint: int,
+    look: Look,
+) -> None:
+    """The bands in thousandths of the torque's unit, with the truth where it is known."""
+    small = Band(band.velocity, *(1e3 * part for part in band[1:]))
+    _fill(axis, small, 0.0 * small.curve, look)
+    low, high = axis.get_ylim()
+    axis.set_ylim(1e3 * low, 1e3 * high)
+    axis.axhline(0, color=look.colour, linewidth=1.2)
+    off = _off_truth(entry, about, joint)
+    if off is not None:
+        axis.plot(off[0], 1e3 * off[1], color=DARK, linewidth=1, linestyle=LINE)
+
+
+def _fill(axis: Any, band: Band, middle: Array, look: Look) -> None:
+    for half, alpha in ((band.simultaneous, WEAK), (band.pointwise, STRONG)):
+        low, high = middle - half, middle + half
+        axis.fill_between(band.velocity, low, high, color=look.colour, alpha=alpha, linewidth=0)
+
+
+def _off_truth(entry: Entry, about: Mapping[str, Any], joint: int) -> tuple[Array, Array] | None:
+    """Velocities (V,) and the true curve less the fitted one, where the truth is known."""
+    if about["truth"] is None:
+        return None
+    w = np.asarray(about["velocity"], dtype=float)[:, joint]
+    off = np.asarray(about["truth"], dtype=float)[:, joint] - entry.curves[-1][:, joint]
+    return w, np.where(np.abs(w) < SLOW, np.nan, off)
+
+
+def _key(picture: Any, about: Mapping[str, Any]) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Line2D([], [], color=GREY, linewidth=1.2),
+        Patch(facecolor=GREY, alpha=STRONG + WEAK / 2, linewidth=0),
+        Patch(facecolor=GREY, alpha=WEAK, linewidth=0),
+        Patch(facecolor=SHADE, edgecolor=HATCH, hatch="//////", linewidth=0),
+    ]
+    labels = ["fit to all data", "95 % at each velocity", "95 % at all velocities", "not measured"]
+    if about["truth"] is not None:
+        handles.append(Line2D([], [], color=DARK, linewidth=1, linestyle=LINE))
+        labels.append("truth")
+    key_above(picture, handles, labels)
