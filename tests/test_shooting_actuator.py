@@ -13,6 +13,7 @@ from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.judge import with_rig
 from frictionid.friction import Friction
 from frictionid.laws import CoulombViscous, MotorLoad
+from frictionid.names import LAWS
 from frictionid.recordings import Dataset, Recording
 from frictionid.rig import Rig, corrected, stacked
 from frictionid.shooting import Settings, refine
@@ -28,6 +29,7 @@ from frictionid.shooting.intervals import put, values_of
 from frictionid.shooting.refine import begin
 from frictionid.shooting.track import track_of
 from frictionid.signals import Signal, sample
+from frictionid.store import load_model, save_model
 
 KT, R = 0.39, 4.0
 TRUE = np.array([[0.013, 0.0037]])
@@ -219,6 +221,12 @@ def test_each_fold_has_its_own_motor():
     rigs = [replace(Rig.ideal(1), motor=np.array([KT, R]) * k) for k in (1.0, 1.1)]
     np.testing.assert_array_equal(stacked(rigs)[1].motor, rigs[1].motor)
     assert stacked([Rig.ideal(1), Rig.ideal(1)]).motor is None
+
+
+def test_a_model_file_keeps_the_motor(tmp_path, found):
+    save_model(found.friction, tmp_path / "m.json", LAWS)
+    again = load_model(tmp_path / "m.json", LAWS).rig
+    np.testing.assert_array_equal(again.motor, found.rig.motor)
 
 
 LEFT_OUT = replace(BOTH, recordings=tuple(replace(r, servo=None) for r in BOTH.recordings))
