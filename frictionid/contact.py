@@ -22,6 +22,7 @@ from frictionid.mechanics import Plant
 
 SLOW = 0.1  # [rad/s]: slower joints may come to rest
 _WIDTHS = 5.0  # of a law's smoothing: beyond them it does not show
+_NARROW = 1e-7  # [rad/s], smoothing of a law that is made sharp
 _FIRM = 0.9  # of the break-away level: joints held by more may break away soon
 _SWEEPS = 50
 _SETTLED = 1e-12  # [N m]
@@ -41,14 +42,16 @@ class Grip(NamedTuple):
     side (..., n): which way a joint slides in a substep, so that a law smoothed at w = 0 is sharp
     there; None for laws that have no break-away level. held (..., n): joints at rest. brakes
     (..., n) [N m]: the least that friction brakes with, with the sign of the velocity, zero for
-    joints that are left to the law. firm (..., n): held well below the break-away level. All None
-    where no joint is slow.
+    joints that are left to the law; None for laws that are sharp. slack (..., n) [N m]: what the
+    load of joints at rest lacks of the break-away level, and firm (..., n) where it lacks much. All
+    None where no joint is slow.
     """
 
     side: Array | None
     held: Array | None = None
     brakes: Array | None = None
     firm: Array | None = None
+    slack: Array | None = None
 
     def take(self, which: Array) -> Grip:
         """That of some rows."""
@@ -58,139 +61,63 @@ class Grip(NamedTuple):
 def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
     """Grip of friction on joints, above all on those that are slow or at rest (w = 0 exactly).
 
-    Slow joints whose load is below break-away feel that level: under the smoothed law they would
-    creep where the two balance, at 1.5 widths under 0.9 of the level. Joints at rest are held
-    while their load is below it.
+    Joints at rest are held while their load is below break-away. Under a law whose smoothing is
+    wide others would creep where law and load balance, at 1.5 widths under 0.9 of the level: those
+    that are slow, under a load below break-away, feel that level.
     """
     xp = namespace(state.w)
     if not holds(friction):
         return Grip(None)
-    side, some = xp.sign(state.w), (xp.abs(state.w) <= SLOW).any(-1)
+    slowest = 0.0 if is_sharp(friction) else SLOW
+    side, some = xp.sign(state.w), (xp.abs(state.w) <= slowest).any(-1)
     if not bool(some.any()):
         return Grip(side)
-    if not _divisible(plant, friction, state, u) or bool(some.all()):
+    if not divisible(plant, friction, state, u) or bool(some.all()):
         return _grip(plant, friction, state, u)
     inner = _grip(*rows(some, plant, friction, state, u, u)[:4])
-    held, brakes = xp.zeros_like(state.w) > 0, xp.zeros_like(state.w)
-    side, firm = 1.0 * side, xp.zeros_like(state.w) > 0
-    side[some], held[some], brakes[some], firm[some] = inner
-    return Grip(side, held, brakes, firm)
+    out: list[Array | None] = []
+    for like, part in zip((side, *inner[1:]), inner, strict=True):
+        if part is None:
+            out.append(None)
+            continue
+        whole = 1.0 * side if like is side else xp.zeros(side.shape, dtype=part.dtype)
+        whole[some] = part
+        out.append(whole)
+    return Grip(*out)
 
 
 def _grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
     xp = namespace(state.w)
-    now = balance(plant, friction, state, u, None)
-    slow, resting = xp.abs(state.w) <= SLOW, state.w == 0.0
-    Tf = _holding(now, slow)
-    below = slow & _within(Tf, now)
-    level = xp.where(state.w > 0, now.high, -now.low)
-    brakes = xp.where(below & ~resting, level, 0.0 * level)
-    if bool(resting.any()) and bool((below & ~resting).any()):
+    side, resting = xp.sign(state.w), state.w == 0.0
+    now = balance(plant, friction, state, u, Grip(side) if is_sharp(friction) else None)
+    brakes = None
+    if not is_sharp(friction):
+        slow = xp.abs(state.w) <= SLOW
+        below = slow & ~resting & within(holding(now, slow), now)
+        level = xp.where(state.w > 0, now.high, -now.low)
+        brakes = xp.where(below, level, 0.0 * level)
         # a joint at rest feels that the others still slide
         now = now._replace(sliding=braked(now.sliding, Grip(None, None, brakes)))
-        Tf = _holding(now, resting)
-        below = resting & _within(Tf, now)
+    Tf = holding(now, resting)
+    held = resting & within(Tf, now)
     # a joint that breaks away slides against the friction that could not hold it
-    side = xp.where(resting, xp.sign(Tf), xp.sign(state.w))
+    side = xp.where(resting, xp.sign(Tf), side)
     firm = (Tf > -_FIRM * now.low) & (Tf < _FIRM * now.high)
-    return Grip(side, below & resting, brakes, below & resting & firm)
-
-
-class Crossing(NamedTuple):
-    """Joints that crossed w = 0 in a substep, of the k rows (...) that are true in `rows`.
-
-    stops, passes (k, n): those that come to rest there, and those that slide on to the other side;
-    still (k, n): all at rest after it. share (k, n): of the substep, before the crossing. kick
-    (k, n) [rad/s^2]: by how much friction of the other side accelerates. M (k, n, n); w (k, n):
-    velocities as if nothing had happened.
-    """
-
-    rows: Array
-    stops: Array
-    passes: Array
-    still: Array
-    share: Array
-    kick: Array
-    M: Array
-    w: Array
-
-
-def crossing(
-    plant: Plant, friction: Friction, before: State, after: State, u: Array, held: Grip
-) -> Crossing | None:
-    """Joints that crossed w = 0; under a load below break-away they come to rest."""
-    if held.side is None:
-        return None
-    xp = namespace(after.w)
-    crossed = held.side * after.w < 0.0
-    some = crossed.any(-1)
-    if not bool(some.any()):
-        return None
-    if _divisible(plant, friction, after, u) and not bool(some.all()):
-        old, part, at = State(before.q[some], before.w[some]), held.take(some), crossed[some]
-        plant, friction, after, u, _ = rows(some, plant, friction, after, u, u)
-        return _crossed(plant, friction, old, after, u, part, at)._replace(rows=some)
-    return _crossed(plant, friction, before, after, u, held, crossed)._replace(
-        rows=xp.zeros_like(some) == xp.zeros_like(some)
-    )
-
-
-def _crossed(
-    plant: Plant,
-    friction: Friction,
-    before: State,
-    after: State,
-    u: Array,
-    held: Grip,
-    crossed: Array,
-) -> Crossing:
-    xp = namespace(after.w)
-    now = balance(plant, friction, after, u, held)
-    resting = xp.zeros_like(crossed) if held.held is None else held.held
-    stops = crossed & _within(_holding(now, crossed | resting), now)
-    passes = crossed & ~stops
-    x = inputs(plant, friction, after, u)
-    other = resistance(friction, x, after.memory, Grip(-held.side))  # type: ignore[operator]
-    gain = xp.where(passes, now.sliding - other, 0.0 * other)
-    still = stops | resting
-    kick = constrained(now.M, gain, still)
-    share = before.w / xp.where(crossed, before.w - after.w, 1.0)
-    return Crossing(crossed, stops, passes, still, share, kick, now.M, after.w)
-
-
-def beyond(crossing: Crossing, before: State, after: State, dt: Array) -> State:
-    """State behind a crossing.
-
-    Joints that stop have w = 0 and the angle of the crossing, behind it friction would have pushed
-    them back; they take any impulse, the others keep their momentum. Joints that pass have felt the
-    friction of the other side since.
-    """
-    xp, at = namespace(after.w), crossing.rows
-    span = xp.broadcast_to(dt, after.w.shape)[at]
-    since = xp.where(crossing.passes, (1.0 - crossing.share) * span, 0.0 * span)
-    since = xp.max(since, axis=-1)[..., None]
-    w = crossing.w + crossing.kick * since
-    w = constrained(crossing.M, times(crossing.M, w), crossing.still)
-    some = crossing.stops.any(-1)[..., None]
-    w = xp.where(some, w, crossing.w + crossing.kick * since)
-    stopped = before.q[at] + crossing.share * span / 2 * before.w[at]
-    slid = after.q[at] + crossing.kick * since**2 / 2
-    q_all, w_all = (1.0 * x for x in (after.q, after.w))
-    q_all[at] = xp.where(crossing.stops, stopped, slid)
-    w_all[at] = w
-    return State(q_all, w_all, after.memory)
+    slack = xp.minimum(now.high - Tf, now.low + Tf)
+    return Grip(side, held, brakes, held & firm, slack)
 
 
 def resistance(friction: Friction, x: Inputs, memory: Memory, grip: Grip | None) -> Array:
     """Friction torque (..., n) [N m] of joints that slide to their side, or are gripped."""
     if grip is None:
         return friction.torque(x, memory)
-    return braked(friction.torque(x._replace(w=sliding(friction, x.w, grip)), memory), grip)
+    w = sliding(friction, x.w, grip)
+    return braked(sharp(friction, grip).torque(x._replace(w=w), memory), grip)
 
 
 def sliding(friction: Friction, w: Array, grip: Grip) -> Array:
     """Velocities (..., n) at which the law is asked: beyond its smoothing, to the joint's side."""
-    least = _smoothing(friction)
+    least = 4.0 * _WIDTHS * _NARROW if is_sharp(friction) else _smoothing(friction)
     if grip.side is None or least == 0.0:
         return w
     xp = namespace(w)
@@ -202,6 +129,23 @@ def _smoothing(friction: Friction) -> float:
     """Speed [rad/s] below which a law's smoothing shows; 0 where it is wide on purpose."""
     reach = _WIDTHS * float(getattr(friction.law, "width", SLOW / _WIDTHS))
     return reach if reach <= SLOW * (1 + 1e-9) else 0.0
+
+
+def is_sharp(friction: Friction) -> bool:
+    """Whether a law's smoothing only stands for a sharp step at w = 0, and is no part of physics.
+
+    So is a narrow tanh; an arctangent shows at all speeds.
+    """
+    law = friction.law
+    named = hasattr(law, "width") and getattr(law, "shape", "") == "tanh"
+    return named and _smoothing(friction) > 0.0
+
+
+def sharp(friction: Friction, grip: Grip) -> Friction:
+    """Friction without smoothing for joints that slide to their side."""
+    if grip.side is None or not is_sharp(friction):
+        return friction
+    return replace(friction, law=replace(friction.law, width=_NARROW))
 
 
 def braked(Tf: Array, grip: Grip) -> Array:
@@ -239,7 +183,7 @@ def _diagonal(x: Array) -> Array:
     return x[..., None] * xp.eye(x.shape[-1], dtype=x.dtype)
 
 
-def _divisible(plant: Plant, friction: Friction, state: State, u: Array) -> bool:
+def divisible(plant: Plant, friction: Friction, state: State, u: Array) -> bool:
     """Whether there are rows, and the state has the batch axes of all that takes part."""
     batch = state.q.shape[:-1]
     axes = (plant.p.shape[:-1], friction.theta.shape[:-2], u.shape[:-1])
@@ -291,7 +235,7 @@ def balance(plant: Plant, friction: Friction, state: State, u: Array, held: Grip
     return Balance(M, h + driven(plant, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf)
 
 
-def _holding(now: Balance, candidates: Array) -> Array:
+def holding(now: Balance, candidates: Array) -> Array:
     """Friction (..., n) that keeps the candidates from accelerating, as far as its levels allow.
 
     Projected Gauss-Seidel on a_j = 0 with -low <= Tf_j <= high. It starts from the torques that
@@ -319,7 +263,7 @@ def _holding(now: Balance, candidates: Array) -> Array:
     return xp.stack(columns, axis=-1)
 
 
-def _within(Tf: Array, now: Balance) -> Array:
+def within(Tf: Array, now: Balance) -> Array:
     """Where friction is within its levels."""
     return (Tf > -now.low) & (Tf < now.high)
 

@@ -13,18 +13,16 @@ from collections.abc import Callable
 from frictionid.arrays import Array, namespace, solve
 from frictionid.contact import (
     SLOW,
-    Crossing,
     Grip,
     State,
-    beyond,
     constrained,
-    crossing,
     driven,
     grip,
     inputs,
     resistance,
     rows,
 )
+from frictionid.events import Crossing, beyond, crossing, release, released
 from frictionid.friction import Friction, Memory
 from frictionid.mechanics import Plant
 from frictionid.pace import Pace, pace_of, stiffness, substeps
@@ -66,6 +64,7 @@ def step(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from frictionid.laws import CoulombViscous
     >>> from frictionid.mechanics import pendulum
     >>> plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
@@ -134,8 +133,10 @@ def substep(
     q, w = rk4(accelerate, state.q, state.w, dt)
     memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
     after = State(q, w, memory)
-    crossed = crossing(plant, friction, state, after, u, held)
-    return after if crossed is None else beyond(crossed, state, after, dt), held, crossed
+    crossed = crossing(plant, friction, state, after, u, held, dt)
+    after = after if crossed is None else beyond(crossed, state, after, dt)
+    freed = release(plant, friction, after, u, held, crossed, dt)
+    return after if freed is None else released(freed, after), held, crossed
 
 
 def rk4(

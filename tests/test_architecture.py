@@ -23,7 +23,7 @@ LAYERS = (
     *("recordings", "readers"),
     *("mechanics", "rig"),
     *("friction", "laws"),
-    *("kinematic", "states", "contact", "pace", "step"),
+    *("kinematic", "states", "contact", "events", "pace", "step"),
     *("rollout", "problem", "recipe"),
     *("identifiers", "shooting"),
     *("check", "excitation", "evaluation"),

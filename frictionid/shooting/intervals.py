@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from frictionid.shooting.blocks.block import Block, Entry, Guess
 from frictionid.shooting.partials import Free, Seen, seen_by
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.tangent import Forces, Scene, ends
-from frictionid.shooting.track import Track, torques
+from frictionid.shooting.track import Track, pushes
 from frictionid.signals import sample
 from frictionid.step import State, pace_of
 
@@ -150,13 +150,37 @@ class Intervals:
         return np.maximum(np.ceil(self.track.dt * away - 1e-6), 1).astype(int)
 
     def _forces(self, guess: Guess, rows: Array, pieces: int) -> Forces:
-        logged, later = torques(self.track, guess.rig, rows, pieces)
+        """Forces of some intervals in equal pieces."""
+        whole = self._pushed(guess, rows, np.arange(pieces + 1) / pieces)
+
+        def finer(some: Array, piece: int, parts: int) -> Forces:
+            share = (piece + np.arange(parts + 1) / parts) / pieces
+            return self._pushed(guess, rows[some], share)
+
+        return whole._replace(finer=finer)
+
+    def _pushed(self, guess: Guess, rows: Array, share: Array) -> Forces:
+        """Forces of some intervals between shares (S + 1,) of their time."""
+        rig, felt = guess.rig, pushes(self.track, guess.rig, rows, share)
         driven = np.array(guess.mechanism.description.driven, dtype=float)
-        u = (guess.rig.gain * logged + guess.rig.bias) * driven
-        own = [p for p in self.parts if p.block.enters == "torque" and p.entries]
-        slopes = [p.block.slope(guess, p.entries, logged, later) * driven for p in own]  # type: ignore[attr-defined]
-        by = np.concatenate(slopes) if slopes else np.empty((0, *u.shape))
-        return Forces(u, np.moveaxis(by, 0, 1))
+        u = (rig.gain * felt.mean + rig.bias) * driven
+        moment = rig.gain * felt.moment * driven
+        by, moment_by = [], []
+        for part in self.parts:
+            if part.block.enters == "torque" and part.entries:
+                slope: Any = getattr(part.block, "slope")  # noqa: B009 (only those blocks have it)
+                by.append(slope(guess, part.entries, felt.mean, felt.mean_later) * driven)
+                own = slope(guess, part.entries, felt.moment, felt.moment_later)
+                # without what a bias adds: that has no moment
+                own = own - slope(guess, part.entries, 0.0 * moment, 0.0 * moment)
+                moment_by.append(own * driven)
+        none = np.empty((0, *u.shape))
+        return Forces(
+            u,
+            np.moveaxis(np.concatenate([none, *by]), 0, 1),
+            moment,
+            np.moveaxis(np.concatenate([none, *moment_by]), 0, 1),
+        )
 
     def _angle(self) -> Array:
         out = np.zeros((self.count, self.track.n))

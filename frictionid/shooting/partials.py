@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.contact import Grip, State, inputs, sliding
+from frictionid.contact import Grip, State, inputs, sharp, sliding
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.mechanics import Plant
 
@@ -74,9 +74,10 @@ def slopes(
     grip: Grip,
 ) -> Slopes:
     """Friction torque and its slopes at states (K, n), of joints that slide to their side."""
-    law, theta, memory = friction.law, friction.theta, state.memory
+    theta, memory = friction.theta, state.memory
     x = inputs(plant, friction, state, u)
     w = sliding(friction, x.w, grip)
+    law = sharp(friction, grip).law
     x, moves = x._replace(w=w), (w == x.w)[..., None]
     here = law.torque(theta, x, memory)
     if law.uses_load:

@@ -20,7 +20,8 @@ _WORSE = 1.02  # a cost that grows by more was a step too far
 _ROUNDS = 3
 _MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
-_PATIENCE = 5  # iterations
+_FAR = 2.0  # [noise], and noise per sample: a long step of a start
+_SHUT = 0.05  # [noise]: smaller gaps do not matter
 _LEADING = 4  # iterations of the stages before the last
 
 
@@ -53,15 +54,16 @@ class _Stand(NamedTuple):
     """Parameters and nodes, and what they were linearised to.
 
     gap (W,): how far nodes are from their window's prediction, in standard deviations of the noise;
-    pace (W,): share of its wanted move that a window makes; out (W,): does not count.
+    damping (W,) of the step of a window's start; out (W,): does not count.
     """
 
     guess: Guess
     nodes: Array
+    windows: Array
     chain: Chain
     prior: Array
     gap: Array
-    pace: Array
+    damping: Array
     out: Array
 
 
@@ -113,8 +115,8 @@ def _stage(
     while count < most and not settled:
         count += 1
         now = _linearised(intervals, guess, nodes, windows, rows, sigma)
-        if last is not None:
-            now = _judged(now, last, count)
+        if last is not None and shot is not None:
+            now = _judged(now, last, shot.move, sigma, s.huber)
             before, after = (_cost(x.chain, now.out, sigma, s.huber) for x in (last, now))
             worse = after > _WORSE * before and damping < _DAMPING[1]
             damping = max(damping, 1e-4) * 10.0 if worse else max(damping / 10.0, _DAMPING[0])
@@ -127,17 +129,46 @@ def _stage(
     return shot._replace(settled=settled, iterations=count)
 
 
-def _judged(now: _Stand, last: _Stand | None, count: int) -> _Stand:
-    """Which windows count: not those whose prediction jumps with their start state.
+def _judged(now: _Stand, last: _Stand, move: Array, sigma: Array, huber: float) -> _Stand:
+    """Each window with the step of its own start judged.
 
-    Where a joint just misses or just reaches a stop, no start state is best. Such a window first
-    makes smaller moves; where it has not become continuous when most have, it is left out.
+    Where a joint just misses or just reaches a stop, the prediction has a kink, and steps may fail
+    again and again. A window that has become worse, when most have closed, goes back and makes a
+    smaller step; one that is not continuous does not count meanwhile.
     """
-    if last is None or not np.median(now.gap) < _CLOSED:
+    if not np.median(now.gap) < _CLOSED:
         return now
-    jumps = (now.gap > _OPEN) & (now.gap > 0.5 * last.gap)
-    pace = np.where(jumps, np.maximum(0.5 * last.pace, 0.25), 1.0)
-    return now._replace(pace=pace, out=last.out | (jumps & (count > _PATIENCE)))
+    before, after = (_costs(x.chain, sigma, huber) for x in (last, now))
+    worse = ~(after < 1.3 * before + 2.0) & (last.gap < _OPEN)
+    open_ = (now.gap > _SHUT) & (now.gap > 0.5 * last.gap)
+    damping = np.where(worse | open_, np.maximum(10.0 * last.damping, 0.1), last.damping / 10.0)
+    damping = np.where(damping < 0.01, 0.0, np.minimum(damping, 1e4))
+    out = (damping > 0) & (now.gap > _OPEN) & ~worse
+    if worse.any():
+        now = _returned(now, last, worse, move)
+    return now._replace(damping=damping, out=out)
+
+
+def _returned(now: _Stand, last: _Stand, which: Array, move: Array) -> _Stand:
+    """Some windows as they were, but for the shared parameters' move since."""
+    size = last.chain.slope.shape[-1] - len(move)
+    old = last.chain
+    error = old.error[which] - old.slope[which][..., size:] @ move
+    moved = old.moved[which] + old.carried[which][..., size:] @ move
+    chain = now.chain
+    for whole, part in (
+        (chain.error, error),
+        (chain.slope, old.slope[which]),
+        (chain.moved, moved),
+        (chain.carried, old.carried[which]),
+        (now.prior[0], last.prior[0][which]),
+        (now.gap, last.gap[which]),
+    ):
+        whole[which] = part
+    at = now.windows[which]
+    at = at[at >= 0]
+    now.nodes[at] = last.nodes[at]
+    return now
 
 
 def _linearised(
@@ -164,16 +195,20 @@ def _linearised(
     wanted[:, n:] = track.w[first] - nodes[first, n : 2 * n]
     gap = (np.abs(chain.moved[..., :n]) / sigma).max(axis=(1, 2))
     prior = np.stack([wanted, precision])
-    alike = np.ones(len(windows))
-    return _Stand(guess, nodes, chain, prior, gap, alike, alike < 0)
+    none = np.zeros(len(windows))
+    return _Stand(guess, nodes, windows, chain, prior, gap, none, none > 0)
 
 
 def _cost(chain: Chain, out: Array, sigma: Array, huber: float) -> float:
-    """Huber's cost of the windows' predictions as they stand, none counting more than its share."""
+    return float(_costs(chain, sigma, huber)[~out].sum())
+
+
+def _costs(chain: Chain, sigma: Array, huber: float) -> Array:
+    """Huber's cost (W,) of predictions as they stand, none counting more than its share."""
     e = np.abs(chain.error) / sigma
     rho = np.where(e <= huber, e**2, 2 * huber * e - huber**2) * chain.share[..., None]
     most = _MOST * huber**2 * chain.share.sum(axis=1)
-    return float(np.minimum(rho.sum(axis=(1, 2)), most)[~out].sum())
+    return np.minimum(rho.sum(axis=(1, 2)), most)
 
 
 def _solved(
@@ -192,8 +227,9 @@ def _solved(
     precision = 1.0 / sd**2
     counts = ~now.out * 1.0
     weight = np.ones_like(chain.error)
+    slow = _slow(intervals, now, sigma)
     for _ in range(_ROUNDS):
-        normal = eliminated(chain, weight, sigma, now.prior)
+        normal = eliminated(chain, weight, sigma, now.prior, slow)
         H = np.einsum("w,wij->ij", counts, normal.H) + np.diag(precision)
         g = counts @ normal.g + precision * (mean - value)
         move = _step(H, g, low - value, high - value, damping)
@@ -226,6 +262,17 @@ def _solved(
         iterations=0,
     )
     return shot, largest
+
+
+def _slow(intervals: Intervals, now: _Stand, sigma: Array) -> Array:
+    """Precision (W, 2n) that keeps the starts' steps small.
+
+    What a window tells of its start is worth more, unless a joint rests or a kink is near.
+    """
+    per_time = np.median(intervals.track.dt) / sigma
+    own = np.concatenate([1.0 / sigma, per_time]) / _FAR
+    tells = np.concatenate([1.0 / sigma, per_time * len(now.chain.error[0])])
+    return own**2 + now.damping[:, None] * tells**2
 
 
 def _errors(H: Array, inside: Array) -> Array:
@@ -263,7 +310,7 @@ def _moved(intervals: Intervals, now: _Stand, windows: Array, moves: Array) -> A
     step = now.chain.moved + (now.chain.carried @ moves[:, None, :, None])[..., 0]
     on = windows >= 0
     at = windows[on]
-    nodes[at] += (now.pace[:, None, None] * step)[on]
+    nodes[at] += step[on]
     off = np.abs(nodes[at, :n] - (track.before[at] - now.guess.rig.offset)).max(axis=-1)
     bad = ~(off < _LOST) | ~np.isfinite(nodes[at]).all(axis=-1)
     if bad.any():

@@ -13,12 +13,13 @@ angle, and hands its momentum on.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid import contact, step
-from frictionid.arrays import Array, inverse, solve
+from frictionid.arrays import Array, inverse, solve, times
 from frictionid.friction import Friction, Memory
 from frictionid.mechanics import Partials, Plant
 from frictionid.shooting.partials import SPEED, Free, Seen, Slopes, by_memory, by_theta, slopes
@@ -30,15 +31,26 @@ _GRAZE = 0.01  # [rad/s]
 class Forces(NamedTuple):
     """Motor torque of K intervals in S equal pieces, and its derivatives in E directions.
 
-    u (S, K, n) [N m], by (S, E, K, n).
+    u (S, K, n) [N m], by (S, E, K, n); moment (S, K, n) [N m s^2], that of the torque about the end
+    of each piece beyond what its mean has, and moment_by (S, E, K, n). finer(rows, piece, parts):
+    forces of some intervals in parts of a piece. Without these the torque is u throughout.
     """
 
     u: Array
     by: Array
+    moment: Array | None = None
+    moment_by: Array | None = None
+    finer: Callable[[Array, int, int], Forces] | None = None
 
-    def take(self, rows: Array) -> Forces:
-        """Those of some of the intervals."""
-        return Forces(self.u[:, rows], self.by[:, :, rows])
+    def of(self, rows: Array, piece: int, parts: int) -> Forces:
+        """Those of some intervals in equal parts of a piece."""
+        if parts > 1 and self.finer is not None:
+            return self.finer(rows, piece, parts)
+        at = np.repeat(piece, parts)
+        u, by = self.u[at][:, rows], self.by[at][:, :, rows]
+        if parts > 1 or self.moment is None or self.moment_by is None:
+            return Forces(u, by)
+        return Forces(u, by, self.moment[at][:, rows], self.moment_by[at][:, :, rows])
 
 
 class Ends(NamedTuple):
@@ -94,33 +106,53 @@ def ends(scene: Scene, start: State, forces: Forces, dt: Array, fine: int) -> En
     """
     state, tangent = start, _begin(scene, start, forces.by.shape[1])
     part = (dt / len(forces.u))[:, None]
-    for u, by in zip(forces.u, forces.by, strict=True):
+    for piece, u in enumerate(forces.u):
         near = step.near_rest(scene.plant, scene.friction, state, u, part)
         parts = []
         for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
             if len(rows):
-                some = scene.take(rows)
                 here = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
                 there = _taken(tangent, rows)
-                end = _piece(some, here, there, u[rows], by[:, rows], part[rows] / count, count)
+                own = forces.of(rows, piece, count)
+                end = _piece(scene.take(rows), here, there, own, part[rows] / count)
                 parts.append((rows, end, there))
         state = _put(state, tangent, parts)
     D = len(tangent.q[0])
-    own = [entry for rows in tangent.memory for entry in rows]
-    matrix = np.stack([*tangent.q, *tangent.w, *own]).transpose(2, 0, 1)
+    memory = [entry for rows in tangent.memory for entry in rows]
+    matrix = np.stack([*tangent.q, *tangent.w, *memory]).transpose(2, 0, 1)
     size = matrix.shape[1]
     return Ends(state.q, state.w, state.memory, matrix[..., :size], matrix[..., size:D])
 
 
-def _piece(
-    scene: Scene, state: State, tangent: _Tangent, u: Array, by: Array, dt: Array, count: int
-) -> State:
+def _piece(scene: Scene, state: State, tangent: _Tangent, forces: Forces, dt: Array) -> State:
     """State after some substeps; the derivatives change in place."""
-    for _ in range(count):
+    for k, (u, by) in enumerate(zip(forces.u, forces.by, strict=True)):
         course = step.substep(scene.plant, scene.friction, state, u, dt)
         _carry(scene, tangent, state, course, u, by, dt)
         state = course[0]
+        if forces.moment is not None and forces.moment_by is not None and forces.moment[k].any():
+            state = _moved(scene, state, tangent, forces.moment[k], forces.moment_by[k])
     return state
+
+
+def _moved(scene: Scene, state: State, tangent: _Tangent, moment: Array, moment_by: Array) -> State:
+    """State with the way that a torque makes beyond its mean; the derivatives change in place."""
+    n = len(tangent.q)
+    resting = state.w == 0.0
+    A = _inverse_of_free(scene.plant.mechanism.inertia(scene.plant.p, state.q), resting)
+    first = len(tangent.q[0]) - len(moment_by)
+    for i in range(n):
+        for j in range(n):
+            tangent.q[i][first:] += A[:, i, j] * moment_by[:, :, j]
+    way = times(A, moment)
+    if scene.base:
+        # M way = moment, and M is linear in the base parameters
+        p, mechanism, zero = scene.plant.p, scene.plant.mechanism, 0.0 * way
+        inert, rest = (mechanism.partials(p, state.q, zero, a).by_p for a in (way, zero))
+        for k, place in enumerate(scene.base, first - len(scene.base)):
+            for i in range(n):
+                tangent.q[i][k] -= (A[:, i] * (inert - rest)[..., place]).sum(-1)
+    return state._replace(q=state.q + way)
 
 
 def _taken(tangent: _Tangent, rows: Array) -> _Tangent:

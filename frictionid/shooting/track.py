@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from frictionid.problem import GAP
 from frictionid.recipe import states_of
 from frictionid.recordings import Dataset
 from frictionid.rig import Rig
-from frictionid.signals import averages, sample
+from frictionid.shooting.drive import Pieces, Series, pieces_of, series_of
+from frictionid.signals import sample
 from frictionid.states import RTS, States
 
 
@@ -42,6 +44,11 @@ class Track:
     def n(self) -> int:
         """Number of joints."""
         return int(self.q.shape[1])
+
+    @cached_property
+    def torque(self) -> Series:
+        """Logged torque of all recordings."""
+        return series_of([r.torque for r in self.dataset.recordings])
 
     def take(self, rows: Array) -> Track:
         """Some of the intervals, as often as they are asked for."""
@@ -89,27 +96,17 @@ def track_of(
 def torques(track: Track, rig: Rig, rows: Array, pieces: int) -> tuple[Array, Array]:
     """Logged torque (pieces, k, n) that acts in equal pieces of some intervals, and d/d delay.
 
-    Before gain and bias, but with the rig's delay: means over the pieces of the logged signal, held
-    or interpolated as it was logged.
+    Before gain and bias, but with the rig's delay: means of the logged signal, held or interpolated
+    as it was logged.
     """
-    n = track.n
-    mean, slope = np.empty((2, pieces, len(rows), n))
-    share = np.arange(pieces + 1) / pieces
-    for r in np.unique(track.recording[rows]):
-        own = np.flatnonzero(track.recording[rows] == r)
-        at = rows[own]
-        signal = track.dataset.recordings[r].torque
-        edges = track.time[at, None] + track.dt[at, None] * share - float(rig.delay)
-        # neighbouring intervals share an edge, averages wants each once
-        flat, back = np.unique(edges, return_inverse=True)
-        back = np.reshape(back, edges.shape)
-        area = np.zeros((len(flat), n))
-        area[1:] = np.cumsum(averages(signal, flat) * np.diff(flat)[:, None], axis=0)
-        value = sample(signal, flat)
-        width = np.diff(edges, axis=1)[..., None]
-        mean[:, own] = np.moveaxis(np.diff(area[back], axis=1) / width, 1, 0)
-        slope[:, own] = np.moveaxis(-np.diff(value[back], axis=1) / width, 1, 0)
-    return mean, slope
+    felt = pushes(track, rig, rows, np.arange(pieces + 1) / pieces)
+    return felt.mean, felt.mean_later
+
+
+def pushes(track: Track, rig: Rig, rows: Array, share: Array) -> Pieces:
+    """Logged torque of some intervals between shares (m + 1,) of their time, with the delay."""
+    edges = track.time[rows, None] + track.dt[rows, None] * share - float(rig.delay)
+    return pieces_of(track.torque, track.recording[rows], edges)
 
 
 def cut(track: Track, use: Array, seconds: float) -> Array:

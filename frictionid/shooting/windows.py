@@ -81,11 +81,13 @@ class Normal(NamedTuple):
     leverage: Array
 
 
-def eliminated(chain: Chain, weight: Array, sigma: Array, prior: Array) -> Normal:
+def eliminated(
+    chain: Chain, weight: Array, sigma: Array, prior: Array, damping: Array | None = None
+) -> Normal:
     """Schur complements of the windows.
 
     weight (W, N + 1, n), sigma (n,) [rad]; prior (2, W, 2n): the start's wanted move, and its
-    precision
+    precision; damping (W, 2n), more precision for its step alone
     """
     W = len(chain.error)
     root = np.sqrt(weight * chain.share[..., None]) / sigma
@@ -107,4 +109,8 @@ def eliminated(chain: Chain, weight: Array, sigma: Array, prior: Array) -> Norma
     g = right[:, size:] - np.einsum("wsd,ws->wd", cross, best)
     own = A[..., :size]
     leverage = np.einsum("wks,wst,wkt->wk", own, inverse, own).reshape(root.shape)
+    if damping is not None:
+        held = start + damping[:, :, None] * np.eye(size)
+        to_start = np.linalg.solve(held, cross)
+        best = np.linalg.solve(held, start_right[..., None])[..., 0]
     return Normal(H, g, to_start, best, leverage)
