@@ -59,6 +59,7 @@ def task(
     joints=2,
     motions=True,
     spread=0.01,
+    refined=None,
 ):
     """Document of a task: `scored` maps data sets to rows; `role` as the report sees it."""
     rng = np.random.default_rng([len(identifier), seed, len(fit)])
@@ -97,6 +98,46 @@ def task(
         if motions
         else [],
         "seconds": {"fit": 0.1},
+        **({} if refined is None else {"refined": refined}),
+    }
+
+
+def parameter(block, name, value, error, *, joint=None, unit="N m", **changes):
+    """A parameter of a document of shooting, identified where its error is below half its value."""
+    reach = 2.0 * error
+    return {
+        "block": block,
+        "name": name if joint is None else f"{name} of joint {joint + 1}",
+        "unit": unit,
+        "joint": joint,
+        "value": value,
+        "error": error,
+        "interval_90": [value - 0.8 * reach, value + 0.8 * reach],
+        "interval_95": [value - reach, value + reach],
+        "at_bound": False,
+        "identified": bool(reach <= abs(value)),
+        **changes,
+    }
+
+
+def shot(parameters, *, joints=2, correlation=None, **changes):
+    """What a task's document says of a fit by shooting; the bands stand on the curves' grid."""
+    D, w = len(parameters), about(joints)["velocity"]
+    return {
+        "parameters": parameters,
+        "correlation": np.eye(D) if correlation is None else correlation,
+        "freedom": 24,
+        "clusters": 5,
+        "singular_values": np.linspace(2.0, 0.1, D),
+        "undetermined": [],
+        "bands": {"level": 0.95, "pointwise": 0.01 + 0 * w, "simultaneous": 0.02 + 0 * w},
+        "angle_noise": [0.001] * joints,
+        "windows": 50,
+        "left_out": [],
+        "unexplained": [],
+        "settled": True,
+        "iterations": 9,
+        **changes,
     }
 
 

@@ -15,9 +15,10 @@ from frictionid.report.style import DARK, GREY, PALE, WIDTH, figure, plain
 
 STRONG = 0.9
 LETTERS = 0.053  # [inch] of a letter of a label
-MARGIN = 0.32  # [inch] for the names of the groups
+MARGIN = 0.42  # [inch] for the names of the groups
 CELL = 0.3  # [inch], the largest
 MOST = 50  # parameters that have room for a label
+SMALL = 5  # [point], of labels with little room
 LARGE = 25  # parameters, of which more have smaller labels
 
 
@@ -94,7 +95,7 @@ def _names(axis: Any, read: Sequence[Estimate], labels: Sequence[str]) -> None:
         axis.set_yticks([])
         return
     words = list(map(plain, labels))
-    size = 7 if D <= LARGE else 5
+    size = 7 if D <= LARGE else SMALL
     axis.set_yticks(range(1, D), words[1:], fontsize=size)
     axis.set_xticks(range(D - 1), words[:-1], fontsize=size, rotation=90)
     axis.tick_params(length=0, pad=2)
@@ -119,5 +120,7 @@ def _groups(
         axis.plot([x, x], [at - 0.4, end - 0.6], color=GREY, linewidth=0.8, clip_on=False)
         middle = (at + end - 1) / 2
         beside = x - 0.06 * D / side
-        axis.text(beside, middle, plain(name), rotation=90, ha="right", va="center", fontsize=7)
+        words = "\n".join(map(plain, name.split(", ")))
+        small = SMALL if len(own) * side / D < LETTERS * max(map(len, words.split("\n"))) else 7
+        axis.text(beside, middle, words, rotation=90, ha="right", va="center", fontsize=small)
         at = end
