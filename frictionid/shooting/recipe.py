@@ -12,10 +12,14 @@ from frictionid.friction import Friction
 from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.rig import stacked
 from frictionid.shooting.blocks import Block, FrictionBlock
+from frictionid.shooting.intervals import values_of
 from frictionid.shooting.refine import Refined, begin, refined
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import settle
 from frictionid.shooting.track import Track
+
+
+_STEPS = 4  # of folds, from the fit to all data
 
 
 @dataclass(frozen=True)
@@ -37,23 +41,38 @@ def refine_folds(
     """Friction (F, n, P) of all folds with its rigs, and all that is known of the last one.
 
     training : (F, K), the intervals of the track that each fold may use; the last one is that of
-        all data. The others begin where it ended, and end where their own data say: their last
-        steps are smaller than a tenth of a standard error, so nothing is left of their begin.
+        all data. The others begin where it ended, at a fraction of a standard error from where
+        their own data say, and have four steps of Gauss and Newton to get there, after which
+        nothing is left of their begin. Priors stay where the first step of their own fold put them.
     """
-    whole, nodes = _one(friction[-1], track, recipe, training[-1] > 0, None)
+    whole, nodes = _one(friction[-1], track, recipe, training[-1] > 0, None, None)
+    few = min(recipe.settings.iterations, _STEPS)
+    recipe = replace(recipe, settings=replace(recipe.settings, iterations=few))
     frictions = []
     for f in range(len(training) - 1):
-        part, _ = _one(whole.friction, track, recipe, training[f] > 0, nodes)
+        known = _values(friction[f], track, recipe)
+        part, _ = _one(whole.friction, track, recipe, training[f] > 0, nodes, known)
         frictions.append(part.friction)
     return _together([*frictions, whole.friction]), whole
 
 
+def _values(friction: Friction, track: Track, recipe: Shooting) -> Array:
+    """Values (D,) of the free parameters in a friction, before any shooting."""
+    intervals, guess = begin(friction, track, recipe.blocks, recipe.settings)
+    return values_of(guess, intervals.parts)
+
+
 def _one(
-    friction: Friction, track: Track, recipe: Shooting, use: Array, nodes: Array | None
+    friction: Friction,
+    track: Track,
+    recipe: Shooting,
+    use: Array,
+    nodes: Array | None,
+    known: Array | None,
 ) -> tuple[Refined, Array]:
     intervals, guess = begin(friction, track, recipe.blocks, recipe.settings)
     stages = 0 if nodes is None else 1
-    shot = settle(intervals, guess, use, nodes, stages=stages)
+    shot = settle(intervals, guess, use, nodes, stages=stages, mean=known)
     return refined(intervals, shot, recipe.blocks), shot.nodes
 
 

@@ -68,17 +68,24 @@ class _Stand(NamedTuple):
 
 
 def settle(
-    intervals: Intervals, guess: Guess, use: Array, nodes: Array | None = None, *, stages: int = 0
+    intervals: Intervals,
+    guess: Guess,
+    use: Array,
+    nodes: Array | None = None,
+    *,
+    stages: int = 0,
+    mean: Array | None = None,
 ) -> Shot:
     """The fit to the intervals that may be used, (K,) true or false.
 
     nodes : where to begin, those of the smoothed motion by default
     stages : the last so many stages only, all by default
+    mean : (D,) of the priors, where the fit begins by default
     """
     s, track = intervals.settings, intervals.track
     nodes = intervals.start(guess) if nodes is None else nodes
     sigma = _noise(intervals, use)
-    mean = values_of(guess, intervals.parts)
+    mean = values_of(guess, intervals.parts) if mean is None else mean
     total = 0
     shot = None
     for seconds in s.windows[-stages:]:
