@@ -18,7 +18,6 @@ from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import settle
 from frictionid.shooting.track import Track
 
-
 _STEPS = 4  # of folds, from the fit to all data
 
 
