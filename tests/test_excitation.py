@@ -27,9 +27,16 @@ from frictionid.excitation import (
     moved,
     picture,
     played,
+    repeated,
+    standard_errors,
 )
-from frictionid.excitation.advice import standard_errors
-from frictionid.excitation.information import base_part, friction_part
+from frictionid.excitation.information import (
+    Glued,
+    base_part,
+    friction_part,
+    open_part,
+    resting,
+)
 from frictionid.excitation.search import choose, information, simulated
 from frictionid.excitation.smoothing import gains
 from frictionid.friction import Inputs, Nodes, along
@@ -37,7 +44,7 @@ from frictionid.identifiers import LeastSquares
 from frictionid.kinematic import Series, smoothed
 from frictionid.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot
-from frictionid.problem import Problem, integral_problem
+from frictionid.problem import Problem, integral_problem, sliding
 from frictionid.recipe import INTEGRAL, training_problem
 from frictionid.recordings import Dataset, Recording
 from frictionid.signals import Signal
@@ -46,7 +53,7 @@ from frictionid.simulate.integrate import motion
 from frictionid.simulate.modes import World
 from frictionid.states import States
 
-SEEDS = 40
+SEEDS = range(1000, 1040)  # of the noise in measurements
 COULOMB, VISCOUS = (0.165, 0.0525), (0.004, 0.0008)
 
 
@@ -56,8 +63,14 @@ def on_acrobot() -> Advice:
     machine = acrobot()
     limits = limits_of("torque=0.14, velocity=20, angle=3.1", machine)
     friction = guessed(f"coulomb={list(COULOMB)}, viscous={list(VISCOUS)}", limits)
-    experiment = Experiment(Plant.of(machine, {}), friction, limits)
-    return advise(Waves(experiment), Search(pool=192, generations=2, children=96))
+    experiment = Experiment(Plant.of(machine, {}), friction, limits, length=3.0, recordings=3)
+    return advise(Waves(experiment), Search(pool=96, generations=2, children=48))
+
+
+@cache
+def swinging() -> Advice:
+    """The same for a pendulum, the second rig."""
+    return advise(Waves(on_pendulum()), Search(pool=96, generations=2, children=64))
 
 
 def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, Array]:
@@ -76,21 +89,16 @@ def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, 
 def sine(experiment: Experiment, frequency: float) -> tuple[Array, Array]:
     """The plain sine at the torque limit, from rest hanging down, in each recording."""
     wave = np.sin(2 * np.pi * frequency * experiment.commands)
-    torque = np.repeat((wave[:, None] * experiment.limits.torque)[:, None], 4, axis=1)
-    return torque, np.zeros((4, experiment.plant.n))
-
-
-def predicted(experiment: Experiment, torque: Array, start: Array, *, inertia: bool) -> Array:
-    each = expected(experiment, moved(experiment, torque, start), 0)
-    count = experiment.friction.theta.size
-    return standard_errors(each, slice(None if inertia else count))
+    count = experiment.recordings
+    torque = np.repeat((wave[:, None] * experiment.limits.torque)[:, None], count, axis=1)
+    return torque, np.zeros((count, experiment.plant.n))
 
 
 def measured(experiment: Experiment, torque: Array, start: Array) -> tuple[Problem, Array]:
     """Training problem of SEEDS noisy repetitions of the recordings, and each row's seed."""
     q = really(experiment, torque, start)[0]
     recordings = []
-    for seed in range(SEEDS):
+    for seed in SEEDS:
         noise = np.random.default_rng(seed).normal(0.0, experiment.angle_noise, q.shape)
         for r in range(q.shape[1]):
             angle = Signal(experiment.images, q[:, r] + noise[:, r])
@@ -118,7 +126,7 @@ def scatter(experiment: Experiment, torque: Array, start: Array) -> tuple[Array,
     A = np.concatenate(parts, axis=-1)
     e = problem.residual(along(experiment.friction, problem.nodes))
     alone, free = [], []
-    for s in range(SEEDS):
+    for s in range(len(SEEDS)):
         own = seed == s
         rows, left = A[own].reshape(-1, A.shape[-1]), e[own].ravel()
         free.append(np.linalg.lstsq(rows, -left, rcond=None)[0])
@@ -143,27 +151,58 @@ def _rows(problem: Problem, own: Array) -> Problem:
 # --- Predictions against measurements ---------------------------------------------------------
 
 
-@pytest.mark.parametrize("frequency", [None, 1.0])
-def test_predicted_standard_errors_are_right_within_1_5(frequency: float | None) -> None:
-    """40 noise seeds each: the scatter is itself known to 11 % (one standard deviation).
+@pytest.mark.parametrize("rig", ["acrobot", "acrobot with a sine", "pendulum"])
+def test_predicted_standard_errors_are_right_within_1_5(rig: str) -> None:
+    """Of friction and of base parameters; the scatter of 40 fits is itself known to 11 %."""
+    advice = on_acrobot() if rig.startswith("acrobot") else swinging()
+    e, told, signal = advice.experiment, advice.repeated, (advice.torque, advice.start)
+    if "sine" in rig:
+        signal = sine(e, 1.0)
+        told = repeated(e, moved(e, *signal), 0)
+    for inertia, found in zip((False, True), scatter(e, *signal), strict=True):
+        ratio = found / told.errors(inertia=inertia)
+        assert ((ratio > 1 / 1.5) & (ratio < 1.5)).all(), (inertia, ratio)
 
-    Of base parameters only within 2: the smoother's bandwidth differs from seed to seed, and with
-    it how much of a fast motion it bends.
-    """
+
+def test_the_information_that_is_searched_promises_what_repetitions_give() -> None:
+    """Within 2, at a tenth of the cost: it knows of one bandwidth of the smoother only."""
     advice = on_acrobot()
     e = advice.experiment
-    signal = (advice.torque, advice.start) if frequency is None else sine(e, frequency)
-    for inertia, found in zip((False, True), scatter(e, *signal), strict=True):
-        ratio = found / predicted(e, *signal, inertia=inertia)
-        most = np.where(np.arange(len(ratio)) < 4, 1.5, 2.0)
-        assert ((ratio > 1 / most) & (ratio < most)).all(), (inertia, ratio)
+    ratio = advice.repeated.errors(inertia=True) / standard_errors(
+        expected(e, moved(e, advice.torque, advice.start), 0)
+    )
+    assert ((ratio > 0.5) & (ratio < 2.0)).all(), ratio
 
 
-def test_friction_is_known_twice_as_well_as_from_a_plain_sine() -> None:
-    """With free inertia, against 1 Hz: near the resonance, and at 19 of the allowed 20 rad/s."""
+@pytest.mark.parametrize(
+    ("rig", "frequency"), [("acrobot", 2.0), ("pendulum", 1.0), ("pendulum", 1.5)]
+)
+def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig: str, frequency: float) -> None:
+    """With free inertia. Near a resonance of the acrobot the gain is smaller (see `advise`)."""
+    advice = on_acrobot() if rig == "acrobot" else swinging()
+    e = advice.experiment
+    plain = repeated(e, moved(e, *sine(e, frequency)), 0).errors(inertia=True)
+    count = e.friction.theta.size
+    assert (advice.repeated.errors(inertia=True)[:count] <= 0.5 * plain[:count]).all()
+
+
+def test_joints_near_rest_are_open_as_in_a_fit() -> None:
     advice = on_acrobot()
-    plain = predicted(advice.experiment, *sine(advice.experiment, 1.0), inertia=True)
-    assert (advice.errors(inertia=True)[:4] <= 0.5 * plain[:4]).all()
+    glued = Glued.of(advice.experiment, advice.motions, 0)
+    problem = glued.problem(glued.q, glued.w)
+    fitted = sliding(problem, INTEGRAL.rest).G
+    assert np.allclose(open_part(problem.G, resting(glued)) @ problem.G, fitted, atol=1e-9)
+    assert resting(glued).any(0).all() and not resting(glued).all(0).any()
+
+
+def test_without_noise_repetitions_differ_by_nothing() -> None:
+    """What then remains is bias: what the smoother bends."""
+    advice = swinging()
+    still = replace(advice.experiment, angle_noise=1e-9)
+    many = repeated(still, advice.motions, 0, draws=5)
+    size = np.concatenate([still.friction.theta.ravel(), still.plant.p])
+    assert (many.errors(inertia=True) < 1e-5 * size).all()
+    assert (np.abs(many.bias(inertia=True)) < 0.02 * size).all()
 
 
 def test_the_smoothers_gains_are_those_of_the_whole_recording() -> None:
@@ -282,7 +321,8 @@ def test_noise_and_standard_errors_are_proportional() -> None:
     motions = moved(experiment, waves.torque(x), waves.start(x))
     loud = replace(experiment, angle_noise=1.02 * experiment.angle_noise)
     quiet, louder = (standard_errors(expected(e, motions, 0)) for e in (experiment, loud))
-    assert np.allclose(louder / quiet, 1.02, rtol=1e-6)
+    # but for the rows that noise may or may not count as at rest
+    assert np.allclose(louder / quiet, 1.02, rtol=1e-3)
 
 
 def test_a_machine_that_does_not_move_tells_nothing() -> None:

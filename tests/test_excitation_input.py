@@ -101,7 +101,7 @@ def test_the_command_writes_one_table_for_each_recording(
     assert names == ["torque.png", "torque_1.csv", "torque_2.csv"]
     assert (out.parent / "torque_1.csv").read_text().startswith("time,u1\n0,")
     text = capsys.readouterr().out
-    assert "joint 1  0.3 of 0.3 N m  binding" in text
+    assert "of 0.3 N m" in text and "of 20 rad/s" in text
     assert "joint 1 viscous" in text and "N m / (rad/s)" in text
 
 

@@ -32,7 +32,7 @@ def suggest(
     robust: Annotated[
         bool, typer.Option("--robust", help="Good also at half and twice the guessed friction.")
     ] = False,
-    effort: Annotated[int, typer.Option(help="Random signals to start from.")] = 384,
+    effort: Annotated[int, typer.Option(help="Random signals to start from.")] = 600,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
 ) -> None:
@@ -60,7 +60,7 @@ def suggest(
         levels=(0.5, 1.0, 2.0) if robust else (1.0,),
     )
     waves = excitation.Waves(experiment, tuple(f.strip() for f in families.split(",") if f.strip()))
-    search = excitation.Search(pool=effort, children=max(1, effort // 2), seed=seed)
+    search = excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
     with counted(search.generations + 1, "searching") as done:
         advice = excitation.advise(waves, search, done)
     _write(advice, places, figure)

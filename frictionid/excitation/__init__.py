@@ -3,10 +3,11 @@
 from frictionid.excitation.advice import Advice, advise
 from frictionid.excitation.experiment import Experiment, mechanism_in
 from frictionid.excitation.guess import guessed
-from frictionid.excitation.information import Expected, covariances, expected
+from frictionid.excitation.information import Expected, covariances, expected, standard_errors
 from frictionid.excitation.limits import Limits, limits_of
 from frictionid.excitation.motion import Motions, moved
 from frictionid.excitation.picture import picture
+from frictionid.excitation.repeated import Repeated, repeated
 from frictionid.excitation.search import Search, best
 from frictionid.excitation.text import described, played
 from frictionid.excitation.waves import Waves
@@ -17,6 +18,7 @@ __all__ = [
     "Experiment",
     "Limits",
     "Motions",
+    "Repeated",
     "Search",
     "Waves",
     "advise",
@@ -30,4 +32,6 @@ __all__ = [
     "moved",
     "picture",
     "played",
+    "repeated",
+    "standard_errors",
 ]

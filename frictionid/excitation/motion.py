@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +11,10 @@ from frictionid.excitation.experiment import Experiment
 from frictionid.friction import Friction
 from frictionid.rollout import rollout
 from frictionid.signals import Signal, averages
-from frictionid.step import State
+from frictionid.step import Pace, State, stride
 
 MARGIN = 0.95  # of a limit: the machine will not move exactly as the guess
-# [rad/s], wider smoothing than the fit's, because substeps are dear: friction below 0.2 rad/s is
-# not read anyway, and the step holds joints at rest by itself.
-FINE, COARSE = 0.05, 0.1
+QUICK = Pace(2, 3)  # of an interval, in the search: some mrad off after seconds, at a quarter
 
 
 class Motions(NamedTuple):
@@ -47,15 +44,33 @@ class Motions(NamedTuple):
         return (slow & near).all(axis=(0, 1, 3))
 
 
-def moved(experiment: Experiment, torque: Array, start: Array, *, width: float = FINE) -> Motions:
+def moved(experiment: Experiment, torque: Array, start: Array, *, quick: bool = False) -> Motions:
     """Motions under commands (K + 1, N, n) from start angles (N, n), at rest.
 
-    `width` [rad/s] is that of the friction's smoothing.
+    `quick` takes as few substeps as a search can do with.
     """
     images = experiment.images
     flat = Signal(experiment.commands, torque.reshape(len(torque), -1), hold="previous")
     u = averages(flat, images).reshape(len(images) - 1, *torque.shape[1:])
     theta = np.multiply.outer(np.array(experiment.levels), experiment.friction.theta)
-    friction = Friction(replace(experiment.friction.law, width=width), theta[:, None])
-    out = rollout(experiment.plant, friction, State(start, 0.0 * start), u, np.diff(images))
+    friction = Friction(experiment.friction.law, theta[:, None])
+    state, dt = State(start, 0.0 * start), np.diff(images)
+    if quick:
+        return Motions(*_quickly(experiment, friction, state, u, dt), u)
+    out = rollout(experiment.plant, friction, state, u, dt)
     return Motions(out.q, out.w, u)
+
+
+def _quickly(
+    experiment: Experiment, friction: Friction, state: State, u: Array, dt: Array
+) -> tuple[Array, Array]:
+    """Angles and velocities (T + 1, L, N, n); anything after a divergence."""
+    shape = (len(experiment.levels), *state.q.shape)
+    state = State(np.broadcast_to(state.q, shape), np.broadcast_to(state.w, shape))
+    q, w = [state.q], [state.w]
+    with np.errstate(all="ignore"):
+        for k, long in enumerate(dt[:, None]):
+            state = stride(experiment.plant, friction, state, u[k], long, QUICK)
+            q.append(state.q)
+            w.append(state.w)
+    return np.array(q), np.array(w)

@@ -2,8 +2,11 @@
 
 Maximised is the smallest eigenvalue of the expected information, the inverse of the covariance of
 all parameters, each in units of the best that one recording can do for it (E-optimality
-[Walter1997], standardised [Dette1997]). Recordings add up in it, so that the best set is found
-among motions that are simulated once, by exchange [Fedorov1972].
+[Walter1997], standardised [Dette1997]); friction, which is asked for, counts more than the base
+parameters, which have to be known with it. Recordings add up in it, so that the best set is found
+among motions that are simulated once, by exchange [Fedorov1972]. New signals come from the best and
+from those that would nearly do in their place, by small changes and by differences between two of
+them [Storn1997].
 """
 
 from __future__ import annotations
@@ -18,12 +21,18 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.information import Expected, covariances, expected
-from frictionid.excitation.motion import COARSE, moved
+from frictionid.excitation.motion import moved
 from frictionid.excitation.waves import Waves
 
+# A base parameter may be this many times farther from the best that could be done before it binds.
+LOOSE = 10.0
 _SWEEPS = 5
+_SINES = 10  # one of so many signals of the first pool is a plain sine
+_NEAR = 6  # signals kept as parents for each recording
 _SPREAD = (0.003, 0.3)  # of a change, in the unit cube: motions are sensitive
 _CHANGED = 4.0  # coordinates, on average
+_STEP = (0.2, 0.8)  # of a difference between two parents
+_KINDS = (4, 3, 3)  # of ten children: changed ones, differences, and fresh ones
 _TRIES = 3
 
 
@@ -31,9 +40,9 @@ _TRIES = 3
 class Search:
     """How long is searched: random signals, then generations of refined ones; seed of the draws."""
 
-    pool: int = 384
-    generations: int = 4
-    children: int = 192
+    pool: int = 600
+    generations: int = 12
+    children: int = 200
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -74,8 +83,7 @@ def best(
     values = [value]
     done(f"{len(pool.x)} signals keep the limits")
     for _ in range(search.generations):
-        parents = pool.x[chosen]
-        x = _children(parents, search.children, random)
+        x = _children(pool.x[_parents(pool.expected, scale, chosen)], search.children, random)
         more = simulated(waves, x, search.seed)
         pool = pool if more is None else pool.joined(more)
         chosen, value = choose(pool.expected, scale, recordings, chosen)
@@ -86,7 +94,7 @@ def best(
 
 def simulated(waves: Waves, x: Array, seed: int) -> Pool | None:
     """Those of the signals that keep the limits, None where none does."""
-    motions = moved(waves.experiment, waves.torque(x), waves.start(x), width=COARSE)
+    motions = moved(waves.experiment, waves.torque(x), waves.start(x), quick=True)
     kept = np.flatnonzero(motions.within(waves.experiment))
     if not kept.size:
         return None
@@ -94,8 +102,11 @@ def simulated(waves: Waves, x: Array, seed: int) -> Pool | None:
 
 
 def _first(waves: Waves, search: Search, random: np.random.Generator) -> Pool:
+    # plain sines at a resonance are hard to find by chance, and hard to beat
+    sines = waves.sines(search.pool // _SINES)
     for _ in range(_TRIES):
-        pool = simulated(waves, random.uniform(size=(search.pool, waves.size)), search.seed)
+        x = random.uniform(size=(search.pool - len(sines), waves.size))
+        pool = simulated(waves, np.concatenate([sines, x]), search.seed)
         if pool is not None:
             return pool
     limits = waves.experiment.limits
@@ -106,13 +117,30 @@ def _first(waves: Waves, search: Search, random: np.random.Generator) -> Pool:
     )
 
 
+def _parents(pool: Expected, scale: Array, chosen: Array) -> Array:
+    """Indices of the chosen recordings and of the best in place of each."""
+    near = [np.argsort(-_in_place(pool, scale, [*chosen], r))[:_NEAR] for r in range(len(chosen))]
+    return np.concatenate([chosen, *near])
+
+
 def _children(parents: Array, count: int, random: np.random.Generator) -> Array:
-    """Signals near the parents: each changed in a few coordinates, by much or by little."""
-    x = parents[np.arange(count) % len(parents)]
-    few = random.uniform(size=x.shape) < _CHANGED / x.shape[1]
+    """New signals of three kinds.
+
+    A parent changed in a few coordinates, by much or by little; a parent moved by the difference of
+    two others in half of its coordinates; random ones.
+    """
+    changed, moved_on = (count * kind // sum(_KINDS) for kind in _KINDS[:2])
+    size = parents.shape[1]
+    x = parents[np.arange(changed) % len(parents)]
+    few = random.uniform(size=x.shape) < _CHANGED / size
     low, high = np.log(_SPREAD)
-    spread = np.exp(random.uniform(low, high, size=(count, 1)))
-    folded = np.abs(x + few * spread * random.standard_normal(x.shape)) % 2.0
+    spread = np.exp(random.uniform(low, high, size=(changed, 1)))
+    x = x + few * spread * random.standard_normal(x.shape)
+    a, b, c = parents[random.integers(len(parents), size=(3, moved_on))]
+    half = random.uniform(size=a.shape) < 0.5
+    y = a + half * random.uniform(*_STEP, size=(moved_on, 1)) * (b - c)
+    fresh = random.uniform(size=(count - changed - moved_on, size))
+    folded = np.abs(np.concatenate([x, y, fresh])) % 2.0
     return np.minimum(folded, 2.0 - folded)  # reflected at both ends
 
 
@@ -128,14 +156,19 @@ def choose(
     for _ in range(_SWEEPS):
         before = list(chosen)
         for place in range(recordings):
-            others = chosen[:place] + chosen[place + 1 :]
-            sums = Expected(*(x + x[:, others].sum(1, keepdims=True) for x in pool))
-            values = information(sums, scale)
+            values = _in_place(pool, scale, chosen, place)
             chosen = [*chosen[:place], int(np.argmax(values)), *chosen[place + 1 :]]
             value = float(values.max())
         if chosen == before:
             break
     return np.array(chosen), value
+
+
+def _in_place(pool: Expected, scale: Array, chosen: list[int], place: int) -> Array:
+    """Value (N,) with each signal of the pool in place of one of the chosen."""
+    others = chosen[:place] + chosen[place + 1 :]
+    sums = Expected(*(x + x[:, others].sum(1, keepdims=True) for x in pool))
+    return information(sums, scale)
 
 
 def information(sums: Expected, scale: Array) -> Array:
@@ -148,7 +181,7 @@ def information(sums: Expected, scale: Array) -> Array:
 
 
 def scales(experiment: Experiment, pool: Expected) -> Array:
-    """Least standard error (P,) that one recording of the pool gives each parameter.
+    """Least standard error (P,) that one recording of the pool gives each parameter, LOOSE for p.
 
     So each parameter counts by how far it is from the best that could be done for it alone, not by
     a guess of its size [Dette1997]. Where all are blind, its size has to do.
@@ -156,4 +189,5 @@ def scales(experiment: Experiment, pool: Expected) -> Array:
     variances = np.diagonal(covariances(pool), axis1=-2, axis2=-1).max(axis=0).min(axis=0)
     p = np.abs(experiment.plant.p)
     sizes = np.concatenate([experiment.friction.theta.ravel(), np.where(p > 0, p, p.max())])
-    return np.where(np.isfinite(variances), np.sqrt(variances), sizes)
+    scale = np.where(np.isfinite(variances), np.sqrt(variances), sizes)
+    return scale * np.where(np.arange(len(scale)) < len(scale) - len(p), 1.0, LOOSE)

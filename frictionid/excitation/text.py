@@ -96,15 +96,28 @@ def _errors(advice: Advice) -> Iterator[str]:
     units = [torque, f"{torque} / ({velocity})"] * e.plant.n
     units += [b.unit for b in mechanism.description.base]
     values = [*e.friction.theta.ravel(), *e.plant.p]
-    alone = [*advice.errors(inertia=False), *([None] * len(mechanism.base_names))]
-    free = advice.errors(inertia=True)
-    yield "expected standard errors:"
-    yield f"  {'':20s} {'guess':>10s} {'friction alone':>15s} {'inertia free':>13s}"
-    for name, value, first, second, unit in zip(
-        [*names, *mechanism.base_names], values, alone, free, units, strict=True
+    many, blank = advice.repeated, [None] * len(mechanism.base_names)
+    columns = [
+        [*many.errors(inertia=False), *blank],
+        [*many.bias(inertia=False), *blank],
+        many.errors(inertia=True),
+        many.bias(inertia=True),
+    ]
+    yield f"expected of a fit, by {len(many.free)} simulated repetitions:"
+    yield f"  {'':20s} {'':>10s} {'friction alone':>21s} {'inertia free':>21s}"
+    yield f"  {'':20s} {'guess':>10s}" + f" {'std error':>11s} {'bias':>9s}" * 2
+    for name, value, unit, *cells in zip(
+        [*names, *mechanism.base_names], values, units, *columns, strict=True
     ):
-        cell = "" if first is None else f"{first:.2g}"
-        yield f"  {name:20s} {value:10.4g} {cell:>15s} {second:13.2g}  {unit}"
+        row = "".join(
+            f" {'' if c is None else f'{c:.2g}':>{width}s}"
+            for c, width in zip(cells, (11, 9, 11, 9), strict=True)
+        )
+        yield f"  {name:20s} {value:10.4g}{row}  {unit}"
+    yield (
+        "bias: what smoothing bends, whatever the noise; more images a second make it smaller, "
+        "more recordings do not"
+    )
 
 
 def _elsewhere(advice: Advice) -> Iterator[str]:

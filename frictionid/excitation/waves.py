@@ -61,6 +61,21 @@ class Waves:
         """Number of coordinates of a signal."""
         return _PER_MOTOR * len(self.motors) + self.experiment.plant.n
 
+    def sines(self, count: int) -> Array:
+        """Plain sines (N, size) of frequencies all over the band, from the middle of the angles.
+
+        All motors in phase, at their limit; there are none where the family of chirps is not used.
+        """
+        if "chirp" not in self.families:
+            return np.zeros((0, self.size))
+        x = np.full((count, self.size), 0.5)
+        for i in range(len(self.motors)):
+            own = x[:, i * _PER_MOTOR : (i + 1) * _PER_MOTOR]
+            own[:, 0] = (self.families.index("chirp") + 0.5) / len(self.families)
+            own[:, 2 : 2 + SINES] = np.linspace(0.0, 1.0, count)[:, None]
+            own[:, 2 + SINES] = 0.0
+        return x
+
     def torque(self, x: Array) -> Array:
         """Commands (K + 1, N, n) [N m] of signals x (N, size); the last one is zero."""
         e = self.experiment
