@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from frictionid.report.style import DARK, GREY, Look, figure, key_above, plain
 COLUMNS = 3  # fits side by side at most; more go to another picture
 SHADE, HATCH = "#F0F0F0", "#D4D4D4"
 LINE = (0, (4, 1.5))
-SLOW = 0.05  # [rad/s]: below it the smoothing of the sign is compared, not friction
+SLOW = 0.1  # [rad/s]: below it the smoothing of the sign would be compared, not friction
 STRONG, WEAK = 0.5, 0.22  # opacity of the pointwise and the simultaneous band
 
 
@@ -52,13 +52,13 @@ def _picture(
     )
     for joint in joints:
         bands = {entry: _band(entry, about, joint) for entry in every}
-        limits = _limits(bands, about, joint)
+        tall = _tall(bands.values())
         for c, entry in enumerate(shown):
             pair = axes[2 * joint : 2 * joint + 2, c]
-            for axis, limit in zip(pair, limits, strict=True):
+            near = _near(entry, bands[entry], about, joint)
+            for axis, limit in zip(pair, (tall, near), strict=True):
                 _frame(axis, bands[entry].velocity, about, joint, limit)
-                axis.tick_params(labelleft=c == 0)
-            pair[0].tick_params(labelbottom=False)
+            pair[0].tick_params(labelbottom=False, labelleft=c == 0)
             _curve(pair[0], bands[entry], about, joint, looks[entry.label])
             _about_zero(pair[1], entry, bands[entry], about, joint, looks[entry.label])
         unit = about["torque_unit"]
@@ -84,19 +84,20 @@ def _band(entry: Entry, about: Mapping[str, Any], joint: int) -> Band:
     return Band(*(np.asarray(part, dtype=float)[:, joint] for part in parts))
 
 
-def _limits(
-    bands: Mapping[Entry, Band], about: Mapping[str, Any], joint: int
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Ends of a joint's two axes, the same for all fits: of curves, and of what is about them."""
-    tall, near = [], []
-    for entry, band in bands.items():
-        tall += [np.abs(band.curve)]
-        inside = _measured(band.velocity, about, joint)
-        near += [band.simultaneous[inside]]
-        off = _off_truth(entry, about, joint)
-        # a curve that is far off must not flatten the bands of all others
-        near += [] if off is None else [np.minimum(np.abs(off[1]), 4 * band.simultaneous.max())]
-    return tuple((-1.12 * _most(values), 1.12 * _most(values)) for values in (tall, near))  # type: ignore[return-value]
+def _tall(bands: Iterable[Band]) -> float:
+    """End of the axis of a joint's curves, the same for all fits."""
+    return 1.12 * _most([np.abs(band.curve) for band in bands])
+
+
+def _near(entry: Entry, band: Band, about: Mapping[str, Any], joint: int) -> float:
+    """End of the axis of what is about a curve: each fit has its own, to show its bands."""
+    inside = band.simultaneous[_measured(band.velocity, about, joint)]
+    parts = [inside]
+    off = _off_truth(entry, about, joint)
+    if off is not None:
+        # a truth far away must not flatten the bands
+        parts.append(np.minimum(np.abs(off[1]), 4 * _most(parts)))
+    return 1.12 * _most(parts)
 
 
 def _most(values: Sequence[Array]) -> float:
@@ -131,9 +132,7 @@ def _unmeasured(
         yield float(edges[i]), float(edges[i + 1])
 
 
-def _frame(
-    axis: Any, w: Array, about: Mapping[str, Any], joint: int, limits: tuple[float, float]
-) -> None:
+def _frame(axis: Any, w: Array, about: Mapping[str, Any], joint: int, most: float) -> None:
     """Axes of a panel, grey where no velocity was measured."""
     for low, high in _unmeasured(float(w[0]), float(w[-1]), about, joint):
         axis.axvspan(
@@ -143,7 +142,7 @@ def _frame(
     axis.axvline(0, color="#BBBBBB", linewidth=0.5, zorder=1)
     axis.locator_params(nbins=5)
     axis.set_xlim(float(w[0]), float(w[-1]))
-    axis.set_ylim(limits)
+    axis.set_ylim(-most, most)
 
 
 def _curve(axis: Any, band: Band, about: Mapping[str, Any], joint: int, look: Look) -> None:
