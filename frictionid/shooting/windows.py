@@ -10,6 +10,9 @@ from frictionid.arrays import Array
 from frictionid.shooting.intervals import Lines
 from frictionid.shooting.track import Track
 
+_WILD = 1e4  # [rad per rad or rad/s of its start]: a prediction that tells nothing
+_FAR = 1e3  # [rad]
+
 
 class Chain(NamedTuple):
     """What W windows of at most N intervals predict, linear in starts and parameters.
@@ -28,12 +31,16 @@ class Chain(NamedTuple):
     carried: Array
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Array) -> Chain:
     """Windows (W, N) of intervals that each begin at its own node (K, s), made continuous.
 
     The prediction from the window's start passes node k + 1 at x_{k+1} + g_{k+1} with
     g_{k+1} = F_k - x_{k+1} + P_k g_k to first order in the gaps F_k - x_{k+1}; when they have
     closed, it is exactly the prediction from the start [Bock1983].
+
+    Windows that explode (a law with numbers that make it steep) stay as they are: their predictions
+    are far off, and nothing moves them until the parameters are better.
     """
     n, s = track.n, nodes.shape[1]
     W, N = windows.shape
@@ -63,7 +70,25 @@ def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Ar
         slope[end, k + 1] = T[end, :n]
         share[end, k + 1] = 0.5
     slope[..., 2 * n :] += lines.angle.T * (share > 0)[..., None, None]
-    return Chain(error, slope, share, moved, carried)
+    return _tamed(Chain(error, slope, share, moved, carried))
+
+
+def _tamed(chain: Chain) -> Chain:
+    """The chain with windows that explode held where they are."""
+    n = chain.error.shape[-1]
+    steep = np.abs(chain.slope[..., : 2 * n]).max(axis=(1, 2, 3))
+    known = np.isfinite(chain.slope).all(axis=(1, 2, 3)) & np.isfinite(chain.carried).all((1, 2, 3))
+    tame = known & (steep < _WILD) & (np.abs(chain.error).max(axis=(1, 2)) < _FAR)
+    if tame.all():
+        return chain
+    far = _FAR * (chain.share[..., None] > 0)
+    rows = ~tame[:, None, None]
+    return chain._replace(
+        error=np.where(rows, far, chain.error),
+        slope=np.where(rows[..., None], 0.0, chain.slope),
+        moved=np.where(rows, 0.0, chain.moved),
+        carried=np.where(rows[..., None], 0.0, chain.carried),
+    )
 
 
 class Normal(NamedTuple):
@@ -95,19 +120,20 @@ def eliminated(
     A = (chain.slope * root[..., None]).reshape(W, -1, D)
     b = (chain.error * root).reshape(W, -1)
     size = prior.shape[-1]
-    transposed = np.swapaxes(A, 1, 2)
-    full = transposed @ A
-    right = (transposed @ b[..., None])[..., 0]
+    own, shared = A[..., :size], A[..., size:]
+    turned = np.swapaxes(own, 1, 2)
     wanted, precision = prior
-    start = full[:, :size, :size] + precision[:, :, None] * np.eye(size)
-    start_right = right[:, :size] + precision * wanted
+    start = turned @ own + precision[:, :, None] * np.eye(size)
+    start_right = (turned @ b[..., None])[..., 0] + precision * wanted
     inverse = np.linalg.inv(start)
-    cross = full[:, :size, size:]
+    cross = turned @ shared
     to_start = inverse @ cross
     best = (inverse @ start_right[..., None])[..., 0]
-    H = full[:, size:, size:] - np.swapaxes(cross, 1, 2) @ to_start
-    g = right[:, size:] - np.einsum("wsd,ws->wd", cross, best)
-    own = A[..., :size]
+    # as a sum of squares: a difference of large ones may come out negative
+    rest = shared - own @ to_start
+    H = np.swapaxes(rest, 1, 2) @ rest
+    H += np.swapaxes(to_start, 1, 2) @ (precision[:, :, None] * to_start)
+    g = np.einsum("wkd,wk->wd", rest, b) - np.einsum("wsd,ws->wd", to_start, precision * wanted)
     leverage = np.einsum("wks,wst,wkt->wk", own, inverse, own).reshape(root.shape)
     if damping is not None:
         held = start + damping[:, :, None] * np.eye(size)
