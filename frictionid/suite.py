@@ -49,8 +49,9 @@ class RecipeEntry(Strict):
     """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest.
 
     With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed` the
-    parameters of them that stay, `priors` their standard deviations; `start` is the recipe it
-    begins with, `windows` and `iterations` are its settings.
+    parameters of them that stay, `priors` their standard deviations; `start` is the one-step recipe
+    it begins with, of the suite or as it stands; `windows`, `iterations` and `start_velocity` are
+    its settings.
     """
 
     name: Name
@@ -61,6 +62,7 @@ class RecipeEntry(Strict):
     start: str | None = None
     windows: Annotated[list[Positive], Field(min_length=1)] | None = None
     iterations: Annotated[int, Field(ge=1)] | None = None
+    start_velocity: Positive | None = None
     states: dict[str, Any] | None = None
     scheme: Literal["euler", "integral"] | None = None
     rest: Annotated[float, Field(ge=0)] | None = None
@@ -144,7 +146,7 @@ def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
             f"--data names the folder of one data set, suite {suite.name!r} has several ({names}): "
             "set FRICTIONID_DATA to the folder that holds their collections"
         )
-    recipes = [recipe_of(entry) for entry in suite.recipes]
+    recipes = recipes_of(suite.recipes)
     chosen = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
     _distinct([recipe.name for recipe in recipes], "recipes")
     _distinct(list(map(str, suite.seeds)), "seeds")
@@ -203,15 +205,22 @@ def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset])
             )
 
 
-def recipe_of(entry: RecipeEntry) -> Recipe | Shooting:
-    """Recipe of its table."""
+def recipes_of(entries: Sequence[RecipeEntry]) -> list[Recipe | Shooting]:
+    """Recipes of their tables; shooting may begin with a one-step recipe that stands beside it."""
+    own = [recipe_of(entry) for entry in entries if entry.by is None]
+    steps = {recipe.name: recipe for recipe in own if isinstance(recipe, Recipe)}
+    return [recipe_of(entry, steps) for entry in entries]
+
+
+def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Recipe | Shooting:
+    """Recipe of its table; `own` are one-step recipes that it may name as its start."""
     where = f"recipe {entry.name!r}"
     steps = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
     shots = [key for key in _SHOTS if getattr(entry, key) is not None]
     if entry.by == "shooting" or (entry.name == "shooting" and not steps):
         if steps:
             raise InputError(f"{where}: {steps[0]} belongs to one-step recipes, name one as start")
-        return shooting_of(entry, where)
+        return shooting_of(entry, where, own)
     if shots:
         raise InputError(f'{where}: {shots[0]} needs by = "shooting"')
     if entry.name in RECIPES:
@@ -226,12 +235,14 @@ def recipe_of(entry: RecipeEntry) -> Recipe | Shooting:
     return Recipe(entry.name, states, entry.scheme, entry.rest or 0.0)
 
 
-_SHOTS = ("free", "fixed", "priors", "start", "windows", "iterations")
+_SHOTS = ("free", "fixed", "priors", "start", "windows", "iterations", "start_velocity")
 
 
-def shooting_of(entry: RecipeEntry, where: str) -> Shooting:
+def shooting_of(
+    entry: RecipeEntry, where: str, own: Mapping[str, Recipe] | None = None
+) -> Shooting:
     """Shooting with the blocks and settings of its table."""
-    start = recipe_named(entry.start or INTEGRAL.name)
+    start = recipe_named(entry.start or INTEGRAL.name, own)
     if isinstance(start, Shooting):
         raise InputError(f"{where}: start = {entry.start!r} must be a one-step recipe")
     blocks = blocks_of(entry.free or ["friction"], entry.fixed or [], entry.priors or {}, where)
@@ -240,6 +251,7 @@ def shooting_of(entry: RecipeEntry, where: str) -> Shooting:
         usual,
         windows=tuple(entry.windows or usual.windows),
         iterations=entry.iterations or usual.iterations,
+        start_velocity=entry.start_velocity or usual.start_velocity,
     )
     return Shooting(entry.name, blocks, settings, start)
 
@@ -279,11 +291,12 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
     return {block: tuple(names) for block, names in parts.items()}
 
 
-def recipe_named(name: str) -> Recipe | Shooting:
-    """Recipe that stands as it is, by its name."""
-    if name not in RECIPES:
-        raise InputError(f"recipe {name!r} is unknown; {nearest(name, RECIPES)}")
-    return RECIPES[name]
+def recipe_named(name: str, own: Mapping[str, Recipe] | None = None) -> Recipe | Shooting:
+    """Recipe that stands as it is, or one of a suite's own, by its name."""
+    known = {**RECIPES, **(own or {})}
+    if name not in known:
+        raise InputError(f"recipe {name!r} is unknown; {nearest(name, known)}")
+    return known[name]
 
 
 def identifier_of(
