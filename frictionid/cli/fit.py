@@ -70,10 +70,11 @@ def fit(
         friction = found.friction
         document = document_of(found, recordings, velocity_grid(problem.nodes.inputs.w))
         source["refined"] = document
-        show_refined(document)
+    save_model(with_provenance(friction, source), out, LAWS)
+    if "refined" in source:
+        show_refined(source["refined"])
     else:
         print(friction)
-    save_model(with_provenance(friction, source), out, LAWS)
     print(f"written to {out}")
 
 

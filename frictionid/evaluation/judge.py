@@ -112,6 +112,8 @@ def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: P
         raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
     told = dataset, plant
     limits = protocol.sample_time, protocol.history
+    euler = problem_of(*told, STUDY, *limits, observed.backward)
+    integral = problem_of(*told, INTEGRAL, *limits, observed.smoothed)
     starts = make_starts(
         dataset,
         observed.causal,
@@ -126,8 +128,8 @@ def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: P
         protocol=protocol,
         observed=observed,
         plant=plant,
-        euler=problem_of(*told, STUDY, *limits, observed.backward),
-        integral=problem_of(*told, INTEGRAL, *limits, observed.smoothed),
+        euler=euler,
+        integral=integral,
         starts=starts,
         course=make_course(dataset, observed.causal, protocol.history) if protocol.whole else None,
         past=make_past(dataset, observed.causal, starts) if own else None,
