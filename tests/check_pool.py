@@ -246,6 +246,32 @@ def frozen(dataset, rng):
     return with_angles(dataset, freeze), f"angle {j + 1} stands still"
 
 
+def frozen_torque(dataset, rng):
+    """One motor's torque stands still, all through a recording or for 0.4 to 1 s of a motion.
+
+    At a value and time at which it shows: the true torque differs from it and the joint moves.
+    """
+    while True:
+        i, j = int(rng.integers(len(dataset.recordings))), int(rng.choice(driven_of(dataset)))
+        torque, angle = dataset.recordings[i].torque, dataset.recordings[i].angle
+        u, level = torque.value[:, j], np.sqrt((torque.value[:, j] ** 2).mean())
+        first, last = 0, len(u)
+        value = rng.choice(u)
+        if rng.random() < 0.5:
+            first = int(rng.integers(5, len(u) - 70))
+            last = first + int(rng.integers(24, 60))
+            value = u[first]
+        speed = np.abs(np.gradient(angle.value[:, j], angle.time))[first : min(last, SAMPLES)]
+        error = np.sqrt(((u[first:last] - value) ** 2).mean())
+        if value != 0.0 and error > 0.7 * level and (speed > 0.5).mean() > 0.7:
+            break
+    out = list(dataset.recordings)
+    changed = torque.value.copy()
+    changed[first:last, j] = value
+    out[i] = replace(out[i], torque=torque._replace(value=changed))
+    return replace(dataset, recordings=tuple(out)), f"torque {j + 1} stands still"
+
+
 # fault -> (how it is planted, whether it needs two joints)
 FAULTS = {
     "flipped_torque": (flipped_torque, False),
@@ -259,4 +285,5 @@ FAULTS = {
     "commanded_torque": (commanded, False),
     "wrapped_angle": (wrapped, False),
     "frozen_sensor": (frozen, False),
+    "frozen_torque": (frozen_torque, False),
 }

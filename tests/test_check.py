@@ -27,7 +27,7 @@ from frictionid.recordings import Dataset, Recording
 from frictionid.report.verdict import as_json
 from frictionid.report.verdict_pictures import write_pictures
 from frictionid.signals import Signal
-from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Stribeck, simulate
+from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate
 
 DATA = Path(__file__).parents[1] / "data"
 TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}
@@ -167,6 +167,17 @@ def test_facts_count_what_was_planted():
     assert fact.angle_noise == pytest.approx(np.hypot(5e-4, 0.002 / np.sqrt(12)), rel=0.3)
     assert fact.reversals == 10
     assert fact.fast == pytest.approx(3.0, rel=0.05)
+
+
+def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
+    noisy = drawn(swings, np.random.default_rng(9), count=1)
+    stuck = pool.with_torques(noisy, lambda u: np.full_like(u, 0.4))
+    assert "frozen_torque" in [f.kind for f in check(stuck).findings]
+    runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
+    curve = Stribeck(Curve((0.05,), (0.05,), viscous=(0.02,)))
+    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
+    held = simulate(Rig("held", mechanism, curve, Camera(361, 60.0, 1e-3), runs, substeps=6))
+    assert "frozen_torque" not in [f.kind for f in check(held).findings]
 
 
 def test_slow_recordings_without_decay_ask_for_both():

@@ -3,7 +3,8 @@
 motion, rows, torque   smoothed states, momentum balances over windows, torques of the windows
 regression             least squares of base parameters and friction; alone: one suspect at a time
 facts                  plain facts of clock, joints and noise
-sensors, commanded, conventions, delay, told, passive, excitation, published: one kind of fault each
+sensors, stuck, commanded, conventions, delay, told, passive, excitation, published: one kind of
+                       fault each
 trial, identifiable, verdict  the order in which they are asked, and the answer
 """
 

@@ -22,6 +22,7 @@ from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.regression import Estimate, regress
 from frictionid.check.rows import Rows, sharp_rows, speeds_of
 from frictionid.check.sensors import frozen, unwrapped
+from frictionid.check.stuck import stuck
 from frictionid.check.told import Suspect
 from frictionid.check.torque import impulse_of
 from frictionid.check.trial import Trial, tried
@@ -121,7 +122,9 @@ def judge(
     `found` are findings made before; for the rest see `check`.
     """
     facts, clock = joints_of(dataset.recordings, motions), clock_of(dataset.recordings)
-    stuck, where = frozen(dataset, motions)
+    still, where = frozen(dataset, motions)
+    dataset, motions = _without(dataset, motions, where)
+    held, where = stuck(dataset, plant_of(dataset), motions, impulse_of(dataset.recordings))
     dataset, motions = _without(dataset, motions, where)
     plant = plant_of(dataset)
     mechanism, told = plant.mechanism, np.asarray(plant.p)
@@ -135,7 +138,8 @@ def judge(
     findings = [
         *found,
         *command,
-        *stuck,
+        *still,
+        *held,
         *still_joints(trial.given, facts),
         *trial.findings,
         *_physics(trial, dataset, estimate, told, rest),
