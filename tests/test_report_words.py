@@ -108,6 +108,14 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
     assert "2.0 and 2.0 times larger than without friction" in words(made.write(tmp_path, tasks))
 
 
+@pytest.mark.parametrize(("unit", "far"), [("rad", "1 rad"), ("m", "a quarter of the travel")])
+def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, far, tmp_path):
+    tasks = [made.task("wild", {"made": made.rows(0.3, 0.9)})]
+    folder = made.write(tmp_path, tasks, {"made": {**made.about(), "angle_unit": unit}})
+    assert f"off by more than {far}, which medians hide: on made up to 100 %" in words(folder)
+    assert f"share further off than {far})" in (folder / "summary.md").read_text()
+
+
 def test_curves_and_parameters_that_wander_are_told(tmp_path):
     stray = made.task("stray", {"made": made.rows(0.3, 0.2)})
     stray["curves"][-1] *= 1.5

@@ -58,6 +58,21 @@ def test_exactly_one_radian_has_not_diverged():
     assert select(rows, statistic="diverged")["all", "1"] == 0.5
 
 
+def test_a_quarter_of_the_travel_is_far_off_for_a_joint_that_slides():
+    errors = [[0.04, 0.0], [0.06, 0.0], [0.0, 0.3], [0.0, 0.6]]
+    motion, starts = made_up(errors)
+    starts.measured[0, 0], starts.measured[0, 1] = [0.0, -1.0], [0.2, 1.0]
+    starts.measured[0, 2:] = np.nan
+    fold = np.zeros((1, 4), int)
+    rows = list(rollout_rows(motion, starts, fold, "m"))
+    shares = select([row for row in rows if row.fold == "all"], statistic="diverged")
+    assert shares == {("all", "1"): 0.25, ("all", "2"): 0.25, ("all", "all"): 0.25}
+    scaled = made_up(np.multiply(errors, 1000.0))
+    scaled[1].measured[:] = 1000.0 * starts.measured
+    again = list(rollout_rows(*scaled, fold, "m"))
+    assert [r.value for r in again if r.unit == "1"] == [r.value for r in rows if r.unit == "1"]
+
+
 def test_pooled_is_over_all_starts_and_folds_only_over_their_own():
     errors = np.array([0.1, 0.2, 0.3, 5.0, 6.0])[:, None]
     fold = np.array([[0, 0, 0, 1, 1]])

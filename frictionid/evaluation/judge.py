@@ -174,7 +174,7 @@ def judge_folds(
     # whatever of a start is held out, is held out by one fold: its friction predicts
     owner = np.maximum(fold.max(axis=0), 0)
     starts, motion = _predicted(friction, views, prepared.starts, owner)
-    rows += rollout_rows(motion, starts, fold)
+    rows += rollout_rows(motion, starts, fold, _angle_unit(prepared))
     if prepared.course is not None:
         held = course_folds(prepared.course, folds)
         rows += free_run_rows(*_ran(friction, views, prepared.course, held), held)
@@ -259,7 +259,8 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
     everyone = np.zeros(len(starts.recording), dtype=int)
     plant = prepared.plant[starts.recording]
     motion = predict(plant, batch[everyone], starts, prepared.past)
-    rows += _pooled(rollout_rows(motion, starts, np.zeros_like(starts.last)))
+    everywhere = np.zeros_like(starts.last)
+    rows += _pooled(rollout_rows(motion, starts, everywhere, _angle_unit(prepared)))
     if prepared.course is not None:
         all_ = np.zeros(len(prepared.course.names), dtype=int)
         q = free_run(prepared.plant, batch[all_], prepared.course)
@@ -267,6 +268,10 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
     rows += _pooled(curve_scores(batch, friction, prepared))
     rows.append(_count(friction))
     return rows, _examples(motion.q, prepared, starts.last[-1] > 0, friction_of="all")
+
+
+def _angle_unit(prepared: Prepared) -> str:
+    return prepared.plant.mechanism.description.angle_unit
 
 
 def _problems(prepared: Prepared) -> tuple[tuple[str, Problem], ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.observer import Past, found
-from frictionid.evaluation.rows import Row, summarise_rollouts
+from frictionid.evaluation.rows import Row, far, summarise_rollouts
 from frictionid.evaluation.starts import Starts
 from frictionid.friction import Friction, Inputs, Memory, memory_along
 from frictionid.mechanics import Plant
@@ -42,11 +42,14 @@ def _memory(friction: Friction, starts: Starts) -> Memory:
     return tuple(np.stack([row[m] for row in rows]) for m in parts)
 
 
-def rollout_rows(motion: Rollout, starts: Starts, fold: Array) -> Iterator[Row]:
+def rollout_rows(
+    motion: Rollout, starts: Starts, fold: Array, angle_unit: str = "rad"
+) -> Iterator[Row]:
     """Rows for every horizon against the measured angles, and the true ones where they are known.
 
     fold (H, S) as `start_folds` gives it, or zeros where nothing was fitted to these data.
     """
+    limit = far(angle_unit, starts.measured)
     references = {"rollout_angle": starts.measured, "rollout_angle_truth": starts.truth}
     for score, reference in references.items():
         if reference is None:
@@ -57,13 +60,16 @@ def rollout_rows(motion: Rollout, starts: Starts, fold: Array) -> Iterator[Row]:
                 continue
             at = starts.last[h, use], np.flatnonzero(use)
             error = motion.q[at] - reference[at]
-            yield from _horizon_rows(error, fold[h, use], score, float(horizon))
+            yield from _horizon_rows(error, fold[h, use], score, float(horizon), limit)
 
 
-def _horizon_rows(error: Array, fold: Array, score: str, horizon: float) -> Iterator[Row]:
-    norm = np.linalg.norm(error, axis=-1)
+def _horizon_rows(
+    error: Array, fold: Array, score: str, horizon: float, limit: Array
+) -> Iterator[Row]:
+    norm, most = np.linalg.norm(error, axis=-1), float(limit.max())
     for f in np.unique(fold):
-        yield from summarise_rollouts(norm[fold == f], str(f), score, "all", horizon)
-    yield from summarise_rollouts(norm, "all", score, "all", horizon)
-    for j in range(error.shape[-1]):
-        yield from summarise_rollouts(np.abs(error[:, j]), "all", score, str(j + 1), horizon)
+        yield from summarise_rollouts(norm[fold == f], str(f), score, "all", horizon, most)
+    yield from summarise_rollouts(norm, "all", score, "all", horizon, most)
+    for j, own in enumerate(limit):
+        each = np.abs(error[:, j])
+        yield from summarise_rollouts(each, "all", score, str(j + 1), horizon, float(own))

@@ -9,7 +9,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 
-DIVERGED = 1.0  # [rad]: a prediction further off than this, or not finite, has diverged
+# A prediction further off than this, or not finite, has diverged: [rad], and for joints that slide
+# a share of their travel, for a metre is much for one machine and little for another.
+DIVERGED, TRAVEL = 1.0, 0.25
 
 
 class Row(NamedTuple):
@@ -38,12 +40,28 @@ def summarise(
         yield Row(fold, score, name, horizon, joint, float(value), unit)
 
 
+def far(angle_unit: str, positions: Array) -> Array:
+    """Errors (n,) beyond which a prediction has diverged: 1 rad, or a quarter of a joint's travel.
+
+    positions (..., n) : measured ones, NaN where there are none
+
+    >>> far("m", np.array([[0.0], [0.4], [np.nan]]))
+    array([0.1])
+    """
+    if angle_unit == "rad":
+        return np.full(positions.shape[-1], DIVERGED)
+    flat = positions.reshape(-1, positions.shape[-1])
+    out: Array = TRAVEL * (np.nanmax(flat, axis=0) - np.nanmin(flat, axis=0))
+    return out
+
+
 def summarise_rollouts(
-    errors: Array, fold: str, score: str, joint: str, horizon: float
+    errors: Array, fold: str, score: str, joint: str, horizon: float, beyond: float = DIVERGED
 ) -> Iterator[Row]:
     """Rows of median, 90 % quantile and diverged share of rollout errors (N,) [rad].
 
-    Diverged predictions stay in the quantiles, at infinity when they are not finite.
+    Diverged predictions stay in the quantiles, at infinity when they are not finite; those
+    `beyond` off count as such.
 
     >>> [r.value for r in summarise_rollouts(np.array([0.1, 0.2, np.nan]), "0", "x", "all", 1.0)]
     [0.2, inf, 0.3333333333333333]
@@ -51,7 +69,7 @@ def summarise_rollouts(
     errors = np.where(np.isfinite(errors), errors, np.inf)
     for name, level in (("median", 0.5), ("q90", 0.9)):
         yield Row(fold, score, name, horizon, joint, _quantile(errors, level), "rad")
-    yield Row(fold, score, "diverged", horizon, joint, float(np.mean(errors > DIVERGED)), "1")
+    yield Row(fold, score, "diverged", horizon, joint, float(np.mean(errors > beyond)), "1")
 
 
 def _quantile(values: Array, level: float) -> float:

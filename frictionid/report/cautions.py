@@ -9,7 +9,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.report.evidence import Entry, Evidence, Key
 from frictionid.report.findings import Matter
-from frictionid.report.numbers import listed, percent
+from frictionid.report.numbers import far, listed, percent
 from frictionid.report.tables import code
 
 LOOSE = 0.5  # scatter of a parameter over the folds, in units of its mean
@@ -53,7 +53,7 @@ def _unscored(fitted: Sequence[Matter]) -> str:
 
 
 def _diverged(matters: Sequence[Matter]) -> str:
-    told = []
+    told, limits = [], []
     for m in matters:
         if not m.horizons:
             continue
@@ -65,11 +65,13 @@ def _diverged(matters: Sequence[Matter]) -> str:
             without = [percent(e.scores[m.dataset][key]) for e in m.entries("none")]
             beside = f", without friction {without[0]}" if without else ""
             told.append(f"on {code(m.dataset)} up to {percent(shares[worst])}{beside}")
+            limits.append(far(m.unit))
     if not told:
         return ""
     return (
         f"After {matters[0].horizons[-1]:g} s some predictions of the models have diverged, are "
-        f"off by more than 1 rad, which medians hide: {'; '.join(told)}."
+        f"off by more than {' or '.join(dict.fromkeys(limits))}, which medians hide: "
+        f"{'; '.join(told)}."
     )
 
 

@@ -58,6 +58,15 @@ def percent(share: float) -> str:
     return ">99 %" if 0.99 < share < 1 else f"{100 * share:.0f} %"
 
 
+def far(angle_unit: str) -> str:
+    """How far off a prediction has diverged, in words (`evaluation.rows.far`).
+
+    >>> far("rad"), far("m")
+    ('1 rad', 'a quarter of the travel')
+    """
+    return "1 rad" if angle_unit == "rad" else "a quarter of the travel"
+
+
 def seconds(horizon: float) -> str:
     """A time span in words of tables: "0.25 s"."""
     return f"{horizon:g} s"

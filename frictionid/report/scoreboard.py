@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.report.evidence import Entry, Key, Scores, Section
-from frictionid.report.numbers import NOTHING, decimals, fixed, percent, seconds, short
+from frictionid.report.numbers import NOTHING, decimals, far, fixed, percent, seconds, short
 from frictionid.report.tables import Cell, Column, Line, Table
 
 ONE_STEP = (("one_step_euler", "mean"), ("one_step_integral", "rms"))
@@ -103,9 +103,9 @@ def caption_of(board: Board, section: Section) -> str:
         parts = [f"{board.dataset}: held-out scores", "one step: mean ± sd over the folds"]
     shares = [f"rollout_angle_diverged_{h:g}s" for h in board.horizons]
     if any((board.frame[name] > 0).any() for name in shares):
-        parts.append("rollouts: median (90 % quantile, share further off than 1 rad)")
+        parts.append(f"rollouts: median (90 % quantile, share further off than {far(board.unit)})")
     elif shares:
-        parts.append("rollouts: median (90 % quantile), none further off than 1 rad")
+        parts.append(f"rollouts: median (90 % quantile), none further off than {far(board.unit)}")
     if board.frame["free_run_mean"].notna().any():
         parts.append("free run: mean error over whole recordings, simulated from their start")
     return f"{'; '.join(parts)}. Best fitted model in bold."
