@@ -68,13 +68,10 @@ def fit(
     if isinstance(made, Shooting):
         found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
         friction = found.friction
-        document = document_of(found, recordings, velocity_grid(problem.nodes.inputs.w))
-        source["refined"] = document
+        grid = velocity_grid(problem.nodes.inputs.w)
+        source["refined"] = document_of(found, recordings, grid)
     save_model(with_provenance(friction, source), out, LAWS)
-    if "refined" in source:
-        show_refined(source["refined"])
-    else:
-        print(friction)
+    show_refined(source["refined"]) if "refined" in source else print(friction)
     print(f"written to {out}")
 
 
