@@ -12,7 +12,7 @@ from frictionid.shooting.blocks.block import Entry
 from frictionid.shooting.intervals import Intervals, values_of
 from frictionid.shooting.solve import Shot
 
-_FEW = 3  # recordings: of fewer, stretches of time are the clusters
+_FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _STRETCHES = 24
 _SINGULAR = 1e-9  # of the largest singular value of the scaled normal equations
 _DRAWS = 2000
@@ -90,7 +90,7 @@ def covariance_of(intervals: Intervals, shot: Shot) -> Covariance:
 
     The sandwich estimate with the leverage of each recording taken into account: parameters are
     solved for with every recording left out in turn, to first order [BellMcCaffrey2002]; so noise,
-    the model's errors, and what differs between recordings all count. Fewer than three recordings
+    the model's errors, and what differs between recordings all count. Fewer than four recordings
     are divided into 24 stretches of time.
     """
     entries = tuple(e for part in intervals.parts for e in part.entries)
