@@ -81,7 +81,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What the verdict was made from; torque (K, n) [N m] of the rows."""
+    """What the verdict was made from; rows of the least squares, their torque (K, n) [N m]."""
 
     dataset: Dataset
     motions: tuple[Motion, ...]
@@ -169,9 +169,7 @@ def judge(
         identifiable=tuple(identifiable(mechanism, facts, estimate, trial, bool(command))),
         next=tuple(advice(mechanism, told[0], facts, passive, estimate, trial.delay)),
         published=model,
-        evidence=Evidence(
-            dataset, tuple(trial.motions), trial.rows, trial.impulse.means(trial.rows, trial.shift)
-        ),
+        evidence=Evidence(dataset, tuple(trial.motions), sharp, felt),
     )
 
 

@@ -76,7 +76,7 @@ def figure(height: float, width: float = WIDTH) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def rendered(picture: Any) -> dict[str, bytes]:
+def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
     """A figure's files by their endings, without dates: the same picture has the same bytes."""
     nothing = {
         "png": {"Software": None},
@@ -86,7 +86,7 @@ def rendered(picture: Any) -> dict[str, bytes]:
     with warnings.catch_warnings():
         # names may hold characters that the font lacks: they become boxes
         warnings.filterwarnings("ignore", message=r"Glyph .* missing")
-        for kind in FORMATS:
+        for kind in kinds:
             stream = io.BytesIO()
             picture.savefig(stream, format=kind, metadata=nothing[kind])
             picture.set_layout_engine("none")  # it holds for the next format, too

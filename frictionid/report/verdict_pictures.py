@@ -7,39 +7,28 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.check import Verdict
+from frictionid.check.motion import Motion
+from frictionid.check.published import ONE_WAY
+from frictionid.check.rows import Rows
 from frictionid.mechanics import mechanism_of
+from frictionid.recordings import Recording
 from frictionid.report.files import write_bytes
+from frictionid.report.style import COLOURS, PALE, drawing, figure, key_above, plain, rendered
 
-BLUE, ORANGE, GREEN, GREY, PALE = "#0072B2", "#D55E00", "#009E73", "#767676", "#D9D9D9"
-LOOKS = {
-    "font.size": 8,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "lines.linewidth": 1.0,
-    "legend.frameon": False,
-    "savefig.dpi": 200,
-}
+MOVING, RESTING = COLOURS[:2]
 RECORDINGS = 3  # shown over time
+_ABREAST = 3  # joints side by side
 
 
 def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
     """Paths of the pictures written: coverage, motion and residual torque (PNG)."""
-    import io
-
-    import matplotlib.style
-    from matplotlib.figure import Figure
-
     made = []
-    with matplotlib.style.context(["default", LOOKS]):
+    with drawing():
         for name, draw in (("coverage", _coverage), ("motion", _motion), ("residual", _residual)):
-            figure = Figure(layout="constrained")
-            draw(verdict, figure)
-            stream = io.BytesIO()
-            figure.savefig(stream, format="png", metadata={"Software": None})
             path = folder / f"{name}.png"
-            write_bytes(path, stream.getvalue())
+            write_bytes(path, rendered(draw(verdict), ["png"])["png"])
             made.append(path)
     return made
 
@@ -49,58 +38,78 @@ def _units(verdict: Verdict) -> tuple[str, str]:
     return description.angle_unit, description.torque_unit
 
 
-def _coverage(verdict: Verdict, figure: Any) -> None:
+def _panels(verdict: Verdict) -> tuple[Any, list[Any]]:
+    """A figure with a panel for each joint, at most three abreast."""
+    n = len(verdict.joints)
+    lines = -(-n // _ABREAST)
+    picture = figure(0.35 + 2.4 * lines)
+    axes = picture.subplots(lines, min(n, _ABREAST), squeeze=False).ravel()
+    for spare in axes[n:]:
+        spare.set_axis_off()
+    return picture, list(axes[:n])
+
+
+def _coverage(verdict: Verdict) -> Any:
     """The (q, w) plane of each joint, rest marked."""
-    n, (unit, _) = len(verdict.joints), _units(verdict)
-    figure.set_size_inches(3.6 * n, 3.0)
+    unit = _units(verdict)[0]
+    picture, panels = _panels(verdict)
     states = [m.states for m in verdict.evidence.motions]
     q, w = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
-    for j, axes in enumerate(np.atleast_1d(figure.subplots(1, n))):
+    size = float(np.clip(2e4 / len(q), 0.3, 4.0))
+    for j, axes in enumerate(panels):
         fact = verdict.joints[j]
         rest = np.abs(w[:, j]) < fact.rest_speed
-        size = float(np.clip(2e4 / len(q), 0.3, 4.0))
-        axes.scatter(q[~rest, j], w[~rest, j], s=size, color=BLUE, linewidths=0, rasterized=True)
-        axes.scatter(q[rest, j], w[rest, j], s=size, color=ORANGE, linewidths=0, rasterized=True)
+        for which, colour in ((~rest, MOVING), (rest, RESTING)):
+            axes.scatter(q[which, j], w[which, j], s=size, color=colour, lw=0, rasterized=True)
         axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
-        axes.set_title(f"joint {j + 1}: {100 * fact.rest:.0f} % of the time at rest (orange)")
+        axes.set_title(f"joint {j + 1}: {100 * fact.rest:.0f} % of the time at rest", loc="left")
         axes.set_xlabel(f"q{j + 1} [{unit}]")
         axes.set_ylabel(f"w{j + 1} [{unit}/s]")
+    dots = [_dot(colour) for colour in (MOVING, RESTING)]
+    key_above(picture, dots, ["moving", "at rest, or too slow to tell"])
+    return picture
 
 
-def _motion(verdict: Verdict, figure: Any) -> None:
+def _dot(colour: str) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=colour, marker="o", markersize=4, linestyle="")
+
+
+def _motion(verdict: Verdict) -> Any:
     """Angles, velocities and torques over time, of the recordings that move most."""
     evidence, (unit, torque_unit) = verdict.evidence, _units(verdict)
-    dataset = evidence.dataset
-    chosen = _chosen(verdict)
-    figure.set_size_inches(7.2, 4.6)
-    rows = figure.subplots(3, len(chosen), sharex="col", sharey="row", squeeze=False)
-    colours = (BLUE, ORANGE, GREEN)
-    for column, i in enumerate(chosen):
-        recording, states = dataset.recordings[i], evidence.motions[i].states
-        start = states.time[0]
-        for j in range(states.q.shape[1]):
-            colour = colours[j % len(colours)]
-            rows[0][column].plot(states.time - start, states.q[:, j], color=colour)
-            rows[1][column].plot(states.time - start, states.w[:, j], color=colour)
-            held = "post" if recording.torque.hold == "previous" else "default"
-            rows[2][column].plot(
-                recording.torque.time - start,
-                recording.torque.value[:, j],
-                color=colour,
-                drawstyle={"post": "steps-post", "default": "default"}[held],
-                linewidth=0.7,
-            )
-        rows[0][column].set_title(_short(recording.name))
-        rows[2][column].set_xlabel("time [s]")
-        rows[2][column].set_xlim(0.0, states.time[-1] - start)
-    for axes, label in zip(
-        rows[:, 0],
-        (f"angle [{unit}]", f"velocity [{unit}/s]", f"torque [{torque_unit}]"),
-        strict=True,
-    ):
+    slides = unit == "m"
+    chosen, joints = _chosen(verdict), range(len(verdict.joints))
+    picture = figure(4.6)
+    rows = picture.subplots(3, len(chosen), sharex="col", sharey="row", squeeze=False)
+    for column, i in zip(rows.T, chosen, strict=True):
+        _over_time(column, evidence.dataset.recordings[i], evidence.motions[i], joints)
+    labels = (
+        f"{'position' if slides else 'angle'} [{unit}]",
+        f"velocity [{unit}/s]",
+        f"{'force' if slides else 'torque'} [{torque_unit}]",
+    )
+    for axes, label in zip(rows[:, 0], labels, strict=True):
         axes.set_ylabel(label)
-    names = [f"joint {j + 1}" for j in range(len(verdict.joints))]
-    figure.legend(rows[0][0].lines, names, loc="outside upper right", ncols=len(names))
+    key_above(picture, rows[0][0].lines, [f"joint {j + 1}" for j in joints])
+    return picture
+
+
+def _over_time(column: Any, recording: Recording, motion: Motion, joints: range) -> None:
+    states, torque = motion.states, recording.torque
+    start = states.time[0]
+    held = "steps-post" if torque.hold == "previous" else "default"
+    for j in joints:
+        colour = COLOURS[j % len(COLOURS)]
+        column[0].plot(states.time - start, states.q[:, j], color=colour, lw=1.0)
+        column[1].plot(states.time - start, states.w[:, j], color=colour, lw=1.0)
+        column[2].plot(
+            torque.time - start, torque.value[:, j], color=colour, drawstyle=held, lw=0.7
+        )
+    column[0].set_title(plain(recording.name.rsplit("/", 1)[-1]), fontsize=7, loc="left")
+    column[2].set_xlabel("time [s]")
+    column[2].set_xlim(0.0, states.time[-1] - start)
 
 
 def _chosen(verdict: Verdict) -> list[int]:
@@ -109,36 +118,44 @@ def _chosen(verdict: Verdict) -> list[int]:
     return sorted(np.argsort(speed)[::-1][:RECORDINGS].tolist())
 
 
-def _short(name: str) -> str:
-    name = name.rsplit("/", 1)[-1].replace("$", r"\$")
-    return name if len(name) <= 28 else f"{name[:13]}…{name[-13:]}"
-
-
-def _residual(verdict: Verdict, figure: Any) -> None:
+def _residual(verdict: Verdict) -> Any:
     """Torque that the told mechanism leaves to friction, against velocity, and least squares."""
-    rows, estimate = verdict.evidence.rows, verdict.estimate
-    n, (unit, torque_unit) = len(verdict.joints), _units(verdict)
-    figure.set_size_inches(3.6 * n, 3.0)
-    nb = len(verdict.told)
-    for j, axes in enumerate(np.atleast_1d(figure.subplots(1, n))):
-        use = rows.free[:, j]
-        w = rows.w[use, j]
+    rows = verdict.evidence.rows
+    unit, torque_unit = _units(verdict)
+    picture, panels = _panels(verdict)
+    for j, axes in enumerate(panels):
         axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
         axes.axvline(0.0, color=PALE, linewidth=0.6, zorder=0)
         axes.set_xlabel(f"w{j + 1} [{unit}/s]")
-        axes.set_ylabel(f"torque left to friction [{torque_unit}]")
-        axes.set_title(f"joint {j + 1}, before any fit")
-        if not use.any():
+        axes.set_ylabel(f"left to friction [{torque_unit}]")
+        axes.set_title(f"joint {j + 1}", loc="left")
+        if _one_way(rows, j).any():
+            _friction(axes, verdict, j)
+        else:
             axes.text(0.5, 0.5, "hardly slides", transform=axes.transAxes, ha="center")
-            continue
-        left = verdict.evidence.torque[use, j] - rows.phi[use, j] @ verdict.told
-        axes.scatter(w, left, s=4, color=BLUE, alpha=0.4, linewidths=0, rasterized=True)
-        low, high = np.quantile(left, [0.005, 0.995])
-        margin = 0.3 * (high - low) + 1e-9 * max(abs(low), abs(high), 1.0)
-        axes.set_ylim(low - margin, high + margin)
-        coulomb, viscous, offset = estimate.value[nb + 3 * j : nb + 3 * j + 3]
-        for side in (-1.0, 1.0):
-            ends = np.array([0.0, np.abs(w).max()]) * side
-            line = coulomb * side + viscous * ends + offset
-            axes.plot(ends, line, color=ORANGE, label="least squares" if side > 0 else None)
-        axes.legend(loc="upper left")
+    from matplotlib.lines import Line2D
+
+    line = Line2D([], [], color=RESTING)
+    key_above(picture, [_dot(MOVING), line], ["told mechanism, before any fit", "least squares"])
+    return picture
+
+
+def _one_way(rows: Rows, j: int) -> Array:
+    """Windows of least squares in which joint j does not turn round: there friction has a speed."""
+    return np.asarray(rows.free[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY))
+
+
+def _friction(axes: Any, verdict: Verdict, j: int) -> None:
+    evidence, nb = verdict.evidence, len(verdict.told)
+    use = _one_way(evidence.rows, j)
+    w = evidence.rows.w[use, j]
+    left = evidence.torque[use, j] - evidence.rows.phi[use, j] @ verdict.told
+    size = float(np.clip(6e3 / len(w), 1.0, 4.0))
+    axes.scatter(w, left, s=size, color=MOVING, alpha=0.4, linewidths=0, rasterized=True)
+    low, high = np.quantile(left, [0.005, 0.995])
+    margin = 0.3 * (high - low) + 1e-9 * max(abs(low), abs(high), 1.0)
+    axes.set_ylim(low - margin, high + margin)
+    coulomb, viscous, offset = verdict.estimate.value[nb + 3 * j : nb + 3 * j + 3]
+    for side in (-1.0, 1.0):
+        ends = np.array([0.0, np.abs(w).max()]) * side
+        axes.plot(ends, coulomb * side + viscous * ends + offset, color=RESTING)
