@@ -75,7 +75,11 @@ def command(patch, folder, out):
 
 def started(folder, out, finished):
     """A comparison in a process group of its own, once it has finished some tasks."""
-    call = "import sys; from frictionid.cli import main; sys.exit(main())"
+    # a shell's background jobs ignore the interrupt, and what they start inherits that
+    call = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from frictionid.cli import main; sys.exit(main())"
+    )
     process = subprocess.Popen(
         [sys.executable, "-c", call, "compare", "suite.toml", "--out", out, "--jobs", "2"],
         cwd=folder,
