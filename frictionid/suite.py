@@ -7,16 +7,14 @@ function that the table's `kind` names.
 from __future__ import annotations
 
 import importlib
-import inspect
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, validate_call
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
 from frictionid.compare import Contest
 from frictionid.errors import InputError
@@ -24,18 +22,15 @@ from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, Published
 from frictionid.mechanics import plant_of
-from frictionid.names import BLOCKS, ESTIMATORS, IDENTIFIERS, LAWS, RECIPES, folds
+from frictionid.names import IDENTIFIERS, LAWS, folds
 from frictionid.readers.dataset import load_dataset
-from frictionid.readers.strict import STRICT, Strict, mistake, nearest
-from frictionid.recipe import INTEGRAL, Recipe
+from frictionid.readers.strict import STRICT, Strict, built, called, distinct, mistake, nearest
+from frictionid.recipe import Recipe
 from frictionid.recordings import Dataset
-from frictionid.shooting import Settings, Shooting
-from frictionid.shooting.blocks import Block
+from frictionid.shooting import Shooting
 from frictionid.store import load_model
+from frictionid.suite_recipes import Name, Positive, RecipeEntry, recipes_of
 from frictionid.tasks import Task
-
-Positive = Annotated[float, Field(gt=0)]
-Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 
 class DatasetEntry(Strict):
@@ -43,29 +38,6 @@ class DatasetEntry(Strict):
 
     path: str
     tests: list[str] = []
-
-
-class RecipeEntry(Strict):
-    """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest.
-
-    With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed` the
-    parameters of them that stay, `priors` their standard deviations; `start` is the one-step recipe
-    it begins with, of the suite or as it stands; `windows`, `iterations` and `start_velocity` are
-    its settings.
-    """
-
-    name: Name
-    by: Literal["shooting"] | None = None
-    free: Annotated[list[str], Field(min_length=1)] | None = None
-    fixed: list[str] | None = None
-    priors: dict[str, Positive] | None = None
-    start: str | None = None
-    windows: Annotated[list[Positive], Field(min_length=1)] | None = None
-    iterations: Annotated[int, Field(ge=1)] | None = None
-    start_velocity: Positive | None = None
-    states: dict[str, Any] | None = None
-    scheme: Literal["euler", "integral"] | None = None
-    rest: Annotated[float, Field(ge=0)] | None = None
 
 
 class IdentifierEntry(Strict):
@@ -79,7 +51,7 @@ class IdentifierEntry(Strict):
 
 
 def _split(table: Any) -> Any:
-    return _call(folds, table, "folds") if isinstance(table, dict) else table
+    return called(folds, table, "folds") if isinstance(table, dict) else table
 
 
 class Suite(Strict):
@@ -148,21 +120,21 @@ def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
         )
     recipes = recipes_of(suite.recipes)
     chosen = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
-    _distinct([recipe.name for recipe in recipes], "recipes")
-    _distinct(list(map(str, suite.seeds)), "seeds")
+    distinct([recipe.name for recipe in recipes], "recipes")
+    distinct(list(map(str, suite.seeds)), "seeds")
     contests = [contest_of(suite, entry, folder, data) for entry in suite.datasets]
-    _distinct([d.name for c in contests for d in (c.dataset, *c.tests)], "data sets")
+    distinct([d.name for c in contests for d in (c.dataset, *c.tests)], "data sets")
     tasks: list[Task] = []
     for contest in contests:
         entries = [*chosen, *truth_of(contest)]
-        _distinct([name for name, _, _ in entries], "identifiers")
+        distinct([name for name, _, _ in entries], "identifiers")
         for name, identifier, _ in entries:
             _check_given(name, identifier, (contest.dataset, *contest.tests))
         for recipe in recipes:
             for name, identifier, only in entries:
                 if only is None or recipe.name in only:
                     tasks += [Task(contest, name, identifier, recipe, s) for s in suite.seeds]
-    _distinct([task.file.lower() for task in tasks], "results")
+    distinct([task.file.lower() for task in tasks], "results")
     return tasks
 
 
@@ -205,100 +177,6 @@ def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset])
             )
 
 
-def recipes_of(entries: Sequence[RecipeEntry]) -> list[Recipe | Shooting]:
-    """Recipes of their tables; shooting may begin with a one-step recipe that stands beside it."""
-    own = [recipe_of(entry) for entry in entries if entry.by is None]
-    steps = {recipe.name: recipe for recipe in own if isinstance(recipe, Recipe)}
-    return [recipe_of(entry, steps) for entry in entries]
-
-
-def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Recipe | Shooting:
-    """Recipe of its table; `own` are one-step recipes that it may name as its start."""
-    where = f"recipe {entry.name!r}"
-    steps = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
-    shots = [key for key in _SHOTS if getattr(entry, key) is not None]
-    if entry.by == "shooting" or (entry.name == "shooting" and not steps):
-        if steps:
-            raise InputError(f"{where}: {steps[0]} belongs to one-step recipes, name one as start")
-        return shooting_of(entry, where, own)
-    if shots:
-        raise InputError(f'{where}: {shots[0]} needs by = "shooting"')
-    if entry.name in RECIPES:
-        if steps:
-            raise InputError(f"{where} has its own {steps[0]}: give yours another name")
-        return RECIPES[entry.name]
-    if entry.states is None or entry.scheme is None:
-        raise InputError(
-            f"{where} is unknown; {nearest(entry.name, RECIPES)}; one's own needs states and scheme"
-        )
-    states = _build(entry.states, ESTIMATORS, f"{where}, states")
-    return Recipe(entry.name, states, entry.scheme, entry.rest or 0.0)
-
-
-_SHOTS = ("free", "fixed", "priors", "start", "windows", "iterations", "start_velocity")
-
-
-def shooting_of(
-    entry: RecipeEntry, where: str, own: Mapping[str, Recipe] | None = None
-) -> Shooting:
-    """Shooting with the blocks and settings of its table."""
-    start = recipe_named(entry.start or INTEGRAL.name, own)
-    if isinstance(start, Shooting):
-        raise InputError(f"{where}: start = {entry.start!r} must be a one-step recipe")
-    blocks = blocks_of(entry.free or ["friction"], entry.fixed or [], entry.priors or {}, where)
-    usual = Settings()
-    settings = replace(
-        usual,
-        windows=tuple(entry.windows or usual.windows),
-        iterations=entry.iterations or usual.iterations,
-        start_velocity=entry.start_velocity or usual.start_velocity,
-    )
-    return Shooting(entry.name, blocks, settings, start)
-
-
-def blocks_of(
-    free: Sequence[str], fixed: Sequence[str], priors: Mapping[str, float], where: str
-) -> tuple[Block, ...]:
-    """Blocks by their names; `fixed` parameters stay as they are, `priors` hold others near."""
-    for name in (*free, *priors):
-        if name not in BLOCKS:
-            raise InputError(f"{where}: block {name!r} is unknown; {nearest(name, BLOCKS)}")
-    for name in priors:
-        if name not in free:
-            raise InputError(f"{where}: a prior of block {name!r}, which is not free")
-    _distinct(list(free), "blocks")
-    stay = _fixed(fixed, free, where)
-    blocks = []
-    for name in free:
-        settings: dict[str, Any] = {"prior": priors[name]} if name in priors else {}
-        if name in stay:
-            settings["fixed"] = stay[name]
-        blocks.append(BLOCKS[name](**settings))
-    return tuple(blocks)
-
-
-def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, tuple[str, ...]]:
-    """Parameters that stay, told as "inertia.x", "friction.x" or "actuator.x", of each block."""
-    parts: dict[str, list[str]] = {"inertia": [], "friction": [], "actuator": []}
-    for name in fixed:
-        block, _, parameter = name.partition(".")
-        if block not in parts or not parameter or block not in free:
-            raise InputError(
-                f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME, actuator.kt or "
-                'actuator.R of a free block, such as "inertia.gravity_2"'
-            )
-        parts[block].append(parameter)
-    return {block: tuple(names) for block, names in parts.items()}
-
-
-def recipe_named(name: str, own: Mapping[str, Recipe] | None = None) -> Recipe | Shooting:
-    """Recipe that stands as it is, or one of a suite's own, by its name."""
-    known = {**RECIPES, **(own or {})}
-    if name not in known:
-        raise InputError(f"recipe {name!r} is unknown; {nearest(name, known)}")
-    return known[name]
-
-
 def identifier_of(
     entry: IdentifierEntry, folder: Path, recipes: Sequence[Recipe | Shooting]
 ) -> tuple[str, Identifier, tuple[str, ...] | None]:
@@ -320,7 +198,7 @@ def identifier_of(
     if ":" in entry.kind:
         identifier = _own(entry.kind, settings, folder, where)
     else:
-        identifier = _build({"kind": entry.kind, **settings}, IDENTIFIERS, where)
+        identifier = built({"kind": entry.kind, **settings}, IDENTIFIERS, where)
     return name, identifier, tuple(entry.recipes) if entry.recipes else None
 
 
@@ -356,38 +234,7 @@ def _own(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Id
     return made
 
 
-def _build(table: Mapping[str, Any], known: Mapping[str, Callable[..., Any]], where: str) -> Any:
-    if not isinstance(table.get("kind"), str):
-        raise InputError(f"{where}: the key 'kind' is missing; {nearest('', known)}")
-    kind = table["kind"]
-    if kind not in known:
-        raise InputError(f"{where}: kind = {kind!r} is unknown; {nearest(kind, known)}")
-    return _call(known[kind], {k: v for k, v in table.items() if k != "kind"}, where)
-
-
-def _call(make: Callable[..., Any], settings: Mapping[str, Any], where: str) -> Any:
-    """What a function makes of settings whose names and types are checked first."""
-    known = inspect.signature(make).parameters
-    for key in settings:
-        if key not in known:
-            raise InputError(f"{where}: unknown setting {key!r}; {_known(key, known)}")
-    try:
-        return validate_call(config=STRICT)(make)(**settings)
-    except ValidationError as error:
-        raise InputError(f"{where}: {mistake(error)}") from None
-
-
-def _known(name: str, known: Mapping[str, Any]) -> str:
-    return nearest(name, known) if known else "it has none"
-
-
 def _nearest_suite(path: Path) -> str:
     others = sorted(str(p) for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
     near = get_close_matches(str(path), others, n=1)
     return f"; did you mean {near[0]}?" if near else ""
-
-
-def _distinct(names: Sequence[str], what: str) -> None:
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError(f"two {what} are called {twice[0]!r}: give one of them another name")

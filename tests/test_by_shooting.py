@@ -17,7 +17,8 @@ from frictionid.laws import CoulombViscous
 from frictionid.shooting import Settings, Shooting
 from frictionid.shooting.blocks import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate, write
-from frictionid.suite import RecipeEntry, load_suite, recipe_of, tasks_of
+from frictionid.suite import load_suite, tasks_of
+from frictionid.suite_recipes import RecipeEntry, recipe_of
 
 TRUE = np.array([[0.02, 0.002]])
 BOTH = Shooting(

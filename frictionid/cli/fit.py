@@ -78,7 +78,7 @@ def fit(
 def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Recipe | Shooting:
     """Recipe that the options name."""
     from frictionid.errors import InputError
-    from frictionid.suite import RecipeEntry, recipe_named, shooting_of
+    from frictionid.suite_recipes import RecipeEntry, recipe_named, shooting_of
 
     if by is None:
         if free != "friction" or fixed:

@@ -1,11 +1,12 @@
 """Tables that people write: no unknown keys, no converted types, and mistakes told in one line."""
 
 import difflib
+import inspect
 import reprlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator, validate_call
 
 from frictionid.errors import InputError
 
@@ -73,3 +74,54 @@ def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Ch
         return model.model_validate(document)
     except ValidationError as invalid:
         raise InputError(f"{where}: {mistake(invalid)}") from None
+
+
+def built(table: Mapping[str, Any], known: Mapping[str, Callable[..., Any]], where: str) -> Any:
+    """What the function that `kind` names makes of the other keys of a table.
+
+    Raises
+    ------
+    InputError
+        For a kind or setting that is unknown, or a value that does not fit.
+    """
+    if not isinstance(table.get("kind"), str):
+        raise InputError(f"{where}: the key 'kind' is missing; {nearest('', known)}")
+    kind = table["kind"]
+    if kind not in known:
+        raise InputError(f"{where}: kind = {kind!r} is unknown; {nearest(kind, known)}")
+    return called(known[kind], {k: v for k, v in table.items() if k != "kind"}, where)
+
+
+def called(make: Callable[..., Any], settings: Mapping[str, Any], where: str) -> Any:
+    """What a function makes of settings whose names and types are checked first."""
+    known = inspect.signature(make).parameters
+    for key in settings:
+        if key not in known:
+            raise InputError(f"{where}: {unknown(key, known)}")
+    try:
+        return validate_call(config=STRICT)(make)(**settings)
+    except ValidationError as error:
+        raise InputError(f"{where}: {mistake(error)}") from None
+
+
+def unknown(setting: str, known: Iterable[str]) -> str:
+    """Complaint about a setting that is none of the known ones.
+
+    >>> unknown("widht", ["width", "shape"])
+    "unknown setting 'widht'; did you mean 'width'?"
+    """
+    names = list(known)
+    return f"unknown setting {setting!r}; {nearest(setting, names) if names else 'it has none'}"
+
+
+def distinct(names: Sequence[str], what: str) -> None:
+    """Nothing, where all names differ.
+
+    Raises
+    ------
+    InputError
+        With the name that is there twice.
+    """
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"two {what} are called {twice[0]!r}: give one of them another name")
