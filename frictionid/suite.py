@@ -10,6 +10,7 @@ import importlib
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,7 +19,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
 from frictionid.compare import Contest
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds, true_friction
+from frictionid.evaluation import Protocol, Split, make_folds, true_friction, true_rig
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, Published
 from frictionid.mechanics import plant_of
@@ -27,6 +28,7 @@ from frictionid.readers.dataset import load_dataset
 from frictionid.readers.strict import STRICT, Strict, built, called, distinct, mistake, nearest
 from frictionid.recipe import Recipe
 from frictionid.recordings import Dataset
+from frictionid.search import Search, Tuning
 from frictionid.shooting import Shooting
 from frictionid.store import load_model
 from frictionid.suite_recipes import Name, Positive, RecipeEntry, recipes_of
@@ -41,13 +43,17 @@ class DatasetEntry(Strict):
 
 
 class IdentifierEntry(Strict):
-    """An identifier of a kind, ours or `package.module:Class`; its other keys are its settings."""
+    """An identifier of a kind, ours or `package.module:Class`; its other keys are its settings.
+
+    `search` says which of them tuning searches, and where; a comparison does not read it.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True, **STRICT)
 
     kind: str
     name: Name | None = None
     recipes: Annotated[list[str], Field(min_length=1)] | None = None
+    search: Search | None = None
 
 
 def _split(table: Any) -> Any:
@@ -65,8 +71,10 @@ class Suite(Strict):
     sample_time: Positive | None = None
     whole: bool = False
     starts: Literal["filter", "model"] = "filter"
+    true_starts: bool = False
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
+    tune: Tuning = Tuning()
     datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
     recipes: Annotated[list[RecipeEntry], Field(min_length=1)] = [RecipeEntry(name="integral")]
     identifiers: Annotated[list[IdentifierEntry], Field(min_length=1)]
@@ -149,15 +157,18 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
         suite.sample_time,
         suite.whole,
         suite.starts,
+        suite.true_starts,
     )
     return Contest(dataset, make_folds(dataset.recordings, suite.folds), protocol, tests)
 
 
 def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
-    """The true friction as an identifier named `truth`, where it is known and one of our laws."""
+    """The true friction, with the true rig, as an identifier named `truth`, where it is known."""
     truth = contest.dataset.truth
     friction = None if truth is None else true_friction(truth)
-    return [] if friction is None else [("truth", Published(friction), None)]
+    if friction is None:
+        return []
+    return [("truth", Published(replace(friction, rig=true_rig(contest.dataset))), None)]
 
 
 def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset]) -> None:
@@ -200,6 +211,13 @@ def identifier_of(
     else:
         identifier = built({"kind": entry.kind, **settings}, IDENTIFIERS, where)
     return name, identifier, tuple(entry.recipes) if entry.recipes else None
+
+
+def with_settings(entry: IdentifierEntry, settings: Mapping[str, Any]) -> IdentifierEntry:
+    """An identifier's table with other settings, and nothing to search."""
+    own = {key: getattr(entry, key) for key in ("kind", "name", "recipes")}
+    given = {key: value for key, value in own.items() if value is not None}
+    return IdentifierEntry(**{**(entry.model_extra or {}), **settings, **given})
 
 
 def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:

@@ -20,7 +20,7 @@ from functools import cache
 from importlib.metadata import version
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from filelock import FileLock, Timeout
@@ -35,6 +35,7 @@ from frictionid.shooting import Shooting, document_of
 from frictionid.store import model_document, read_json, remove_unfinished, write_json
 
 FORMAT = 1  # of the result files
+Found = TypeVar("Found")
 
 
 class Task(NamedTuple):
@@ -230,18 +231,37 @@ def _results(
     tasks: Sequence[Task], grounds: Mapping[str, Ground], jobs: int
 ) -> Iterator[tuple[int, Result]]:
     """Numbers of the tasks and their results, as they are finished."""
-    workers = min(jobs, len(tasks))
-    calls = ((i, task, grounds[task.contest.dataset.name]) for i, task in enumerate(tasks))
+    return side_by_side(_ran, [(t, grounds[t.contest.dataset.name]) for t in tasks], jobs)
+
+
+def _ran(task: Task, ground: Ground) -> Result:
+    try:
+        return run(task.contest, task.identifier, task.recipe, task.seed, ground)
+    except InputError as error:
+        where = f"{task.contest.dataset.name}, {task.name} by {task.recipe.name}"
+        raise InputError(f"{where}: {error}") from None
+
+
+def side_by_side(
+    work: Callable[..., Found], calls: Sequence[tuple[Any, ...]], jobs: int
+) -> Iterator[tuple[int, Found]]:
+    """Number of each call of a function and what it gives, as they are finished.
+
+    Each computes on one thread, in one of at most `jobs` processes.
+    """
+    workers = min(jobs, len(calls))
     if workers < 2:
         with threadpool_limits(1):
             _one_torch_thread()
-            yield from (_numbered(*call) for call in calls)
+            yield from ((i, work(*call)) for i, call in enumerate(calls))
         return
     with parallel_config(backend="loky", inner_max_num_threads=1):
         # max_nbytes: arrays travel with their task, no files are left behind in shared memory
         parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)
         with _blocked(signal.SIGINT):
-            results = parallel(delayed(_in_worker)(os.getpid(), *call) for call in calls)
+            results = parallel(
+                delayed(_in_worker)(os.getpid(), i, work, call) for i, call in enumerate(calls)
+            )
         yield from results
 
 
@@ -256,18 +276,12 @@ def _blocked(number: signal.Signals) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _in_worker(parent: int, index: int, task: Task, ground: Ground) -> tuple[int, Result]:
+def _in_worker(
+    parent: int, index: int, work: Callable[..., Found], call: tuple[Any, ...]
+) -> tuple[int, Found]:
     _end_with(parent)
     _one_torch_thread()
-    return _numbered(index, task, ground)
-
-
-def _numbered(index: int, task: Task, ground: Ground) -> tuple[int, Result]:
-    try:
-        return index, run(task.contest, task.identifier, task.recipe, task.seed, ground)
-    except InputError as error:
-        where = f"{task.contest.dataset.name}, {task.name} by {task.recipe.name}"
-        raise InputError(f"{where}: {error}") from None
+    return index, work(*call)
 
 
 def _end_with(parent: int) -> None:
