@@ -10,6 +10,7 @@ import importlib
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,7 +19,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
 from frictionid.compare import Contest
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds, true_friction
+from frictionid.evaluation import Protocol, Split, make_folds, true_friction, true_rig
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, Published
 from frictionid.mechanics import plant_of
@@ -70,6 +71,7 @@ class Suite(Strict):
     sample_time: Positive | None = None
     whole: bool = False
     starts: Literal["filter", "model"] = "filter"
+    true_starts: bool = False
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
     tune: Tuning = Tuning()
@@ -155,15 +157,18 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
         suite.sample_time,
         suite.whole,
         suite.starts,
+        suite.true_starts,
     )
     return Contest(dataset, make_folds(dataset.recordings, suite.folds), protocol, tests)
 
 
 def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
-    """The true friction as an identifier named `truth`, where it is known and one of our laws."""
+    """The true friction, with the true rig, as an identifier named `truth`, where it is known."""
     truth = contest.dataset.truth
     friction = None if truth is None else true_friction(truth)
-    return [] if friction is None else [("truth", Published(friction), None)]
+    if friction is None:
+        return []
+    return [("truth", Published(replace(friction, rig=true_rig(contest.dataset))), None)]
 
 
 def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset]) -> None:

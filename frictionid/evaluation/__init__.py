@@ -25,7 +25,7 @@ from frictionid.evaluation.protocol import Protocol
 from frictionid.evaluation.rollouts import predict, rollout_rows
 from frictionid.evaluation.rows import Row
 from frictionid.evaluation.starts import Starts, make_starts, start_folds
-from frictionid.evaluation.truth import steady_state, true_friction
+from frictionid.evaluation.truth import steady_state, true_friction, true_rig
 
 __all__ = [
     "Folds",
@@ -57,6 +57,7 @@ __all__ = [
     "steady_state",
     "training_of",
     "true_friction",
+    "true_rig",
     "under",
     "with_rig",
     "velocity_grid",

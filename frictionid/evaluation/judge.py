@@ -24,9 +24,9 @@ from frictionid.evaluation.free_run import (
 from frictionid.evaluation.observer import Past, make_past
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.rollouts import predict, rollout_rows
+from frictionid.evaluation.rollouts import predict, rollout_rows, true_start_rows
 from frictionid.evaluation.rows import Row
-from frictionid.evaluation.starts import Starts, make_starts, start_folds
+from frictionid.evaluation.starts import Starts, make_starts, start_folds, true_states
 from frictionid.evaluation.truth import steady_state
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, plant_of
@@ -47,7 +47,10 @@ class Observed(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """A data set made ready for judging under one set of mechanism parameters."""
+    """A data set made ready for judging under one set of mechanism parameters.
+
+    true : starts at the true states, at the same times, where these are wanted and known
+    """
 
     dataset: Dataset
     protocol: Protocol
@@ -56,6 +59,7 @@ class Prepared(NamedTuple):
     euler: Problem
     integral: Problem
     starts: Starts
+    true: Starts | None
     course: Course | None
     past: Past | None
     grid: Array
@@ -114,14 +118,8 @@ def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: P
     limits = protocol.sample_time, protocol.history
     euler = problem_of(*told, STUDY, *limits, observed.backward)
     integral = problem_of(*told, INTEGRAL, *limits, observed.smoothed)
-    starts = make_starts(
-        dataset,
-        observed.causal,
-        plant,
-        protocol.horizons,
-        every=protocol.every,
-        begin=protocol.history,
-    )
+    starts = _starts(dataset, observed.causal, plant, protocol)
+    true = true_states(dataset, observed.causal) if protocol.true_starts else None
     own = protocol.starts == "model"
     return Prepared(
         dataset=dataset,
@@ -131,10 +129,16 @@ def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: P
         euler=euler,
         integral=integral,
         starts=starts,
+        true=None if true is None else _starts(dataset, true, plant, protocol),
         course=make_course(dataset, observed.causal, protocol.history) if protocol.whole else None,
         past=make_past(dataset, observed.causal, starts) if own else None,
         grid=velocity_grid(speeds(dataset, observed.smoothed)),
     )
+
+
+def _starts(dataset: Dataset, states: Sequence[States], plant: Plant, protocol: Protocol) -> Starts:
+    every, begin = protocol.every, protocol.history
+    return make_starts(dataset, states, plant, protocol.horizons, every=every, begin=begin)
 
 
 def training_of(prepared: Prepared, recipe: Recipe) -> Problem:
@@ -173,8 +177,13 @@ def judge_folds(
     fold = start_folds(prepared.starts, folds, prepared.observed.causal)
     # whatever of a start is held out, is held out by one fold: its friction predicts
     owner = np.maximum(fold.max(axis=0), 0)
-    starts, motion = _predicted(friction, views, prepared.starts, owner)
+    seen = [(own, view.plant, view.starts, view.past) for own, view in views]
+    starts, motion = _predicted(friction, seen, owner)
     rows += rollout_rows(motion, starts, fold, _angle_unit(prepared))
+    if prepared.true is not None:
+        known = [(own, v.plant, v.true, None) for own, v in views if v.true is not None]
+        true, ideal = _predicted(friction, known, owner)
+        rows += true_start_rows(ideal, true, fold, _angle_unit(prepared))
     if prepared.course is not None:
         held = course_folds(prepared.course, folds)
         rows += free_run_rows(*_ran(friction, views, prepared.course, held), held)
@@ -190,29 +199,33 @@ def _views(friction: Friction, prepared: Prepared) -> Iterator[tuple[Array, Prep
     if friction.rig is None:
         yield folds, prepared
         return
+    alike: dict[bytes, list[int]] = {}
     for f in folds:
-        yield folds[f : f + 1], with_rig(prepared, friction.rig[f])
+        parts = [np.asarray(x).tobytes() for x in vars(friction.rig[f]).values() if x is not None]
+        alike.setdefault(b"".join(parts), []).append(int(f))
+    for own in alike.values():
+        yield np.array(own), with_rig(prepared, friction.rig[own[0]])
 
 
 def _predicted(
     friction: Friction,
-    views: Sequence[tuple[Array, Prepared]],
-    starts: Starts,
+    seen: Sequence[tuple[Array, Plant, Starts, Past | None]],
     owner: Array,
 ) -> tuple[Starts, Rollout]:
-    """Starts with the measured angles that their owners (S,) see, and the motion they predict."""
+    """Starts with the measured angles that their owners (S,) see, and the motion they predict.
+
+    seen : folds that see the data alike, with plant, starts and past as they see them
+    """
+    _, first, starts, past = seen[0]
     starts = starts._replace(q=starts.q.copy(), u=starts.u.copy(), measured=starts.measured.copy())
-    first = views[0][1]
-    plant, past = first.plant[starts.recording], first.past
+    plant = first[starts.recording]
     p = np.array(plant.p)
-    for own, view in views:
+    for own, theirs, view, before in seen:
         use = np.flatnonzero(np.isin(owner, own))
-        starts.q[use], p[use] = view.starts.q[use], view.plant.p[starts.recording[use]]
-        starts.u[:, use], starts.measured[:, use] = (
-            x[:, use] for x in (view.starts.u, view.starts.measured)
-        )
-        if past is not None and view.past is not None:
-            past = past.mixed(view.past, np.isin(past.owner, use))
+        starts.q[use], p[use] = view.q[use], theirs.p[starts.recording[use]]
+        starts.u[:, use], starts.measured[:, use] = (x[:, use] for x in (view.u, view.measured))
+        if past is not None and before is not None:
+            past = past.mixed(before, np.isin(past.owner, use))
     return starts, predict(replace(plant, p=p), friction[owner], starts, past)
 
 
@@ -261,6 +274,9 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
     motion = predict(plant, batch[everyone], starts, prepared.past)
     everywhere = np.zeros_like(starts.last)
     rows += _pooled(rollout_rows(motion, starts, everywhere, _angle_unit(prepared)))
+    if prepared.true is not None:
+        ideal = predict(plant, batch[everyone], prepared.true)
+        rows += _pooled(true_start_rows(ideal, prepared.true, everywhere, _angle_unit(prepared)))
     if prepared.course is not None:
         all_ = np.zeros(len(prepared.course.names), dtype=int)
         q = free_run(prepared.plant, batch[all_], prepared.course)

@@ -17,6 +17,8 @@ class Protocol:
     whole : whether recordings are also simulated as a whole, from their start, see `free_run`
     starts : who knows the state a rollout starts from, by samples up to there only: a kinematic
         "filter", the same state for all, or each "model" itself, see `observer`
+    true_starts : whether simulated motion is also predicted from its true states, with memories of
+        the true motion before: what is off then is the model's alone
 
     >>> Protocol(horizons=(0.5,)).every
     0.25
@@ -28,6 +30,7 @@ class Protocol:
     sample_time: float | None = None
     whole: bool = False
     starts: str = "filter"
+    true_starts: bool = False
 
     def __post_init__(self) -> None:
         if not self.horizons:

@@ -50,17 +50,30 @@ def rollout_rows(
     fold (H, S) as `start_folds` gives it, or zeros where nothing was fitted to these data.
     """
     limit = far(angle_unit, starts.measured)
-    references = {"rollout_angle": starts.measured, "rollout_angle_truth": starts.truth}
-    for score, reference in references.items():
-        if reference is None:
+    yield from _rows(motion, starts, starts.measured, fold, "rollout_angle", limit)
+    if starts.truth is not None:
+        yield from _rows(motion, starts, starts.truth, fold, "rollout_angle_truth", limit)
+
+
+def true_start_rows(
+    motion: Rollout, starts: Starts, fold: Array, angle_unit: str = "rad"
+) -> Iterator[Row]:
+    """Rows of predictions from true states, against the true angles."""
+    assert starts.truth is not None
+    limit = far(angle_unit, starts.truth)
+    yield from _rows(motion, starts, starts.truth, fold, "rollout_true_start", limit)
+
+
+def _rows(
+    motion: Rollout, starts: Starts, reference: Array, fold: Array, score: str, limit: Array
+) -> Iterator[Row]:
+    for h, horizon in enumerate(starts.horizons):
+        use = (starts.last[h] > 0) & (fold[h] >= 0)
+        if not use.any():
             continue
-        for h, horizon in enumerate(starts.horizons):
-            use = (starts.last[h] > 0) & (fold[h] >= 0)
-            if not use.any():
-                continue
-            at = starts.last[h, use], np.flatnonzero(use)
-            error = motion.q[at] - reference[at]
-            yield from _horizon_rows(error, fold[h, use], score, float(horizon), limit)
+        at = starts.last[h, use], np.flatnonzero(use)
+        error = motion.q[at] - reference[at]
+        yield from _horizon_rows(error, fold[h, use], score, float(horizon), limit)
 
 
 def _horizon_rows(

@@ -82,6 +82,17 @@ def make_starts(
     )
 
 
+def true_states(dataset: Dataset, states: Sequence[States]) -> list[States] | None:
+    """True states at the times of others; None where some recording's motion is not known."""
+    out = []
+    for recording, s in zip(dataset.recordings, states, strict=True):
+        if recording.truth is None:
+            return None
+        angle, velocity = recording.truth.angle, recording.truth.velocity
+        out.append(s._replace(q=sample(angle, s.time), w=sample(velocity, s.time)))
+    return out
+
+
 def _places(
     name: str, states: Sequence[States], horizons: Array, every: float, begin: float
 ) -> tuple[Array, Array, Array]:

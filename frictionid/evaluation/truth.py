@@ -12,6 +12,9 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.laws import AsymmetricFilmLag, AsymmetricLuGre, AsymmetricStribeck
+from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.recordings import Dataset
+from frictionid.rig import Rig
 
 # The law of each kind of truth, and what its table has besides the steady-state curve. Stribeck
 # velocities and what follows stand in the order of the law's parameters.
@@ -72,3 +75,17 @@ def true_friction(truth: Mapping[str, Any]) -> Friction | None:
         # bristles are told by their stiffness, the law by their bend at the mean break-away level
         columns[..., 0] = curve.theta[..., :4].sum(-1) / 2 / columns[..., 0]
     return replace(curve, law=law, theta=np.concatenate([curve.theta, columns], axis=-1))
+
+
+def true_rig(dataset: Dataset) -> Rig | None:
+    """True base parameters, gain and delay of simulated data; None where the told ones are true."""
+    table: Any = (dataset.truth or {}).get("rig")
+    if not isinstance(table, Mapping):
+        return None
+    told: Any = dataset.mechanism
+    mechanism, parameters = mechanism_of(told), table.get("parameters") or {}
+    gain, delay = float(table.get("torque_gain", 1.0)), float(table.get("torque_delay", 0.0))
+    if not parameters and gain == 1.0 and delay == 0.0:
+        return None
+    ideal = Rig.ideal(mechanism.n, mechanism.base(parameters_of(told, parameters)))
+    return replace(ideal, gain=gain * ideal.gain, delay=np.array(delay))

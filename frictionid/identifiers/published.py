@@ -10,13 +10,14 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.problem import Problem
+from frictionid.rig import stacked
 
 
 @dataclass(frozen=True)
 class Published:
     """Identifier `published`: a given friction, the same in every fold.
 
-    Where the friction has mechanism parameters of its own, these replace the data set's.
+    Where the friction has mechanism parameters or a rig of its own, these replace the data set's.
     """
 
     friction: Friction
@@ -28,4 +29,6 @@ class Published:
                 f"the published friction has theta of shape {tuple(theta.shape)}, the data "
                 f"{problem.r.shape[-1]} joints: give one friction with as many joints as the data"
             )
-        return replace(self.friction, theta=np.repeat(theta[None], len(weights), axis=0))
+        own, count = self.friction.rig, len(weights)
+        rig = None if own is None else stacked([own] * count)
+        return replace(self.friction, theta=np.repeat(theta[None], count, axis=0), rig=rig)

@@ -65,7 +65,8 @@ def foretold(m: Matter) -> str:
     """The main finding: which model predicts best what was held out, how surely, how well."""
     if not m.entries("fitted"):
         return "Nothing was fitted to it."
-    parts = (prediction(m, "On held-out motion"), rivals(m), true_prediction(m))
+    told = (prediction(m, "On held-out motion"), rivals(m), true_prediction(m))
+    parts = (*told, from_true_states(m))
     return " ".join(part for part in parts if part)
 
 
@@ -166,7 +167,7 @@ def rivals(m: Matter) -> str:
         return f"{when} cannot be told apart from {whom}: within {margin}."
     parts = []
     if near:
-        parts.append(f"cannot be told apart from {_names(m, near)}, within {margin},")
+        parts.append(f"cannot be told apart from {_names(m, near)} (within {margin})")
     if far:
         parts.append(f"is clearly better than {_names(m, far)}")
     if rest:
@@ -197,6 +198,25 @@ def true_prediction(m: Matter) -> str:
             "that are not friction's."
         )
     return f"The true friction itself is {size} off: that much is not friction's."
+
+
+def from_true_states(m: Matter) -> str:
+    """How far predictions from true states are off: what is wrong then is the model's alone."""
+    if not m.horizons:
+        return ""
+    key = m.last._replace(score="rollout_true_start")
+    fitted = m.entries("fitted")
+    first = best(fitted, m.dataset, key)
+    if first is None:
+        return ""
+    second = best([e for e in fitted if e is not first], m.dataset, key)
+    told = f"From true states {m.name(first)} is {_size(m, first, key)} off {_after(key)}"
+    if second is None:
+        return f"{told}."
+    factor = level(second, m.dataset, key) / level(first, m.dataset, key)
+    unsure = paired(second, first, m.dataset, key).clear
+    ends = ", the difference within two standard errors" if unsure is False else ""
+    return f"{told}, {times(factor)} times less than {m.name(second)}, the next best{ends}."
 
 
 def one_step(m: Matter) -> str:

@@ -71,13 +71,21 @@ def judged(horizons: Sequence[float]) -> list[Key]:
     return keys + [Key("rollout_angle", "median", h) for h in horizons]
 
 
+def _true_starts(section: Section, keys: Sequence[Key]) -> list[Key]:
+    """The key of predictions from true states over the last horizon, where there are any."""
+    key = keys[-1]._replace(score="rollout_true_start")
+    known = any(key in e.scores.get(section.dataset, {}) for e in section.entries)
+    return [key] if keys[-1].horizon is not None and known else []
+
+
 def differences(section: Section, horizons: Sequence[float], unit: str) -> Table | None:
     """Table of each model's difference to the best fitted one, in each score; None with one."""
     fitted, shown = section.of_role("fitted"), section.of_role("none", "fitted", "given", "truth")
     if len(fitted) < 2:
         return None
     columns, parts = [], []
-    for key in judged(horizons):
+    keys = judged(horizons)
+    for key in (*keys, *_true_starts(section, keys)):
         first = best(fitted, section.dataset, key)
         columns.append(_column(key, unit))
         parts.append(_cells(shown, first, section.dataset, key))
@@ -97,7 +105,8 @@ def _column(key: Key, unit: str) -> Column:
     if key.horizon is None:
         scheme = key.score.removeprefix("one_step_")
         return Column(f"{scheme} {key.statistic}", "one step", f"{unit}/s")
-    return Column(f"{key.horizon:g} s", "rollout", unit, ", median")
+    start = "from true states" if key.score == "rollout_true_start" else "rollout"
+    return Column(f"{key.horizon:g} s", start, unit, ", median")
 
 
 def _cells(entries: Sequence[Entry], first: Entry | None, dataset: str, key: Key) -> list[Cell]:

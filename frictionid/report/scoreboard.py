@@ -55,6 +55,9 @@ def numbers_of(
         for statistic in ("median", "q90", "diverged"):
             name = f"rollout_angle_{statistic}_{h:g}s"
             out[name] = scores[Key("rollout_angle", statistic, h)]
+        for statistic in ("median", "q90"):
+            name = f"rollout_true_start_{statistic}_{h:g}s"
+            out[name] = scores[Key("rollout_true_start", statistic, h)]
     out["free_run_mean"] = scores[Key("free_run", "mean")]
     for joint in joints:
         key = Key("curve_error", "rms", joint=joint)
@@ -87,7 +90,7 @@ def summary_table(
     several = bool((board.frame["recipe"] != "").any())
     parts = [_names(board, recipes and several)]
     parts += _one_step(board, deviations, detail) + _rollouts(board, detail)
-    parts += _free_run(board) + _curves(board)
+    parts += _true_start(board) + _free_run(board) + _curves(board)
     if detail != BRIEF:
         count = Column("parameters")
         parts.append(_column(board, count, "n_parameters", lambda v: fixed(v, 0), False))
@@ -106,6 +109,8 @@ def caption_of(board: Board, section: Section) -> str:
         parts.append(f"rollouts: median (90 % quantile, share further off than {far(board.unit)})")
     elif shares:
         parts.append(f"rollouts: median (90 % quantile), none further off than {far(board.unit)}")
+    if _true_start(board):
+        parts.append("from true states: against the true angles, with the memory of the motion")
     if board.frame["free_run_mean"].notna().any():
         parts.append("free run: mean error over whole recordings, simulated from their start")
     return f"{'; '.join(parts)}. Best fitted model in bold."
@@ -166,6 +171,21 @@ def _rollout(board: Board, horizon: float, full: bool) -> Part:
     name = f"rollout_angle_median_{horizon:g}s"
     column = Column(seconds(horizon), "rollout", board.unit, ", median (90 %)")
     return _marked(board, column, name, words)
+
+
+def _true_start(board: Board) -> list[Part]:
+    """What is off from true states, at the last horizon alone."""
+    name = "rollout_true_start_{}_" + f"{board.horizons[-1]:g}s" if board.horizons else ""
+    if not name or board.frame[name.format("median")].isna().all():
+        return []
+    median, q90 = (board.frame[name.format(s)] for s in ("median", "q90"))
+    places = decimals(median)
+    words = [
+        NOTHING if np.isnan(m) else f"{fixed(m, places)} ({short(q)})"
+        for m, q in zip(median, q90, strict=True)
+    ]
+    column = Column(seconds(board.horizons[-1]), "from true states", board.unit, ", median (90 %)")
+    return [_marked(board, column, name.format("median"), words)]
 
 
 def _free_run(board: Board) -> list[Part]:

@@ -59,7 +59,10 @@ def summary(evidence: Evidence, parts: Mapping[tuple[str, str], Part]) -> str:
         sections=[_section(evidence, section, parts) for section in evidence.sections],
         cautions=cautions(evidence, fitted, scored),
         shooting=any(part.found for part in parts.values()),
-        settings={"every": provenance["settings"].get("every", "…")},
+        settings={
+            "every": provenance["settings"].get("every", "…"),
+            "true_starts": provenance["settings"].get("true_starts", False),
+        },
         data=_data(evidence),
         origins=_origins(evidence),
         provenance=_provenance(evidence),
