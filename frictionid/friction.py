@@ -163,8 +163,10 @@ class Friction:
         """Law and parameters with units; mean and spread over a batch."""
         if not self.law.names:
             return str(self.law)
-        theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
         lines = [str(self.law)]
+        if is_network(self.law):
+            return "\n".join([*lines, f"  {len(self.law.names)} numbers for each joint"])
+        theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
         for j in range(self.n):
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"
@@ -172,6 +174,11 @@ class Friction:
             )
             lines.append(f"  joint {j + 1}  " + ", ".join(values))
         return "\n".join(lines)
+
+
+def is_network(law: Any) -> bool:
+    """Whether a law's numbers are weights, which tell a person nothing: its `network` says so."""
+    return bool(getattr(law, "network", False))
 
 
 def units_of(law: Law, angle_unit: str = "rad") -> tuple[str, ...]:

@@ -9,8 +9,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from frictionid.evaluation import Split
-from frictionid.identifiers import Identifier, LeastSquares, Nothing, Published
+from frictionid.identifiers import CompressedNetwork, Identifier, LeastSquares, Nothing, Published
 from frictionid.laws import (
+    MLP,
     AsymmetricCoulombViscous,
     AsymmetricFilmLag,
     AsymmetricLuGre,
@@ -48,6 +49,7 @@ from frictionid.store import load_model
 
 Shape = Literal["tanh", "arctan"]
 Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=1)]
 
 LAWS: Mapping[str, type] = {
     "none": NoFriction,
@@ -69,6 +71,7 @@ LAWS: Mapping[str, type] = {
     "dahl": Dahl,
     "lugre": LuGre,
     "lugre_asymmetric": AsymmetricLuGre,
+    "mlp": MLP,
 }
 
 
@@ -155,6 +158,19 @@ def lugre(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh")
     return LeastSquares((LuGre if symmetric else AsymmetricLuGre)(width, shape))
 
 
+def mlp(
+    hidden: Annotated[list[Count], Field(min_length=1)] | None = None,
+    odd: bool = MLP.odd,
+    dissipative: bool = MLP.dissipative,
+    monotone_tail: bool = MLP.monotone_tail,
+    width: Positive = 0.02,
+    shape: Shape = "tanh",
+) -> Identifier:
+    """A friction curve by a network, fitted by Levenberg-Marquardt on compressed squares."""
+    law = MLP(tuple(hidden or MLP.hidden), odd, dissipative, monotone_tail, 0, width, shape)
+    return CompressedNetwork(law)
+
+
 def published(file: str) -> Identifier:
     """The friction of a model file, with its own mechanism parameters."""
     return Published(load_model(Path(file), LAWS))
@@ -200,6 +216,7 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "film_lag": film_lag,
     "dahl": dahl,
     "lugre": lugre,
+    "mlp": mlp,
     "published": published,
 }
 ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {

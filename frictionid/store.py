@@ -1,7 +1,8 @@
 """Files of fitted models and results: JSON, written atomically, never pickled.
 
 A model file holds the law by name, theta, the parameters in words with units and, where given, the
-mechanism's parameters. It never names code: a law outside this package needs its class at hand.
+mechanism's parameters. The weights of networks stand beside it in a safetensors file of the same
+name. It never names code: a law outside this package needs its class at hand.
 """
 
 from __future__ import annotations
@@ -13,19 +14,32 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from difflib import get_close_matches
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from frictionid.errors import InputError
-from frictionid.friction import Friction, units_of
+from frictionid.friction import Friction, is_network, units_of
 from frictionid.rig import Rig
 
 FORMAT = "frictionid model 1"
+_WEIGHTS = ".safetensors"
 
 
 def write_text(path: Path, text: str) -> None:
+    """Write a text file as a whole or not at all; its folder is made.
+
+    Raises
+    ------
+    InputError
+        Where the place cannot be written.
+    """
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
     """Write a file as a whole or not at all; its folder is made.
 
     Raises
@@ -41,8 +55,8 @@ def write_text(path: Path, text: str) -> None:
             f"{path}: cannot be written ({error.strerror}): choose another place"
         ) from None
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
         os.chmod(name, 0o644)
         os.replace(name, path)
     except OSError as error:
@@ -56,7 +70,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove what `write_text` left in a folder when it was killed."""
+    """Remove what `write_bytes` left in a folder when it was killed."""
     for path in folder.glob(".*"):
         if re.fullmatch(r"\..+\.[a-z0-9_]{8}", path.name) and path.is_file():
             path.unlink()
@@ -109,6 +123,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     """JSON document of a friction; its law stands under its name in `laws`, else its class's.
 
     The means of a batch stand in `joints`, in words and units, for people; `theta` is what counts.
+    Weights of a network have no words.
     """
     names = [name for name, law in laws.items() if type(friction.law) is law]
     kind = names[0] if names else type(friction.law).__name__
@@ -124,7 +139,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     return {
         "format": FORMAT,
         "law": {"kind": kind, **_settings(friction.law)},
-        "joints": words,
+        **({} if is_network(friction.law) else {"joints": words}),
         "theta": theta,
         "shape": list(theta.shape),
         "parameters": dict(friction.parameters),
@@ -139,8 +154,44 @@ def _settings(law: Any) -> dict[str, Any]:
 
 
 def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:
-    """Write a friction as a JSON model file."""
-    write_json(path, model_document(friction, laws))
+    """Write a friction as a JSON model file, the weights of a network beside it.
+
+    Raises
+    ------
+    InputError
+        Where the place cannot be written.
+    """
+    document = model_document(friction, laws)
+    if is_network(friction.law):
+        from safetensors.numpy import save
+
+        content = save({"theta": np.ascontiguousarray(document["theta"])})
+        beside = path.with_suffix(_WEIGHTS)
+        write_bytes(beside, content)
+        document["theta"] = {"file": beside.name, "sha256": sha256(content).hexdigest()}
+    write_json(path, document)
+
+
+def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
+    """Weights that stand in a file beside the model file."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    name = str(table.get("file"))
+    if Path(name).name != name or Path(name).suffix != _WEIGHTS:
+        raise InputError(f"{path}: theta.file = {name!r} must be a {_WEIGHTS} file beside it")
+    try:
+        content = (path.parent / name).read_bytes()
+        theta = load(content)["theta"]
+    except OSError as error:
+        raise InputError(
+            f"{path}: its weights {name} cannot be read ({error.strerror}): keep the two together"
+        ) from None
+    except (SafetensorError, KeyError) as error:
+        raise InputError(f"{path}: {name} holds no tensor theta ({error})") from None
+    if sha256(content).hexdigest() != table.get("sha256"):
+        raise InputError(f"{path}: {name} holds other weights than were saved with it: fit again")
+    return np.asarray(theta, dtype=float)
 
 
 def load_model(path: Path, laws: Mapping[str, type]) -> Friction:
@@ -153,7 +204,10 @@ def load_model(path: Path, laws: Mapping[str, type]) -> Friction:
     InputError
         With the file, the rule and the value.
     """
-    return read_model(read_json(path), laws, str(path))
+    document = read_json(path)
+    if isinstance(document.get("theta"), Mapping):
+        document["theta"] = _beside(document["theta"], path)
+    return read_model(document, laws, str(path))
 
 
 def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str) -> Friction:

@@ -9,9 +9,15 @@ import pytest
 from remembering import Sampled
 
 from frictionid.friction import Friction, along
-from frictionid.identifiers import LeastSquares, Nothing, Published, check_identifier
+from frictionid.identifiers import (
+    CompressedNetwork,
+    LeastSquares,
+    Nothing,
+    Published,
+    check_identifier,
+)
 from frictionid.identifiers.practice import practice_problem, practice_weights, true_friction
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, FilmLag, NoFriction, Stribeck
+from frictionid.laws import MLP, AsymmetricStribeck, CoulombViscous, FilmLag, NoFriction, Stribeck
 from frictionid.names import IDENTIFIERS
 
 
@@ -44,6 +50,7 @@ OURS = [
     *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), AsymmetricStribeck())),
     *(LeastSquares(law) for law in (NoFriction(), Sampled())),
     LeastSquares(Stribeck(), robust=2.0),
+    CompressedNetwork(MLP()),
     Mean(),
 ]
 

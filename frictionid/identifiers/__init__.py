@@ -1,8 +1,16 @@
 """How the numbers of friction are found: one identifier per file, all behind one contract."""
 
+from frictionid.identifiers.compressed import CompressedNetwork
 from frictionid.identifiers.contract import Identifier, check_identifier
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.nothing import Nothing
 from frictionid.identifiers.published import Published
 
-__all__ = ["Identifier", "LeastSquares", "Nothing", "Published", "check_identifier"]
+__all__ = [
+    "CompressedNetwork",
+    "Identifier",
+    "LeastSquares",
+    "Nothing",
+    "Published",
+    "check_identifier",
+]

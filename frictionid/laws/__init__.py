@@ -7,6 +7,7 @@ from frictionid.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.laws.gear_load import GearLoad, MotorLoadQuadratic
 from frictionid.laws.load_dependent import LoadDependent, LoadDependentStribeck
 from frictionid.laws.lugre import AsymmetricLuGre, LuGre
+from frictionid.laws.mlp import MLP
 from frictionid.laws.motor_load import MotorLoad
 from frictionid.laws.none import NoFriction
 from frictionid.laws.quadratic import Quadratic
@@ -27,6 +28,7 @@ __all__ = [
     "LoadDependent",
     "LoadDependentStribeck",
     "LuGre",
+    "MLP",
     "MotorLoad",
     "MotorLoadQuadratic",
     "NoFriction",

@@ -34,7 +34,7 @@ def _lines(entry: Entry) -> list[tuple[Any, ...]]:
     out = []
     read = estimates(entry.refined or {"parameters": ()})
     known = {(e.joint, e.short): e.identified for e in read if e.block == "friction"}
-    for j, words in enumerate(entry.model["joints"]):
+    for j, words in enumerate(entry.model.get("joints", ())):
         for i, (name, number) in enumerate(words.items()):
             folds = entry.theta[:, j, i]
             fitted = entry.role == "fitted"

@@ -1,0 +1,125 @@
+"""Small feed-forward networks whose weights stand in one row, alike for NumPy and torch.
+
+A network has `sizes`, the numbers of its inputs, of the tanh units of each hidden layer, and of its
+linear outputs. Its weights (..., n, P), P = `count(sizes)`, are those of layer after layer, each
+first from inputs to units, then the units' offsets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+
+_STEEP = (1.0, 4.0)  # slopes of the first units, which turn anywhere in their inputs' range
+_SMALL = 0.3
+
+
+def count(sizes: Sequence[int]) -> int:
+    """Number of weights.
+
+    >>> count((2, 8, 1))
+    33
+    """
+    return sum((a + 1) * b for a, b in pairwise(sizes))
+
+
+def check_hidden(law: str, hidden: Any) -> tuple[int, ...]:
+    """Numbers of units of the hidden layers, as a tuple.
+
+    Raises
+    ------
+    InputError
+        Where they are no positive integers.
+    """
+    units = tuple(hidden) if isinstance(hidden, list | tuple) else ()
+    if not units or not all(type(size) is int and size > 0 for size in units):
+        raise InputError(
+            f"{law}: hidden = {hidden!r} must list the units of each hidden layer, such as [16, 16]"
+        )
+    return units
+
+
+def drawn(sizes: Sequence[int], rng: np.random.Generator) -> Array:
+    """Weights (P,) to start from: small outputs, and first units that turn in [0, 1]."""
+    parts = []
+    for i, (a, b) in enumerate(pairwise(sizes)):
+        weights = rng.standard_normal((a, b)) / np.sqrt(a)
+        offsets = np.zeros(b)
+        if i == 0:
+            weights[0] = rng.uniform(*_STEEP, b) * rng.choice([-1.0, 1.0], b)
+            offsets = -weights[0] * rng.uniform(0.0, 1.0, b)
+        if i == len(sizes) - 2:
+            weights *= _SMALL
+        parts += [weights.ravel(), offsets]
+    return np.concatenate(parts)
+
+
+def outputs(weights: Array, z: Array, sizes: Sequence[int]) -> Array:
+    """Outputs (..., n, sizes[-1]) of inputs z (..., n, sizes[0]); the batch axes broadcast."""
+    row, z, many = _laid(weights, z)
+    return _unlaid(_forward(row, z, sizes)[-1], many)
+
+
+def slopes(weights: Array, z: Array, sizes: Sequence[int]) -> tuple[Array, Array, Array]:
+    """Output (..., n) of a network that has one, its slopes in the weights, and in the inputs.
+
+    Shapes (..., n, P) and (..., n, sizes[0]).
+    """
+    row, z, many = _laid(weights, z)
+    xp = namespace(row, z)
+    values = _forward(row, z, sizes)
+    delta, parts = 0.0 * values[-1] + 1.0, []
+    for (W, _), before in zip(reversed(list(_layers(row, sizes))), values[-2::-1], strict=True):
+        product = before[..., :, None] * delta[..., None, :]
+        flat = xp.reshape(product, (*product.shape[:-2], product.shape[-2] * product.shape[-1]))
+        parts += [delta, flat]
+        delta = xp.matmul(delta, xp.swapaxes(W, -1, -2))
+        if before is not values[0]:
+            delta = delta * (1.0 - before * before)
+    by_weights = xp.concat(parts[::-1], axis=-1)
+    return (
+        _unlaid(values[-1], many)[..., 0],
+        _unlaid(by_weights, many),
+        _unlaid(delta, many),
+    )
+
+
+def _layers(row: Array, sizes: Sequence[int]) -> Iterator[tuple[Array, Array]]:
+    """Matrix (..., n, a, b) and offsets (..., n, 1, b) of each layer."""
+    xp, at = namespace(row), 0
+    for a, b in pairwise(sizes):
+        W = xp.reshape(row[..., at : at + a * b], (*row.shape[:-1], a, b))
+        yield W, row[..., None, at + a * b : at + (a + 1) * b]
+        at += (a + 1) * b
+
+
+def _forward(row: Array, z: Array, sizes: Sequence[int]) -> list[Array]:
+    """Inputs and values of each layer, (..., n, rows, units)."""
+    xp, values = namespace(row, z), [z]
+    for i, (W, offset) in enumerate(_layers(row, sizes)):
+        z = xp.matmul(z, W) + offset
+        z = xp.tanh(z) if i < len(sizes) - 2 else z
+        values.append(z)
+    return values
+
+
+def _laid(weights: Array, z: Array) -> tuple[Array, Array, bool]:
+    """Weights, inputs as matrices (..., n, rows, a), and whether one set of weights has many rows.
+
+    Many points under one set of weights are then a product of matrices.
+    """
+    xp = namespace(weights, z)
+    if z.ndim > 2 and (weights.ndim == 2 or weights.shape[-3] == 1):
+        row = weights if weights.ndim == 2 else weights[..., 0, :, :]
+        return row, xp.swapaxes(z, -3, -2), True
+    return weights, z[..., None, :], False
+
+
+def _unlaid(value: Array, many: bool) -> Array:
+    return namespace(value).swapaxes(value, -3, -2) if many else value[..., 0, :]
