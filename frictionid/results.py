@@ -100,6 +100,7 @@ def _about(prepared: Prepared) -> dict[str, Any]:
     density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
     d = mechanism_of(dataset.mechanism).description
     return {
+        "mechanism": dataset.mechanism,
         "joints": list(d.joints),
         "torque_unit": d.torque_unit,
         "angle_unit": d.angle_unit,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 
 import made_results as made
 import numpy as np
@@ -21,6 +22,7 @@ from frictionid.names import LAWS
 from frictionid.report import bands, build, show_refined, write
 from frictionid.report.correlation import STRONG, correlation
 from frictionid.report.evidence import gather
+from frictionid.report.intervals import interval_table
 from frictionid.report.style import looks
 from frictionid.results import describe
 from frictionid.shooting import Settings, Shooting
@@ -136,6 +138,24 @@ def test_what_is_told_and_what_is_true_stand_beside(numbers):
     assert lines.loc["coulomb", "true"] == COULOMB and np.isnan(lines.loc["coulomb", "told"])
     # without a peak its width is any
     assert lines.loc["peak", "true"] == 0 and np.isnan(lines.loc["stribeck_velocity", "true"])
+
+
+def test_numbers_of_given_models_stand_beside(computed):
+    (entry,), about = entries(computed)
+    own = {"coulomb": {"value": 0.5, "unit": "N m"}, "other": {"value": 7.0, "unit": "1"}}
+    model = {"joints": [own], "parameters": HEAVIER}
+    given = replace(entry, label="M1", role="given", refined=None, model=model)
+    table = interval_table(
+        entry, "pendulum", about, [given, replace(given, label="M2", model={"joints": [{}]})]
+    )
+    assert [column.name for column in table.columns if column.name.startswith("M")] == ["M1"]
+    beside = {line.cells[1].text: line.cells[-1].text for line in table.lines}
+    mechanism = mechanism_of(PENDULUM)
+    base = mechanism.base(parameters_of(PENDULUM, HEAVIER))
+    for name, value in zip(mechanism.base_names, base, strict=True):
+        assert float(beside[name]) == pytest.approx(value, rel=0.01)
+    assert float(beside["coulomb"]) == 0.5
+    assert beside["viscous"] == beside["torque delay"] == "–"
 
 
 def test_the_page_says_what_the_machine_is(computed):

@@ -72,7 +72,7 @@ def found(m: Matter, about: Mapping[str, Any], name: str) -> Found | None:
         lead and f"What else shooting found by {named(m.section, first)}: {lead}",
         _head(m, first),
         tuple(escape_markdown(sentence) for sentence in words if sentence),
-        interval_table(first, m.dataset, about),
+        interval_table(first, m.dataset, about, m.section.of_role("given")),
         tuple(pictures),
         window_table(first, m.dataset),
         tuple(_line(m, entry, about, own[entry]) for entry in own if entry is not first),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.report.evidence import Entry
 from frictionid.report.numbers import NOTHING
 from frictionid.report.refined import Estimate, digits, estimates, interval, value_words
@@ -64,29 +65,59 @@ def interval_numbers(entry: Entry, about: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def interval_table(entry: Entry, dataset: str, about: Mapping[str, Any]) -> Table:
-    """Table of the parameters with intervals, beside what was told of them and what is true."""
+def interval_table(
+    entry: Entry, dataset: str, about: Mapping[str, Any], given: Sequence[Entry] = ()
+) -> Table:
+    """Table of the parameters with intervals, beside what was told of them and what is true.
+
+    given : models with fixed numbers, whose parameters of the same name stand beside
+    """
     document = entry.refined or {"parameters": ()}
     read = estimates(document, about)
+    beside = {e.label: numbers_beside(e, read, about) for e in given}
+    beside = {name: numbers for name, numbers in beside.items() if numbers}
     told = any(e.told is not None and e.block in SIZES for e in read)
     true = any(e.true is not None for e in read)
     heads = [Column(name, words=True) for name in ("block", "parameter", "unit")]
     heads += [Column("value"), Column("95 % interval")]
     heads += [Column("told"), Column("against told")] if told else []
     heads += [Column("true")] if true else []
+    heads += [Column(name) for name in beside]
     lines = []
     for name, own in groups(read, about["joints"]):
-        for i, cells in enumerate(_cells(own, told, true)):
+        for i, cells in enumerate(_cells(own, told, true, list(beside.values()))):
             lines.append(Line((Cell(name if i == 0 else ""), *map(Cell, cells)), name))
     label = f"shooting-{dataset}-{entry.label}-{entry.recipe}"
     return Table(_caption(entry, dataset, about, told), label, tuple(heads), tuple(lines))
 
 
-def _cells(own: Sequence[Estimate], told: bool, true: bool) -> Iterator[list[str]]:
+def numbers_beside(
+    entry: Entry, read: Sequence[Estimate], about: Mapping[str, Any]
+) -> dict[str, float]:
+    """A given model's own numbers for these parameters, by their names with the joint's."""
+    out: dict[str, float] = {}
+    table, own = about.get("mechanism"), entry.model.get("parameters")
+    if table and own:
+        mechanism = mechanism_of(table)
+        base = mechanism.base(parameters_of(table, own))
+        out |= dict(zip(mechanism.base_names, map(float, base), strict=True))
+    joints = entry.model["joints"]
+    for e in read:
+        if e.block != "friction" or e.joint is None or e.short not in joints[e.joint]:
+            continue
+        value = joints[e.joint][e.short]["value"]
+        if value is not None:
+            out[e.name] = float(value)
+    return {e.name: out[e.name] for e in read if e.name in out}
+
+
+def _cells(
+    own: Sequence[Estimate], told: bool, true: bool, beside: Sequence[Mapping[str, float]]
+) -> Iterator[list[str]]:
     """Cells of each parameter of a group behind the group's name."""
     if len(own) > MANY:
         known = sum(e.identified for e in own)
-        rest = [NOTHING] * (2 * told + true)
+        rest = [NOTHING] * (2 * told + true + len(beside))
         yield [f"{len(own)} numbers", NOTHING, f"{known} identified", NOTHING, *rest]
         return
     for e in own:
@@ -95,6 +126,7 @@ def _cells(own: Sequence[Estimate], told: bool, true: bool) -> Iterator[list[str
         off = f"{change(e)[0]} %" if e.identified and e.told and e.block in SIZES else NOTHING
         cells += [_beside(e.told, e), off] * told
         cells += [_beside(e.true, e)] * true
+        cells += [_beside(numbers.get(e.name), e) for numbers in beside]
         yield [*cells[:2], *(cell.replace("-", "−") for cell in cells[2:])]
 
 

@@ -111,7 +111,7 @@ def _shooting(
     """Tables and pictures of the fits by shooting, written, and what the page says of them."""
     about, files = evidence.about[section.dataset], []
     for entry, stem in stems(section, name).items():
-        table = interval_table(entry, section.dataset, about)
+        table = interval_table(entry, section.dataset, about, section.of_role("given"))
         numbers = interval_numbers(entry, about)
         files += _write_table(folder, f"shooting--{stem}", table, numbers)
         windows = window_table(entry, section.dataset)
