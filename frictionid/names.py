@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from frictionid.evaluation import Split
-from frictionid.identifiers import CompressedNetwork, Identifier, LeastSquares, Nothing, Published
+from frictionid.identifiers import (
+    CompressedNetwork,
+    Identifier,
+    LeastSquares,
+    Linear,
+    Nothing,
+    Published,
+    SINDy,
+)
 from frictionid.laws import (
     MLP,
     AsymmetricCoulombViscous,
@@ -21,6 +29,7 @@ from frictionid.laws import (
     Dahl,
     FilmLag,
     GearLoad,
+    Library,
     LoadDependent,
     LoadDependentStribeck,
     LuGre,
@@ -66,6 +75,7 @@ LAWS: Mapping[str, type] = {
     "spline": Spline,
     "spline_asymmetric": AsymmetricSpline,
     "ripple": Ripple,
+    "library": Library,
     "film_lag": FilmLag,
     "film_lag_asymmetric": AsymmetricFilmLag,
     "dahl": Dahl,
@@ -127,7 +137,34 @@ def spline(
 ) -> Identifier:
     """A friction curve of any shape by least squares, on request one for each direction."""
     law = Spline if symmetric else AsymmetricSpline
-    return LeastSquares(law(tuple(knots or Spline.knots), degree, width, shape))
+    return Linear(law(tuple(knots or Spline.knots), degree, width, shape))
+
+
+def sindy(
+    widths: list[Positive] | None = None,
+    powers: list[Count] | None = None,
+    velocities: list[Positive] | None = None,
+    harmonics: list[Count] | None = None,
+    gear: Positive = 1.0,
+    load: bool = False,
+    direction: bool = False,
+    other: bool = False,
+    optimizer: Literal["stlsq", "sr3"] = "stlsq",
+    thresholds: Annotated[list[Positive], Field(min_length=1)] | None = None,
+    exchange: bool = True,
+    most: Count = SINDy.most,
+    sure: Annotated[float, Field(ge=0)] = SINDy.sure,
+    ensemble: Annotated[int, Field(ge=0)] = 0,
+    width: Positive = 0.02,
+    shape: Shape = "tanh",
+) -> Identifier:
+    """A sparse sum of candidate functions, by pysindy's optimisers."""
+    given = {"widths": widths, "powers": powers, "velocities": velocities, "harmonics": harmonics}
+    own = {name: tuple(values) for name, values in given.items() if values is not None}
+    settings: dict[str, Any] = {**own, "gear": gear, "load": load, "direction": direction}
+    library = Library(width, shape, other=other, **settings)
+    limits = tuple(thresholds or SINDy.thresholds)
+    return SINDy(library, optimizer, limits, SINDy.ridge, exchange, most, sure, ensemble)
 
 
 def ripple(
@@ -213,6 +250,7 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "stribeck": stribeck,
     "spline": spline,
     "ripple": ripple,
+    "sindy": sindy,
     "film_lag": film_lag,
     "dahl": dahl,
     "lugre": lugre,

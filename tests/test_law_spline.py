@@ -7,7 +7,7 @@ from scipy.interpolate import BSpline
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
-from frictionid.identifiers import LeastSquares
+from frictionid.identifiers import LeastSquares, Linear
 from frictionid.identifiers.practice import practice_problem
 from frictionid.laws import AsymmetricSpline, Spline, Stribeck
 from frictionid.store import load_model, model_document, read_model, save_model
@@ -136,7 +136,7 @@ def test_settings_that_mean_nothing_are_refused(settings, rule):
 
 def test_its_settings_choose_the_law():
     made = identifier_named("spline", {"symmetric": False, "knots": [1.0, 4.0], "degree": 1})
-    assert made == LeastSquares(AsymmetricSpline((1.0, 4.0), 1))
-    assert identifier_named("spline", {}) == LeastSquares(Spline())
+    assert made == Linear(AsymmetricSpline((1.0, 4.0), 1))
+    assert identifier_named("spline", {}) == Linear(Spline())
     with pytest.raises(InputError, match=r"knots.*1"):
         identifier_named("spline", {"knots": [-1.0, 4.0]})

@@ -3,14 +3,18 @@
 from frictionid.identifiers.compressed import CompressedNetwork
 from frictionid.identifiers.contract import Identifier, check_identifier
 from frictionid.identifiers.least_squares import LeastSquares
+from frictionid.identifiers.linear import Linear
 from frictionid.identifiers.nothing import Nothing
 from frictionid.identifiers.published import Published
+from frictionid.identifiers.sindy import SINDy
 
 __all__ = [
     "CompressedNetwork",
     "Identifier",
     "LeastSquares",
+    "Linear",
     "Nothing",
     "Published",
+    "SINDy",
     "check_identifier",
 ]

@@ -30,7 +30,7 @@ def best_starts(rows: Rows, weights: Array) -> tuple[Array, Array]:
     starts = np.repeat(np.reshape(rows.law.initial, (S, 1, P)), n, axis=1)
     slopes = rows.slopes(starts.reshape(S, n * P))  # (S, K, n, n, P)
     rows.check(slopes, rows.problem.r)
-    _check(rows, weights, np.abs(slopes).max(axis=(0, 2, 4), initial=0.0) > 0)
+    check_rows(rows, weights, np.abs(slopes).max(axis=(0, 2, 4), initial=0.0) > 0)
     columns = np.concatenate([slopes, _without_slopes(rows, starts)[..., None]], axis=-1)
     columns = np.moveaxis(columns, 0, 2).reshape(rows.problem.r.size, -1)
     columns = np.column_stack([columns, rows.problem.r.ravel()])
@@ -82,8 +82,14 @@ def _best(
     return choices[best], np.clip(start + move, *bounds)[best]
 
 
-def _check(rows: Rows, weights: Array, slides: Array) -> None:
-    """Each joint must slide in enough rows of each fold; slides is (K, n)."""
+def check_rows(rows: Rows, weights: Array, slides: Array) -> None:
+    """Refuse folds in which a joint slides in too few rows; slides (K, n) says where it does.
+
+    Raises
+    ------
+    InputError
+        Naming the fold and the joint.
+    """
     counts = (weights > 0).astype(float) @ slides
     P = len(rows.law.names)
     if (counts < P).any():

@@ -5,6 +5,7 @@ from frictionid.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombVis
 from frictionid.laws.dahl import Dahl
 from frictionid.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.laws.gear_load import GearLoad, MotorLoadQuadratic
+from frictionid.laws.library import Library
 from frictionid.laws.load_dependent import LoadDependent, LoadDependentStribeck
 from frictionid.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.laws.mlp import MLP
@@ -25,6 +26,7 @@ __all__ = [
     "Dahl",
     "FilmLag",
     "GearLoad",
+    "Library",
     "LoadDependent",
     "LoadDependentStribeck",
     "LuGre",

@@ -41,6 +41,7 @@ class Spline:
     shape: str = "tanh"
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))  # model files give lists
@@ -91,6 +92,7 @@ class AsymmetricSpline:
     shape: str = "tanh"
     sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))

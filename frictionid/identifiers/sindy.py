@@ -1,0 +1,165 @@
+"""SINDy on one-step residuals: a sparse sum of candidate functions [Brunton2016].
+
+pysindy's optimisers see what friction has to explain, not a numerical derivative:
+
+    minimise  sum_k w_k |r_k - G_k sum_i theta_i f_i|^2  with few theta_i that are not zero
+
+They get the factor of its Gram matrix, whose few rows say the same as all the data. Which of their
+supports is right is decided by recordings that are left out.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.identifiers.grams import clusters, columns, grams
+from frictionid.identifiers.supports import Rules, chosen, lawful, least, path
+from frictionid.identifiers.weights import relative
+from frictionid.laws.library import Library
+from frictionid.problem import Problem
+
+OPTIMIZERS = ("stlsq", "sr3")
+_HALF = 0.5
+_DIGITS = 9
+_UNCHECKED: dict[str, Any] = {"assume_finite": True, "skip_parameter_validation": True}
+
+
+@dataclass(frozen=True)
+class SINDy:
+    """Finds which candidates of a library friction has, and their coefficients.
+
+    For each of the `thresholds` (of coefficients, relative to their columns' and the residual's
+    size) the optimiser "stlsq" or "sr3" proposes a support. With `exchange`, candidates then change
+    places one by one while that lowers the squares, and every number of candidates up to `most` is
+    tried. Of all these the smallest is chosen that predicts left-out recordings as well as the best
+    one, within `sure` standard errors.
+
+    With `ensemble` > 0 that is repeated on so many draws of the recordings, and candidates stay
+    that are in at least half of them; `inclusion` says how often each one was.
+
+    Raises
+    ------
+    InputError
+        For settings that mean nothing, and where no joint slides.
+
+    Examples
+    --------
+    >>> from frictionid.identifiers.practice import practice_problem
+    >>> problem = practice_problem(joints=1, noise=1e-4)
+    >>> friction = SINDy().fit(problem, np.ones((1, len(problem.r))), seed=0)
+    >>> print(*friction.law.equation(friction.theta[0]))
+    Tf1 = 0.09993 N m s(w) + 0.02001 N m s/rad w + 0.04013 N m exp(-(w/1.5)^2) s(w)
+    """
+
+    library: Library = field(default_factory=Library)
+    optimizer: str = "stlsq"
+    thresholds: tuple[float, ...] = (0.01, 0.04, 0.15)
+    ridge: float = 1e-3
+    exchange: bool = True
+    most: int = 12
+    sure: float = 2.0
+    ensemble: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "thresholds", tuple(self.thresholds))
+        if self.optimizer not in OPTIMIZERS:
+            raise InputError(
+                f"sindy: optimizer = {self.optimizer!r} is unknown; known are "
+                f"{', '.join(OPTIMIZERS)}"
+            )
+        if not self.thresholds or not all(0 < t < 1 for t in self.thresholds):
+            raise InputError(f"sindy: thresholds = {list(self.thresholds)} must be between 0 and 1")
+        for name, low in (("ridge", 0), ("most", 1), ("sure", 0), ("ensemble", 0)):
+            if not getattr(self, name) >= low:
+                raise InputError(f"sindy: {name} = {getattr(self, name)} must be at least {low}")
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        n, P = problem.r.shape[-1], len(self.library.names)
+        theta = np.empty((len(weights), n * P))
+        for f, (G, scale, rules) in enumerate(self._folds(problem, weights)):
+            support = self._support(G, rules, seed)
+            theta[f] = 0.0
+            if support:
+                S = np.array(support)
+                theta[f, S] = least(G.sum(0), S[None])[1][0] / scale[S]
+        return Friction(self.library, theta.reshape(len(weights), n, P))
+
+    def inclusion(self, problem: Problem, weights: Array, seed: int, draws: int = 50) -> Array:
+        """How often (F, n, P) each candidate is in the support of a draw of the recordings."""
+        n, P = problem.r.shape[-1], len(self.library.names)
+        shares = [
+            self._inclusion(G, rules, seed, draws) for G, _, rules in self._folds(problem, weights)
+        ]
+        return np.stack(shares).reshape(len(weights), n, P)
+
+    def _folds(self, problem: Problem, weights: Array) -> Iterator[tuple[Array, Array, Rules]]:
+        """Of each fold: Gram matrices (C, M, M), columns of length one, their lengths, rules."""
+        A = columns(self.library, problem)
+        n, candidates = problem.r.shape[-1], self.library.candidates
+        families = list(dict.fromkeys(c.family for c in candidates))
+        member = np.array([families.index(c.family) for c in candidates])
+        family = (np.arange(n)[:, None] * len(families) + member).ravel()
+        positive = np.tile([c.bounds[0] >= 0 for c in candidates], n)
+        for f, G in enumerate(grams(A, relative(weights, problem), clusters(problem))):
+            size = np.sqrt(np.einsum("cii->i", G))
+            usable = size[:-1] > 1e-12 * size.max()
+            if not usable.any():
+                raise InputError(f"no joint slides in the rows of fold {f}: give other recordings")
+            scale = np.where(size > 0, size, 1.0)
+            yield (
+                G / scale / scale[:, None],
+                scale[:-1] / scale[-1],
+                Rules(family, positive, usable),
+            )
+
+    def _support(self, G: Array, rules: Rules, seed: int) -> tuple[int, ...]:
+        if not self.ensemble:
+            return self._once(G, rules)
+        share = self._inclusion(G, rules, seed, self.ensemble)
+        total = np.bincount(rules.family, share)[rules.family]
+        return lawful(np.where(total >= _HALF, share, 0.0), G.sum(0), rules)
+
+    def _inclusion(self, G: Array, rules: Rules, seed: int, draws: int) -> Array:
+        """Share (N,) of draws of the clusters, with replacement, in whose support a column is."""
+        count = np.zeros(len(rules.family))
+        seen = np.flatnonzero(np.einsum("cii->c", G) > 0)
+        for draw in range(draws):
+            drawn = np.random.default_rng([seed, draw]).choice(seen, len(seen))
+            times = np.bincount(drawn, minlength=len(G))
+            count[list(self._once(G * times[:, None, None], rules))] += 1
+        return count / draws
+
+    def _once(self, G: Array, rules: Rules) -> tuple[int, ...]:
+        T = G.sum(0)
+        proposals = [lawful(c, T, rules) for c in self._proposed(T)]
+        return chosen(G, path(T, rules, proposals, self.most, self.exchange), self.sure)
+
+    def _proposed(self, T: Array) -> Iterator[Array]:
+        """Coefficients (N,) that pysindy finds for each threshold."""
+        from sklearn import config_context
+
+        # without its last digits: what an optimiser makes of a fold must not hang on rounding
+        values, vectors = np.linalg.eigh(np.round(T, _DIGITS))
+        X = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        for threshold in self.thresholds:
+            # it warns where nothing is left, or it stopped early; checks take most of its time
+            with warnings.catch_warnings(), config_context(**_UNCHECKED):
+                warnings.simplefilter("ignore")
+                found = self._optimizer(threshold).fit(X[:, :-1], X[:, -1])
+            yield np.ravel(found.coef_)
+
+    def _optimizer(self, threshold: float) -> Any:
+        from pysindy import SR3, STLSQ
+
+        if self.optimizer == "stlsq":
+            return STLSQ(threshold=threshold, alpha=self.ridge, unbias=False)
+        weight = SR3.calculate_l0_weight(threshold, 1.0)
+        return SR3(reg_weight_lam=weight, regularizer="l0", relax_coeff_nu=1.0, unbias=False)
