@@ -43,7 +43,7 @@ MISTAKES = {
     "text in a list": ([("horizons", [0.1, "0.5"])], r"horizons\[1\]: .*number, not '0\.5'"),
     "truth value": ([("folds.count", True)], "folds: count: it should be a valid int.*, not True"),
     "part of a fold": ([("folds.count", 2.5)], r"folds: count: .*integer.*, not 2\.5"),
-    "folds are no table": ([("folds", 3)], "folds: .*, not 3"),
+    "folds are no table": ([("folds", 3)], "folds: it should be one table of keys .*, not 3"),
     "data sets are no list": ([("datasets", {"path": "tiny"})], "datasets: .*list"),
     "path is a number": ([("datasets.0.path", 3)], r"datasets\[0\]\.path: .*string, not 3"),
     "tests is a text": ([("datasets.0.tests", "tiny")], r"datasets\[0\]\.tests: .*list"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -68,3 +69,20 @@ def test_least_squares_of_the_carriage_agree_with_the_published_ones(real_data):
     assert verdict.level == "good"
     assert estimate == pytest.approx(published, rel=0.01)
     assert all(error is not None for error in told["error"])
+
+
+@pytest.mark.parametrize(
+    ("times", "words"), [(1e3, "are in mm, not m"), (1e-3, "are in m, not mm")]
+)
+def test_a_carriage_in_the_wrong_unit_is_unusable(real_data, times, words):
+    dataset = load_dataset(DATA / "emps", real_data / "emps")
+    (one,) = dataset.recordings
+    wrong = replace(one, angle=one.angle._replace(value=times * one.angle.value))
+    verdict = check(replace(dataset, recordings=(wrong,)))
+    assert verdict.level == "unusable"
+    assert verdict.findings[0].text.startswith(f"positions {words}: so read")
+
+
+def test_speeds_of_a_carriage_are_in_metres(real_data):
+    verdict = check(load_dataset(DATA / "emps", real_data / "emps"))
+    assert verdict.identifiable[0].reason.endswith(" m/s")

@@ -41,8 +41,11 @@ class Scored(NamedTuple):
     score: float
 
 
-def hypotheses(n: int, driven: Sequence[bool]) -> Iterator[Convention]:
-    """Conventions that recordings of n joints may follow; the first is the data as given."""
+def hypotheses(n: int, driven: Sequence[bool], unit: str = "rad") -> Iterator[Convention]:
+    """Conventions that recordings of n joints may follow; the first is the data as given.
+
+    unit : of the positions, "rad", or "m" for prismatic joints
+    """
     eye = np.eye(n)
     yield Convention("as_given", "as given", eye, eye)
     for j in range(n):
@@ -66,6 +69,10 @@ def hypotheses(n: int, driven: Sequence[bool]) -> Iterator[Convention]:
             relative,
             eye,
         )
+    if unit == "m":
+        yield Convention("millimetres", "positions are in mm, not m", 1e-3 * eye, eye)
+        yield Convention("metres", "positions are in m, not mm", 1e3 * eye, eye)
+        return
     turn = np.pi / 180
     yield Convention("degrees", "angles are in degrees, not rad", turn * eye, eye)
     yield Convention("radians", "angles are in rad, not degrees", eye / turn, eye)
@@ -78,7 +85,8 @@ def scores(
 
     told : array, shape (R, nb) base parameters of each recording
     """
-    trials = list(hypotheses(mechanism.n, mechanism.description.driven))
+    description = mechanism.description
+    trials = list(hypotheses(mechanism.n, description.driven, description.angle_unit))
     maps = list({c.angle.tobytes(): c.angle for c in trials}.values())
     rows = dict(
         zip((m.tobytes() for m in maps), _rows(mechanism, motions, told, maps), strict=True)

@@ -17,8 +17,8 @@ FAST, SLOW = 2.0, (0.1, 0.5)
 DECAY = 20.0  # [s] of free decay that fix the friction of joints without motor
 
 
-def still_joints(rows: Rows, facts: list[JointFacts]) -> list[Finding]:
-    """Findings of joints that hardly move anywhere."""
+def still_joints(rows: Rows, facts: list[JointFacts], unit: str) -> list[Finding]:
+    """Findings of joints that hardly move anywhere; unit of their angles, "rad" or "m"."""
     found = []
     anything = bool((rows.free.sum(0) >= FEWEST).any())
     for fact in facts:
@@ -29,7 +29,7 @@ def still_joints(rows: Rows, facts: list[JointFacts]) -> list[Finding]:
             Finding(
                 "missing_excitation",
                 "doubtful" if anything else "unusable",
-                f"joint {fact.joint} hardly moves: 95 % of the time below {fact.fast:.2g} rad/s "
+                f"joint {fact.joint} hardly moves: 95 % of the time below {fact.fast:.2g} {unit}/s "
                 f"(noise {fact.velocity_noise:.2g}), {slides} windows of sliding",
                 "its friction cannot be identified; record motion of this joint",
                 fact.joint,

@@ -34,7 +34,8 @@ def identifiable(
     if not trial.judged:
         nothing = "the torque is a command" if command else "no joint slides long enough"
         return [Identifiable("everything", False, nothing)]
-    out = [_friction(estimate, fact) for fact in facts]
+    unit = mechanism.description.angle_unit
+    out = [_friction(estimate, fact, unit) for fact in facts]
     out.append(_base(mechanism, estimate))
     gains = [s for s in trial.suspects if s.kind == "gain"]
     if gains:
@@ -63,7 +64,7 @@ def identifiable(
     return out
 
 
-def _friction(estimate: Estimate, fact: JointFacts) -> Identifiable:
+def _friction(estimate: Estimate, fact: JointFacts, unit: str) -> Identifiable:
     what = f"friction of joint {fact.joint}"
     level, error = estimate.at(f"coulomb_{fact.joint}")
     if not np.isfinite(error):
@@ -74,9 +75,8 @@ def _friction(estimate: Estimate, fact: JointFacts) -> Identifiable:
     total = abs(level) + abs(viscous) * fact.fast
     uncertain = float(np.sqrt(grade @ estimate.covariance[np.ix_(at, at)] @ grade))
     share = 100 * uncertain / max(total, 1e-300)
-    return Identifiable(
-        what, share < 100 * PRECISE, f"known to {share:.2g} % of its level at {fact.fast:.2g} rad/s"
-    )
+    told = f"known to {share:.2g} % of its level at {fact.fast:.2g} {unit}/s"
+    return Identifiable(what, share < 100 * PRECISE, told)
 
 
 def _base(mechanism: Mechanism, estimate: Estimate) -> Identifiable:

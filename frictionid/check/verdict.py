@@ -140,7 +140,7 @@ def judge(
         *command,
         *still,
         *held,
-        *still_joints(trial.given, facts),
+        *still_joints(trial.given, facts, mechanism.description.angle_unit),
         *trial.findings,
         *_physics(trial, dataset, estimate, told, rest),
     ]

@@ -15,6 +15,7 @@ Checked = TypeVar("Checked", bound=BaseModel)
 
 # "10" is no number, 1 is no truth value, and nothing is infinite.
 STRICT = ConfigDict(strict=True, allow_inf_nan=False)
+_TABLES = ("model_type", "dataclass_type", "dataclass_exact_type")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -55,6 +56,8 @@ def mistake(invalid: ValidationError) -> str:
     if error["type"].startswith("missing"):
         return f"the key {place[1:]!r} is missing; add it"
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
+    if error["type"] in _TABLES:  # pydantic's words name our classes
+        reason = "it should be one table of keys and values"
     if error["type"] == "value_error" and reason.startswith(f"{place[1:]}: "):
         return reason
     if error["type"] != "value_error":
