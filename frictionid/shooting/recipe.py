@@ -12,6 +12,7 @@ from frictionid.friction import Friction
 from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.rig import stacked
 from frictionid.shooting.blocks import Block, FrictionBlock
+from frictionid.shooting.blocks.friction import on_support
 from frictionid.shooting.intervals import values_of
 from frictionid.shooting.refine import Refined, begin, refined
 from frictionid.shooting.settings import Settings
@@ -43,12 +44,22 @@ def refine_folds(
         all data. The others begin where it ended, at a fraction of a standard error from where
         their own data say, and have four steps of Gauss and Newton to get there, after which
         nothing is left of their begin. Priors stay where the first step of their own fold put them.
+        Folds in which a sparse law has other terms are fitted from their own begin.
     """
+    own = [on_support(recipe.blocks, friction[f]) for f in range(len(training))]
+    recipe = replace(recipe, blocks=own[-1])
     whole, nodes = _one(friction[-1], track, recipe, training[-1] > 0, None, None)
+    alone = recipe
     few = min(recipe.settings.iterations, _STEPS)
     recipe = replace(recipe, settings=replace(recipe.settings, iterations=few))
     frictions = []
     for f in range(len(training) - 1):
+        if own[f] != own[-1]:
+            other = replace(alone, blocks=own[f])
+            frictions.append(
+                _one(friction[f], track, other, training[f] > 0, None, None)[0].friction
+            )
+            continue
         known = _values(friction[f], track, recipe)
         part, _ = _one(whole.friction, track, recipe, training[f] > 0, nodes, known)
         frictions.append(part.friction)

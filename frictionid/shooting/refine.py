@@ -16,7 +16,7 @@ from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.recordings import Dataset
 from frictionid.rig import Rig
 from frictionid.shooting.blocks.block import Block, Guess
-from frictionid.shooting.blocks.friction import FrictionBlock
+from frictionid.shooting.blocks.friction import FrictionBlock, on_support
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.driven import driven_of, has_actuator, motored
 from frictionid.shooting.intervals import Intervals, intervals_of
@@ -126,7 +126,7 @@ def refine(
     """
     settings = settings or Settings()
     track = track_of(dataset, sample_time)
-    intervals, guess = begin(friction, track, blocks, settings)
+    intervals, guess = begin(friction, track, on_support(blocks, friction), settings)
     shot = settle(intervals, guess, np.ones(len(track.dt), dtype=bool))
     return refined(intervals, shot, tuple(blocks))
 

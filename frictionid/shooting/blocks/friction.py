@@ -9,18 +9,21 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.shooting.blocks.block import Entry, Guess, checked
+from frictionid.friction import Friction
+from frictionid.shooting.blocks.block import Block, Entry, Guess, checked
 
 
 @dataclass(frozen=True)
 class FrictionBlock:
     """Parameters of the law, but for those whose names are `fixed`.
 
-    `prior` is a standard deviation relative to each value.
+    `prior` is a standard deviation relative to each value. `support` are the places (joint,
+    parameter) that may be free, None for all: see `on_support`.
     """
 
     fixed: tuple[str, ...] = ()
     prior: float | None = None
+    support: tuple[tuple[int, int], ...] | None = None
     name: str = "friction"
     enters: str = "friction"
 
@@ -48,7 +51,7 @@ class FrictionBlock:
             )
             for j in range(theta.shape[0])
             for i, name in enumerate(law.names)
-            if name not in self.fixed
+            if name not in self.fixed and (self.support is None or (j, i) in self.support)
         )
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
@@ -56,3 +59,14 @@ class FrictionBlock:
         for entry, value in zip(entries, values, strict=True):
             theta[entry.place] = value
         return guess._replace(friction=replace(guess.friction, theta=theta))
+
+
+def on_support(blocks: Sequence[Block], friction: Friction) -> tuple[Block, ...]:
+    """The blocks; where the law is sparse, friction's only frees what the friction (n, P) has.
+
+    A law says by `sparse = True` that a parameter of zero is one that it does not have.
+    """
+    if not getattr(friction.law, "sparse", False):
+        return tuple(blocks)
+    has = tuple((int(j), int(i)) for j, i in np.argwhere(np.asarray(friction.theta) != 0))
+    return tuple(replace(b, support=has) if isinstance(b, FrictionBlock) else b for b in blocks)
