@@ -12,9 +12,12 @@ from frictionid.cli.compare import compare
 from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.fit import fit
+from frictionid.cli.log import log
 from frictionid.cli.report import report
 from frictionid.cli.simulate import simulate
+from frictionid.cli.simulate_drive import simulate_drive
 from frictionid.cli.suggest import suggest
+from frictionid.cli.tune import tune
 from frictionid.errors import InputError
 
 app = typer.Typer(
@@ -23,8 +26,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (check, compare, fit, evaluate, report, simulate, suggest):
+for command in (check, compare, fit, evaluate, report, simulate, suggest, log, simulate_drive):
     app.command()(command)
+app.command()(tune)
 app.add_typer(data, name="data")
 
 

@@ -1,0 +1,218 @@
+"""The log of a drive as a file: rows appended so that no crash can take them, and read again.
+
+A CSV table with the columns
+
+    host [s], the protocol's columns as they came (time in s), torque [N m] of each motor
+
+`host` is when a row arrived by this computer's clock (Unix time that no later correction moves),
+`time` what the controller said. Whole rows are handed to the system at once, with no buffer of our
+own, and to the disk twice a second; only the last row of a file can be torn, and is then none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.acquire.clocks import Runs, one_clock, runs_of
+from frictionid.acquire.protocol import SECOND, Cells
+from frictionid.acquire.settings import Setup
+from frictionid.errors import InputError
+from frictionid.readers.table import content_of, read_table
+from frictionid.signals import Array
+
+_SYNC = 0.5  # [s] between two calls of the disk
+_DIGITS = {"s": 0, "ms": 3, "us": 6}
+
+
+@dataclass(frozen=True)
+class Layout:
+    r"""How rows of the protocol become rows of the file.
+
+    >>> from frictionid.acquire.settings import setup_of
+    >>> layout = Layout(setup_of({"motor": {"kt": 0.01, "gear": 10.0}}, "rig.toml"))
+    >>> layout.header
+    'host,time,command,current,torque'
+    >>> layout.row("7.000000", (b"1500000", b"0.1", b"2"))
+    '7.000000,1.500000,0.1,2,0.2\n'
+    """
+
+    setup: Setup
+
+    @property
+    def header(self) -> str:
+        """First line of the file."""
+        return ",".join(("host", *self.setup.wire.columns, *self._added()))
+
+    def row(self, host: str, cells: Cells) -> str:
+        """Row of the file for a row of the protocol that arrived at `host`."""
+        wire = self.setup.wire
+        texts = [cell.decode("ascii").strip() for cell in cells]
+        values = dict(zip(wire.columns, texts, strict=True))
+        values["time"] = seconds(values["time"], wire.unit)
+        torques = [
+            f"{m.factor * float(values[m.measured]):.9g}" for m in self.setup.motors if not m.torque
+        ]
+        return ",".join((host, *values.values(), *torques)) + "\n"
+
+    def _added(self) -> list[str]:
+        names = zip(self.setup.torque_columns(), self.setup.motors, strict=True)
+        return [name for name, motor in names if not motor.torque]
+
+
+def seconds(text: str, unit: str) -> str:
+    """A time in seconds, to the last digit of a count.
+
+    >>> seconds("1234567", "us"), seconds("5", "ms"), seconds("1.25", "s")
+    ('1.234567', '0.005', '1.25')
+    """
+    digits = _DIGITS[unit]
+    if not digits:
+        return text
+    if text.isdecimal():
+        whole = text.rjust(digits + 1, "0")
+        return f"{int(whole[:-digits])}.{whole[-digits:]}"
+    return repr(round(float(text) * SECOND[unit], 9))
+
+
+class Appender:
+    """A file that only grows, by whole rows.
+
+    Raises
+    ------
+    InputError
+        Where there is a file already and it is not to be continued, or is another log; and where
+        rows cannot be written: those before are safe.
+    """
+
+    def __init__(self, path: Path, header: str, *, more: bool = False) -> None:
+        self.path, self.rows = path, 0
+        existed = path.exists()
+        if existed and not more:
+            raise InputError(
+                f"{path} exists and is not overwritten: choose another name, or --append to it"
+            )
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT
+        try:
+            self._file = os.open(path, flags if existed else flags | os.O_EXCL, 0o644)
+        except OSError as error:
+            raise InputError(f"{path} cannot be written ({error.strerror}); check it") from None
+        self._wake, self._dirty = threading.Event(), threading.Event()
+        try:
+            self._begin(header)
+        except BaseException:
+            os.close(self._file)
+            raise
+        # the disk may take long: rows go on coming meanwhile
+        self._syncing = threading.Thread(target=self._sync, daemon=True)
+        self._syncing.start()
+
+    def append(self, rows: Sequence[str]) -> None:
+        """Hand whole rows to the system."""
+        if rows:
+            self._write("".join(rows).encode())
+            self.rows += len(rows)
+            self._dirty.set()
+
+    def close(self) -> None:
+        """All rows on the disk, and the file closed."""
+        if self._file < 0:
+            return
+        self._wake.set()
+        self._syncing.join()
+        with contextlib.suppress(OSError):
+            os.fsync(self._file)
+        os.close(self._file)
+        self._file = -1
+
+    def _begin(self, header: str) -> None:
+        size = os.fstat(self._file).st_size
+        if not size:
+            self._write(f"{header}\n".encode())
+            return
+        content = content_of(self.path)
+        if content.partition(b"\n")[0].decode("utf-8", "replace") != header:
+            raise InputError(f"{self.path} has other columns than {header!r}: choose another name")
+        whole = content.rfind(b"\n") + 1
+        if whole < size:
+            os.ftruncate(self._file, whole)
+
+    def _write(self, content: bytes) -> None:
+        while content:
+            try:
+                content = content[os.write(self._file, content) :]
+            except OSError as error:
+                raise InputError(
+                    f"{self.path} cannot be written ({error.strerror}): "
+                    f"{self.rows} rows before are safe; make room and --append"
+                ) from None
+
+    def _sync(self) -> None:
+        while not self._wake.wait(_SYNC):
+            if self._dirty.is_set():
+                self._dirty.clear()
+                with contextlib.suppress(OSError):
+                    os.fdatasync(self._file)
+
+
+class Log(NamedTuple):
+    """A log as it was read: arrays (K,) by the columns of its file, and where they come from."""
+
+    file: str
+    columns: dict[str, Array]
+
+    def on_one_clock(self, wrap: float) -> tuple[Log, Runs, float]:
+        """Usable rows with one controller's time, their runs, and how unsure joints are [s]."""
+        runs = runs_of(self.columns["time"], self.columns["host"], wrap)
+        time, unsure = one_clock(runs, self.columns["host"])
+        kept = runs.kept.copy()
+        # a run that began before the one before it ended by the host's clock
+        kept &= time >= np.maximum.accumulate(np.where(kept, time, -np.inf))
+        columns = {k: (time if k == "time" else v)[kept] for k, v in self.columns.items()}
+        return Log(self.file, columns), runs, unsure
+
+
+def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
+    """Log of a file; a torn last row is none.
+
+    columns : names that it must have beside host and time
+
+    Raises
+    ------
+    InputError
+        Where the file is no log, has no rows, or a row was changed by hand.
+    """
+    content, file = content_of(path), str(path)
+    content = content[: content.rfind(b"\n") + 1]
+    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+    for name in ("host", "time", *columns):
+        if name not in header:
+            raise InputError(
+                f"{file} has no column {name!r}; it has {', '.join(header)}: name a log that "
+                "frictionid log wrote"
+            )
+    if content.count(b"\n") < 2:
+        raise InputError(f"{file} has no rows; log again")
+    try:
+        table = np.loadtxt(io.BytesIO(content), delimiter=",", skiprows=1, ndmin=2, comments=None)
+    except ValueError:
+        table = np.empty((0, 0))
+    if table.shape[1] == len(header) and np.isfinite(table).all():
+        return Log(file, dict(zip(header, table.T, strict=True)))
+    picked = read_table(content, file, header)
+    for name, column in picked.columns.items():
+        bad = np.flatnonzero(~np.isfinite(column))
+        if len(bad):
+            raise InputError(
+                f"{file}, row {picked.rows[bad[0]]}: {name!r} is empty or no finite number; "
+                "delete the row"
+            )
+    return Log(file, picked.columns)

@@ -1,0 +1,63 @@
+"""frictionid simulate-drive: a motor drive at a pseudo-terminal, for trying everything without."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def simulate_drive(
+    dataset: Annotated[Path, typer.Argument(help="Data set whose torque is played.")],
+    port: Annotated[Path, typer.Option(help="Name of the port to make, e.g. /tmp/drive.")],
+    recording: Annotated[str, typer.Option(help="Its name [the first].")] = "",
+    rig: Annotated[
+        Path, typer.Option(help="Settings with the tables [motor] and [protocol].")
+    ] = Path("rig.toml"),
+    rate: Annotated[float, typer.Option(help="Lines per second [Hz].")] = 1000.0,
+    speed: Annotated[float, typer.Option(help="Times real time; inf as fast as possible.")] = 1.0,
+    offset: Annotated[float, typer.Option(help="The clock's zero [s] by the angles' clock.")] = 0.0,
+    drift: Annotated[float, typer.Option(help="How much too slow its clock goes [ppm].")] = 0.0,
+    gain: Annotated[float, typer.Option(help="Measured torque per commanded.")] = 1.0,
+    bias: Annotated[float, typer.Option(help="Measured torque at none [N m].")] = 0.0,
+    lag: Annotated[float, typer.Option(help="Measured torque behind the command [s].")] = 0.0,
+    noise: Annotated[float, typer.Option(help="Of the measured torque [N m].")] = 0.0,
+    damaged: Annotated[float, typer.Option(help="Share of damaged lines.")] = 0.0,
+    unplugged: Annotated[int, typer.Option(help="Times that the cable is pulled.")] = 0,
+    restarts: Annotated[int, typer.Option(help="Times that the controller restarts.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of faults and noise.")] = 0,
+    sent: Annotated[
+        Path | None, typer.Option(help="File for the undamaged lines, as they were sent.")
+    ] = None,
+) -> None:
+    """Play a recording's torque as a drive would report it, and obey commands."""
+    import contextlib
+
+    from frictionid.acquire.drive import Drive, Faults, torque_of
+    from frictionid.acquire.playing import play, plugged
+    from frictionid.acquire.settings import load_setup
+    from frictionid.acquire.terminal import Terminal
+    from frictionid.errors import InputError
+    from frictionid.readers.dataset import load_dataset
+
+    if not speed > 0:
+        raise InputError(f"--speed {speed:g} must be positive")
+    drive = Drive(
+        setup=load_setup(rig),
+        torque=torque_of(load_dataset(dataset), recording),
+        rate=rate,
+        offset=offset,
+        drift=1e-6 * drift,
+        gain=gain,
+        bias=bias,
+        lag=lag,
+        noise=noise,
+        faults=Faults(damaged, unplugged, restarts, seed),
+    )
+    with contextlib.ExitStack() as stack:
+        file = stack.enter_context(sent.open("wb")) if sent else None
+        terminal = stack.enter_context(plugged(Terminal(port)))
+        print(f"{drive.lines} lines at {port}, as soon as somebody opens it", flush=True)
+        good = play(drive, terminal, speed=speed, sent=file)
+    print(f"{good} undamaged lines were sent")
