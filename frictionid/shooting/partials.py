@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from frictionid.arrays import Array
 from frictionid.contact import Grip, State, inputs, sharp, sliding
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.mechanics import Plant
+from frictionid.shooting.wrapped import Wrapped
 
 # Central differences: the cube root of rounding, times the scale on which friction changes
 SPEED = 1e-6  # [rad/s], and [rad], [N m]
@@ -44,14 +45,15 @@ class Slopes(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a law looks at besides the velocity: the angle, the motor torque."""
+    """What a law looks at besides a joint's velocity: angle, motor torque, others' velocities."""
 
     q: bool
     u: bool
+    others: bool = False
 
 
 def seen_by(law: Law, theta: Array, x: Inputs) -> Seen:
-    """Whether the torque of a law depends on angle and motor torque at inputs (K, n)."""
+    """What the torque of a law depends on at inputs (K, n)."""
 
     def torque(x: Inputs) -> Array:
         memory = law.start(theta, x)
@@ -61,7 +63,15 @@ def seen_by(law: Law, theta: Array, x: Inputs) -> Seen:
     here = torque(x)
     turned = torque(x._replace(q=x.q + 0.3))
     pushed = torque(x._replace(u=x.u + 0.1 * (1.0 + np.abs(x.u).max())))
-    return Seen(not np.array_equal(here, turned), not np.array_equal(here, pushed))
+    n = x.w.shape[-1]
+    faster = [torque(x._replace(w=x.w + 0.3 * np.eye(n)[j])) for j in range(n)]
+    others = any(
+        not np.array_equal(f[:, i], here[:, i])
+        for j, f in enumerate(faster)
+        for i in range(n)
+        if i != j
+    )
+    return Seen(not np.array_equal(here, turned), not np.array_equal(here, pushed), others)
 
 
 def slopes(
@@ -84,7 +94,7 @@ def slopes(
         by_q, by_w, by_u = _through_load(plant, friction, state, u)
     else:
         by_q = _diagonal(law, theta, x, memory, "q") if seen.q else None
-        by_w = _diagonal(law, theta, x, memory, "w") * moves
+        by_w = (_columns if seen.others else _diagonal)(law, theta, x, memory, "w") * moves
         by_u = _diagonal(law, theta, x, memory, "u") if seen.u else None
     return Slopes(
         here,
@@ -93,7 +103,11 @@ def slopes(
         by_u,
         by_memory(lambda m: law.torque(theta, x, m), memory),
         by_theta(
-            law, theta, free, lambda t: law.torque(t, x, memory), None if memory else x, 0.0 * x.w
+            theta,
+            free,
+            lambda t: law.torque(t, x, memory),
+            _gradient(law, theta, x, memory),
+            0.0 * x.w,
         ),
     )
 
@@ -103,6 +117,24 @@ def _diagonal(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> A
     up = law.torque(theta, x._replace(**{name: value + SPEED}), memory)
     down = law.torque(theta, x._replace(**{name: value - SPEED}), memory)
     return ((up - down) / (2 * SPEED))[..., None] * np.eye(value.shape[-1])
+
+
+def _columns(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Array:
+    value = getattr(x, name)
+    out = []
+    for step in SPEED * np.eye(value.shape[-1]):
+        up = law.torque(theta, x._replace(**{name: value + step}), memory)
+        down = law.torque(theta, x._replace(**{name: value - step}), memory)
+        out.append((up - down) / (2 * SPEED))
+    return np.stack(out, axis=-1)
+
+
+def _gradient(law: Law, theta: Array, x: Inputs, memory: Memory) -> Array | None:
+    """Derivatives (K, n, P) of the torque by theta, of laws that know them."""
+    if isinstance(law, Wrapped):
+        known: Any = law
+        return known.gradient(theta, x, memory)
+    return law.gradient(theta, x) if hasattr(law, "gradient") and not memory else None
 
 
 def _through_load(
@@ -138,19 +170,17 @@ def by_memory(function: Callable[[Memory], Array], memory: Memory) -> Memory:
 
 
 def by_theta(
-    law: Law,
     theta: Array,
     free: Free,
     function: Callable[[Array], Array],
-    static: Inputs | None,
+    gradient: Array | None,
     zero: Array,
 ) -> Array:
     """Slopes (m, K) of a function of theta in its free entries, in those entries' joints.
 
-    At inputs of a static law that knows its gradient it is asked for, otherwise differences.
+    gradient : (K, n, P), of a law that knows it; otherwise differences
     """
-    if static is not None and hasattr(law, "gradient"):
-        gradient = law.gradient(theta, static)
+    if gradient is not None:
         return gradient[..., free.joint, free.place].T
     columns = {}
     for place in np.unique(free.place):

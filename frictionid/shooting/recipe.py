@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from frictionid.arrays import Array
+from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction
 from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.rig import stacked
@@ -83,10 +81,10 @@ def _one(
     intervals, guess = begin(friction, track, recipe.blocks, recipe.settings)
     stages = 0 if nodes is None else 1
     shot = settle(intervals, guess, use, nodes, stages=stages, mean=known)
-    return refined(intervals, shot, recipe.blocks), shot.nodes
+    return refined(intervals, shot, friction), shot.nodes
 
 
 def _together(frictions: Sequence[Friction]) -> Friction:
-    theta = np.stack([np.asarray(f.theta) for f in frictions])
+    theta = namespace(frictions[-1].theta).stack([f.theta for f in frictions])
     rigs = [f.rig for f in frictions if f.rig is not None]
     return replace(frictions[-1], theta=theta, rig=stacked(rigs))

@@ -20,6 +20,7 @@ from frictionid.shooting.blocks.friction import FrictionBlock, on_support
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.driven import driven_of, has_actuator, motored
 from frictionid.shooting.intervals import Intervals, intervals_of
+from frictionid.shooting.learned import as_given, combined, is_network, on_arrays
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import Shot, settle
 from frictionid.shooting.track import Track, track_of
@@ -57,13 +58,17 @@ class Diagnostics:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """What shooting found: friction with its rig, their covariance, and how it went."""
+    """What shooting found: friction with its rig, their covariance, and how it went.
+
+    fitted : the friction as a function of the free parameters, of a network that of a few
+        combinations of its numbers
+    """
 
     friction: Friction
+    fitted: Friction
     covariance: Covariance
     diagnostics: Diagnostics
     mechanism: object
-    blocks: tuple[Block, ...]
 
     @property
     def rig(self) -> Rig:
@@ -91,13 +96,13 @@ class Refined:
         """Derivatives (V, n, D) of each joint's curve in the free parameters."""
         covariance = self.covariance
         out = np.zeros((*w.shape, len(covariance.entries)))
-        theta = np.asarray(self.friction.theta, dtype=float)
+        theta = np.asarray(self.fitted.theta, dtype=float)
         for k, entry in enumerate(covariance.entries):
             if entry.block != "friction":
                 continue
             step = np.zeros_like(theta)
             step[entry.place] = 1e-6 * max(1e-3, abs(theta[entry.place]))
-            up, down = (replace(self.friction, theta=theta + s * step) for s in (1.0, -1.0))
+            up, down = (replace(self.fitted, theta=theta + s * step) for s in (1.0, -1.0))
             j = entry.place[0]
             rise = up.curve(w[:, j])[:, j] - down.curve(w[:, j])[:, j]
             out[:, j, k] = rise / (2 * step[entry.place])
@@ -128,7 +133,7 @@ def refine(
     track = track_of(dataset, sample_time)
     intervals, guess = begin(friction, track, on_support(blocks, friction), settings)
     shot = settle(intervals, guess, np.ones(len(track.dt), dtype=bool))
-    return refined(intervals, shot, tuple(blocks))
+    return refined(intervals, shot, friction)
 
 
 def begin(
@@ -140,6 +145,10 @@ def begin(
     base = mechanism.base(parameters_of(table, friction.parameters))
     rig = friction.rig or Rig.ideal(mechanism.n)
     rig = rig if rig.base is not None else replace(rig, base=base)
+    network = is_network(friction)
+    friction = on_arrays(friction)
+    if network:
+        friction, blocks = combined(friction, mechanism, rig, track, blocks)
     guess = Guess(friction, rig, mechanism)
     guess = motored(guess, track.dataset) if has_actuator(blocks) else guess
     check_blocks(blocks, guess, track)
@@ -147,15 +156,15 @@ def begin(
     return made(track, guess, blocks, settings), guess
 
 
-def refined(intervals: Intervals, shot: Shot, blocks: tuple[Block, ...]) -> Refined:
-    """The result of a fit."""
-    friction = replace(shot.guess.friction, rig=shot.guess.rig, parameters={})
+def refined(intervals: Intervals, shot: Shot, given: Friction) -> Refined:
+    """The result of a fit that began with a given friction."""
+    fitted = replace(shot.guess.friction, rig=shot.guess.rig, parameters={})
     return Refined(
-        friction,
+        as_given(fitted, given),
+        fitted,
         covariance_of(intervals, shot),
         _diagnostics(intervals, shot),
         shot.guess.mechanism,
-        blocks,
     )
 
 

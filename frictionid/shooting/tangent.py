@@ -301,7 +301,7 @@ def _gripped(scene: Scene, state: State, u: Array, grip: Grip, of: Slopes) -> Sl
         return sign * law.limit(theta, x, memory) + zero
 
     own = of.by_theta.copy()
-    found = by_theta(law, theta, scene.free, limit, None, zero)
+    found = by_theta(theta, scene.free, limit, None, zero)
     own[:, rows] = np.where(level[rows][:, scene.free.joint].T, found, own[:, rows])
     moves = ~level
     return of._replace(
@@ -339,7 +339,7 @@ def _memory_rates(scene: Scene, state: State, u: Array, dt: Array) -> _Rates:
         def of_theta(theta: Array) -> Array:
             return law.advance(theta, x, state.memory, dt)[i]
 
-        own = by_theta(law, theta, scene.free, of_theta, None, 0.0 * x.w)
+        own = by_theta(theta, scene.free, of_theta, None, 0.0 * x.w)
         return by_memory(of_memory, state.memory), own
 
     inner, own = zip(*(one(i) for i in range(len(state.memory))), strict=True)

@@ -1,0 +1,107 @@
+"""The block of a network's numbers: the few combinations of them that the motion sees.
+
+A network answers to its numbers far from linearly, but the motion nearly so to the torque. So a
+step of the combinations is taken as one of the torques, which the network's numbers then follow,
+and the combinations are found anew where they have got.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction
+from frictionid.shooting.blocks.block import Entry, Guess
+from frictionid.shooting.combined import Combined
+from frictionid.shooting.points import Points
+from frictionid.shooting.wrapped import smoothing_of
+
+_LEAST = 1e-6  # of the largest singular value
+_TURNS = 12  # of Gauss and Newton towards wanted torques
+_RIDGE = (1e-4, 10.0)  # of the largest singular value, and its growth after a step too far
+
+
+@dataclass(frozen=True, eq=False)
+class Combinations:
+    """Combinations of a network's numbers.
+
+    points : of the motion, where they show
+    free : (P,), numbers that may move
+    reach : standard deviation of the prior of a combination's numbers, of the size of all
+    count : of the combinations of a joint
+    """
+
+    points: Points
+    free: Array
+    reach: float
+    count: int
+    name: str = "friction"
+    enters: str = "friction"
+
+    def of(self, friction: Friction) -> Friction:
+        """The friction as one of the combinations, all zero, that the points show best."""
+        law, theta = friction.law, friction.theta
+        slopes = self.points.slopes(friction) * self.free
+        directions = np.zeros((*theta.shape, self.count))
+        for j in range(friction.n):
+            _, size, right = np.linalg.svd(slopes[:, j], full_matrices=False)
+            size = np.maximum(size, _LEAST * size[0] + 1e-300)[: self.count]
+            scale = np.sqrt(len(slopes)) / size
+            directions[j, :, : len(size)] = (right[: len(size)] * scale[:, None]).T
+        few = Combined(law, *smoothing_of(law), theta, directions)
+        return replace(friction, law=few, theta=np.zeros((friction.n, self.count)))
+
+    def entries(self, guess: Guess) -> tuple[Entry, ...]:
+        friction, joints = guess.friction, guess.mechanism.description.joints
+        law = friction.law
+        size = np.sqrt((law.origin[:, self.free] ** 2).mean(axis=-1, keepdims=True))
+        reach = self.reach * size / np.linalg.norm(law.directions, axis=1)
+        return tuple(
+            Entry(
+                block=self.name,
+                name=f"{law.names[k]} of {joint}",
+                unit=friction.units[k],
+                value=float(friction.theta[j, k]),
+                prior=float(reach[j, k]),
+                place=(j, k),
+            )
+            for j, joint in enumerate(joints)
+            for k in range(self.count)
+        )
+
+    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
+        law = guess.friction.law
+        step = np.array(guess.friction.theta)
+        for entry, value in zip(entries, values, strict=True):
+            step[entry.place] = value
+        here = replace(guess.friction, law=law.law, theta=law.origin)
+        change = (law.directions @ step[..., None])[..., 0]
+        wanted = self.points.torque(here) + (self.points.slopes(here) * change).sum(axis=-1)
+        moved = self._towards(replace(here, theta=law.origin + change), wanted)
+        return guess._replace(friction=self.of(moved))
+
+    def _towards(self, friction: Friction, wanted: Array) -> Friction:
+        """The friction with numbers nearby, as close to wanted torques (N, n) as it gets."""
+        theta, (ridge, more) = friction.theta, _RIDGE
+        off = wanted - self.points.torque(friction)
+        damping = np.full(friction.n, ridge)
+        for _ in range(_TURNS):
+            slopes = self.points.slopes(replace(friction, theta=theta)) * self.free
+            trial = theta + np.stack(
+                [_solved(slopes[:, j], off[:, j], damping[j]) for j in range(friction.n)]
+            )
+            left = wanted - self.points.torque(replace(friction, theta=trial))
+            better = (left**2).sum(axis=0) < (off**2).sum(axis=0)
+            theta = np.where(better[:, None], trial, theta)
+            off = np.where(better, left, off)
+            damping = np.where(better, damping / more, damping * more)
+        return replace(friction, theta=theta)
+
+
+def _solved(slopes: Array, off: Array, damping: float) -> Array:
+    """Change (P,) of numbers with slopes (N, P) that takes off (N,) away, damped."""
+    left, size, right = np.linalg.svd(slopes, full_matrices=False)
+    return np.asarray(right.T @ (size / (size**2 + (damping * size[0]) ** 2) * (left.T @ off)))

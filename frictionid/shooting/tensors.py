@@ -1,0 +1,80 @@
+"""A law of tensors on NumPy arrays, its derivatives by reverse mode.
+
+Nothing here names torch: tensors bring along what is needed, on whatever device they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace
+from frictionid.friction import Inputs, Memory
+from frictionid.shooting.wrapped import Wrapped
+
+_ROOM = 4_000_000  # numbers of rows' own parameters at a time
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OnTensors(Wrapped):
+    """A law that computes with tensors like a given one, NumPy outside."""
+
+    like: Array
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return tuple(map(_numpy, self.inner.start(self._in(theta), Inputs(*self._all(x)))))
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        inner = Inputs(*self._all(x))
+        return _numpy(self.inner.torque(self._in(theta), inner, self._all(memory)))
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        inner, z = Inputs(*self._all(x)), self._all(memory)
+        return tuple(map(_numpy, self.inner.advance(self._in(theta), inner, z, self._in(dt))))
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        inner = Inputs(*self._all(x))
+        return _numpy(self.inner.limit(self._in(theta), inner, self._all(memory)))
+
+    def gradient(self, theta: Array, x: Inputs, memory: Memory = ()) -> Array:
+        """Derivatives (K, n, P) of the torque in each joint's own numbers, theta (n, P)."""
+        return self.gradient_along(theta, (x,), memory, np.zeros((len(x.w), 1)))
+
+    def gradient_along(
+        self, theta: Array, path: Sequence[Inputs], memory: Memory, dt: Array
+    ) -> Array:
+        """Derivatives (K, n, P) of the torque at the end of K short paths.
+
+        path : inputs (K, n) at each sample, of which the first finds the memory (K, n) as given
+        dt : (K, 1) [s] between the samples
+        """
+        most = max(1, _ROOM // int(np.prod(theta.shape)))
+        parts = [slice(i, i + most) for i in range(0, len(dt), most)]
+        return np.concatenate([self._back(theta, path, memory, dt, rows) for rows in parts])
+
+    def _back(
+        self, theta: Array, path: Sequence[Inputs], memory: Memory, dt: Array, rows: slice
+    ) -> Array:
+        span = self._in(dt[rows])
+        # numbers of its own for every row: one pass back then gives the derivatives of all rows
+        leaf = self._in(np.broadcast_to(theta, (len(dt[rows]), *theta.shape))).requires_grad_()
+        z = self._all([entry[rows] for entry in memory])
+        inner = [Inputs(*self._all([value[rows] for value in x])) for x in path]
+        for x in inner[1:]:
+            z = self.inner.advance(leaf, x, z, span)
+        self.inner.torque(leaf, inner[-1], z).sum().backward()
+        return _numpy(leaf.grad)
+
+    def _all(self, values: Sequence[Array]) -> tuple[Array, ...]:
+        return tuple(self._in(value) for value in values)
+
+    def _in(self, x: Array) -> Any:
+        xp = namespace(self.like)
+        return xp.asarray(np.array(x, dtype=float), device=self.like.device)
+
+
+def _numpy(x: Array) -> Array:
+    return x.detach().cpu().numpy()
