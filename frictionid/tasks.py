@@ -120,8 +120,10 @@ def _own_code(part: Any) -> bytes:
     return own + b"".join(_own_code(value) for value in inner if is_dataclass(value))
 
 
-def lock(folder: Path) -> AbstractContextManager[Any]:
-    """A lock that keeps a second comparison out of the folder.
+def lock(
+    folder: Path, file: str = "provenance.json", what: str = "comparison"
+) -> AbstractContextManager[Any]:
+    """A lock that keeps a second comparison out of the folder; what it holds is known by a file.
 
     Raises
     ------
@@ -131,14 +133,14 @@ def lock(folder: Path) -> AbstractContextManager[Any]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         found = [path.name for path in folder.glob("[!.]*")]
-        if found and "provenance.json" not in found:
+        if found and file not in found:
             other = min(found)
-            raise InputError(f"{folder}: holds no comparison but {other!r}: choose another --out")
+            raise InputError(f"{folder}: holds no {what} but {other!r}: choose another --out")
         held = FileLock(folder / ".lock", timeout=0)
         held.acquire()
     except Timeout:
         raise InputError(
-            f"{folder}: another comparison is writing there: wait for it, or choose another --out"
+            f"{folder}: another {what} is writing there: wait for it, or choose another --out"
         ) from None
     except OSError as error:
         raise InputError(

@@ -17,6 +17,7 @@ from frictionid.cli.report import report
 from frictionid.cli.simulate import simulate
 from frictionid.cli.simulate_drive import simulate_drive
 from frictionid.cli.suggest import suggest
+from frictionid.cli.tune import tune
 from frictionid.errors import InputError
 
 app = typer.Typer(
@@ -27,6 +28,7 @@ app = typer.Typer(
 )
 for command in (check, compare, fit, evaluate, report, simulate, suggest, log, simulate_drive):
     app.command()(command)
+app.command()(tune)
 app.add_typer(data, name="data")
 
 

@@ -18,7 +18,7 @@ from frictionid.report.scoreboard import (
     numbers_of,
     summary_table,
 )
-from frictionid.report.tables import for_terminal
+from frictionid.report.tables import Table, for_terminal
 
 WIDTH = 120  # columns, where the output is no terminal
 HEAD = ("parameter", "value", "95 % interval", "unit")
@@ -48,6 +48,13 @@ def show_scores(table: pd.DataFrame) -> None:
             for name, part in own.groupby("identifier", sort=False)
         }
         _print(console, _given(str(dataset), lines), str(dataset))
+
+
+def show_table(table: Table) -> None:
+    """Print a table with its caption."""
+    console = _console()
+    for line in (*for_terminal(table), table.caption, ""):
+        console.print(line, soft_wrap=True, markup=False)
 
 
 def show_refined(document: Mapping[str, Any]) -> None:

@@ -1,0 +1,55 @@
+"""frictionid tune: search settings of identifiers, nested in the training folds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def tune(
+    suite: Annotated[Path, typer.Argument(help="Suite file whose identifiers have [search].")],
+    data: Annotated[
+        Path | None, typer.Option(help="Folder with the tables of the suite's one data set.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>-tune].")] = None,
+    trials: Annotated[
+        int | None, typer.Option(min=1, help="Of each study, in place of the suite's.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=0, help="Trials side by side; 0: one per core.")] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep what is already done.")] = False,
+) -> None:
+    """Search settings of a suite's identifiers, and write those chosen as a suite."""
+    from joblib import cpu_count
+
+    from frictionid.cli.progress import counted
+    from frictionid.report.terminal import show_table
+    from frictionid.suite import load_suite
+    from frictionid.tasks import lock
+    from frictionid.tune import lanes_of, score_table, settings_tables, units_of, write_outcome
+    from frictionid.tune import tune as search
+
+    table = load_suite(suite)
+    tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
+    folder = out or Path("report") / f"{table.name}-tune"
+    try:
+        units = units_of(table, suite, data)
+        total = tuning.trials * len(lanes_of(units, tuning))
+        with (
+            lock(folder, "journal.log", "tuning"),
+            counted(total, f"tuning ({table.name})") as done,
+        ):
+            found = search(
+                units, tuning, folder, resume=resume, jobs=jobs or cpu_count(), done=done
+            )
+            page = write_outcome(folder, found, tuning.objective, suite)
+    except KeyboardInterrupt:
+        typer.echo(
+            f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",
+            err=True,
+        )
+        raise typer.Exit(130) from None
+    for shown in (score_table(found, tuning.objective), *settings_tables(found)):
+        show_table(shown)
+    print(f"written to {page.resolve()}")
