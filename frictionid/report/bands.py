@@ -53,17 +53,18 @@ def _picture(
     for joint in joints:
         bands = {entry: _band(entry, about, joint) for entry in every}
         tall = _tall(bands.values())
+        near = {entry: _near(entry, bands[entry], about, joint) for entry in every}
+        scale, prefix = prefixed(max(near.values()))
         for c, entry in enumerate(shown):
             pair = axes[2 * joint : 2 * joint + 2, c]
-            near = _near(entry, bands[entry], about, joint)
-            for axis, limit in zip(pair, (tall, near), strict=True):
+            for axis, limit in zip(pair, (tall, near[entry]), strict=True):
                 _frame(axis, bands[entry].velocity, about, joint, limit)
             pair[0].tick_params(labelbottom=False, labelleft=c == 0)
             _curve(pair[0], bands[entry], about, joint, looks[entry.label])
-            _about_zero(pair[1], entry, bands[entry], about, joint, looks[entry.label])
+            _about_zero(pair[1], entry, bands[entry], about, joint, looks[entry.label], scale)
         unit = about["torque_unit"]
         axes[2 * joint, 0].set_ylabel(f"{plain(about['joints'][joint])}\n[{unit}]")
-        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[m{unit}]")
+        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{unit}]")
     recipes = {entry.recipe for entry in every}
     for axis, entry in zip(axes[0], shown, strict=True):
         beside = f", {entry.recipe}" if len(recipes) > 1 else ""
@@ -73,6 +74,18 @@ def _picture(
     picture.supxlabel(f"velocity [{about['angle_unit']}/s]", fontsize=8)
     _key(picture, about)
     return picture
+
+
+def prefixed(size: float) -> tuple[float, str]:
+    """Factor and prefix of the unit in which numbers up to a size are read best.
+
+    >>> prefixed(5.0), prefixed(0.02), prefixed(1e-4)
+    ((1.0, ''), (1000.0, 'm'), (1000000.0, 'µ'))
+    """
+    for scale, prefix in ((1.0, ""), (1e3, "m")):
+        if scale * size >= 0.5:
+            return scale, prefix
+    return 1e6, "µ"
 
 
 def _band(entry: Entry, about: Mapping[str, Any], joint: int) -> Band:
@@ -161,16 +174,17 @@ def _about_zero(
     about: Mapping[str, Any],
     joint: int,
     look: Look,
+    scale: float,
 ) -> None:
-    """The bands in thousandths of the torque's unit, with the truth where it is known."""
-    small = Band(band.velocity, *(1e3 * part for part in band[1:]))
+    """The bands in a unit so many times smaller, with the truth where it is known."""
+    small = Band(band.velocity, *(scale * part for part in band[1:]))
     _fill(axis, small, 0.0 * small.curve, look)
     low, high = axis.get_ylim()
-    axis.set_ylim(1e3 * low, 1e3 * high)
+    axis.set_ylim(scale * low, scale * high)
     axis.axhline(0, color=look.colour, linewidth=1.2)
     off = _off_truth(entry, about, joint)
     if off is not None:
-        axis.plot(off[0], 1e3 * off[1], color=DARK, linewidth=1, linestyle=LINE)
+        axis.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=LINE)
 
 
 def _fill(axis: Any, band: Band, middle: Array, look: Look) -> None:

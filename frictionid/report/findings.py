@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.report.evidence import Entry, Key, Section
-from frictionid.report.numbers import fixed, listed, short
+from frictionid.report.numbers import coordinate, fixed, listed, short
 from frictionid.report.pairs import best, level, paired
 from frictionid.report.tables import code, escape_markdown
 
@@ -25,6 +25,11 @@ class Matter(NamedTuple):
     horizons: tuple[float, ...]
     joints: tuple[str, ...]  # "1", "2" ..., empty where no true curve is known
     unit: str
+
+    @property
+    def what(self) -> str:
+        """What the joints' coordinates are called."""
+        return coordinate(self.unit)
 
     @property
     def last(self) -> Key:
@@ -101,10 +106,10 @@ def prediction(m: Matter, where: str) -> str:
     if same:
         values = [f"{_size(m, winners[0], key)} {_after(key)}" for key in keys]
         what = "predicts best" if len(fitted) > 1 else "is the only fitted model"
-        told = f"{where} {m.name(winners[0])} {what}: its median angle error is {listed(values)}"
+        told = f"{where} {m.name(winners[0])} {what}: its median {m.what} error is {listed(values)}"
         return f"{told}{_against_none(m, winners[0], keys)}."
     said = [
-        f"{_after(key)} {m.name(e)} predicts best (median angle error {_size(m, e, key)}"
+        f"{_after(key)} {m.name(e)} predicts best (median {m.what} error {_size(m, e, key)}"
         f"{_against_none(m, e, [key])})"
         for key in keys
         if (e := first[key]) is not None
@@ -307,7 +312,9 @@ def recipes(m: Matter) -> str:
 
 
 def _what(m: Matter) -> str:
-    return "the error of the friction curves" if m.joints else f"the angle error {_after(m.last)}"
+    return (
+        "the error of the friction curves" if m.joints else f"the {m.what} error {_after(m.last)}"
+    )
 
 
 def _cases(m: Matter) -> str:

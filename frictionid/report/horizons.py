@@ -9,6 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.report.evidence import Entry, Key, Section
+from frictionid.report.numbers import coordinate
 from frictionid.report.style import Look, figure, key_above, plain
 
 
@@ -28,7 +29,7 @@ def rollout_errors(
                     _error(axis, entry, dataset, horizons, looks[entry.label])
             axis.set_title(_title(section, dataset, recipe), fontsize=7.5)
             axis.grid(color="#EEEEEE", linewidth=0.6)
-        line[0].set_ylabel(f"angle error [{unit}]")
+        line[0].set_ylabel(f"{coordinate(unit)} error [{unit}]")
     _scales(axes[0, 0], horizons)
     picture.supxlabel("horizon [s]", fontsize=8)
     _key(picture, section, looks)

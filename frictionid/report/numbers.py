@@ -80,3 +80,12 @@ def listed(names: Iterable[str]) -> str:
     """
     *first, last = names
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def coordinate(unit: str) -> str:
+    """What a joint's coordinate is called, by its unit.
+
+    >>> coordinate("rad"), coordinate("m")
+    ('angle', 'position')
+    """
+    return "angle" if unit == "rad" else "position"

@@ -100,7 +100,9 @@ def _inertia(entries: Sequence[Estimate]) -> Iterator[str]:
         middle, low, high = change(e)
         parts.append(f"{e.name} by {middle} % ({low} to {high})")
     if not off:
-        each = "the base parameter" if len(told) == 1 else f"all {len(told)} base parameters"
+        each = {1: "the base parameter", 2: "both base parameters"}.get(
+            len(told), f"all {len(told)} base parameters"
+        )
         yield f"Of {each} the told value lies in the 95 % interval."
     elif len(off) == len(told):
         every = "All base parameters" if len(told) > 1 else "The base parameter"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.report.evidence import Entry, Key, Section
+from frictionid.report.numbers import coordinate
 from frictionid.report.pairs import level
 from frictionid.report.style import DARK, Look, figure, key_above, plain
 
@@ -21,8 +22,9 @@ def loss_against(
     dataset, unit = section.dataset, about["angle_unit"]
     rollout = Key("rollout_angle", "median", horizon)
     joints = [str(j + 1) for j in range(len(about["joints"]))]
+    words = f"{coordinate(unit)} error after {horizon:g} s [{unit}]"
     panels: list[tuple[str, Callable[[Entry], float]]] = [
-        (f"angle error after {horizon:g} s [{unit}]", lambda e: level(e, dataset, rollout)),
+        (words, lambda e: level(e, dataset, rollout)),
         ("curve error, mean of joints [%]", lambda e: _curve(e, dataset, joints)),
     ]
     names = list(looks)
