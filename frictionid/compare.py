@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.equations import equations
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     Folds,
@@ -158,6 +159,7 @@ def run(
     if isinstance(recipe, Shooting) and not isinstance(identifier, Nothing | Published):
         assert ground.track is not None and ground.training is not None
         fitted, found = refine_folds(fitted, ground.track, recipe, ground.training)
+    fitted = with_provenance(fitted, equations(fitted[-1], problem, weights[-1], found))
     done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]
     prepared = under(ground.prepared, fitted.parameters)

@@ -16,8 +16,10 @@ from frictionid.identifiers import (
     Linear,
     Nothing,
     Published,
+    Regressor,
     SINDy,
 )
+from frictionid.identifiers.estimators import estimator_named
 from frictionid.laws import (
     MLP,
     AsymmetricCoulombViscous,
@@ -40,6 +42,7 @@ from frictionid.laws import (
     Ripple,
     Spline,
     Stribeck,
+    Table,
 )
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.shooting import Shooting
@@ -76,6 +79,7 @@ LAWS: Mapping[str, type] = {
     "spline_asymmetric": AsymmetricSpline,
     "ripple": Ripple,
     "library": Library,
+    "table": Table,
     "film_lag": FilmLag,
     "film_lag_asymmetric": AsymmetricFilmLag,
     "dahl": Dahl,
@@ -167,6 +171,17 @@ def sindy(
     return SINDy(library, optimizer, limits, SINDy.ridge, exchange, most, sure, ensemble)
 
 
+def sklearn(
+    estimator: str,
+    settings: dict[str, Any] | None = None,
+    bins: Annotated[int, Field(ge=2)] = Regressor.bins,
+    speeds: Annotated[list[Positive], Field(min_length=2)] | None = None,
+) -> Identifier:
+    """A regressor of scikit-learn, stored as a tabulated curve."""
+    made = estimator_named(estimator, settings or {})
+    return Regressor(made, bins=bins, speeds=None if speeds is None else tuple(speeds))
+
+
 def ripple(
     base: Literal[
         "coulomb_viscous", "coulomb_viscous_asymmetric", "stribeck", "stribeck_asymmetric"
@@ -251,6 +266,7 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "spline": spline,
     "ripple": ripple,
     "sindy": sindy,
+    "sklearn": sklearn,
     "film_lag": film_lag,
     "dahl": dahl,
     "lugre": lugre,

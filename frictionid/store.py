@@ -125,6 +125,8 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     The means of a batch stand in `joints`, in words and units, for people; `theta` is what counts.
     Weights of a network have no words.
     """
+    if unsaved := getattr(friction.law, "unsaved", ""):
+        raise InputError(f"{friction.law} cannot be saved: {unsaved}")
     names = [name for name, law in laws.items() if type(friction.law) is law]
     kind = names[0] if names else type(friction.law).__name__
     theta = np.asarray(friction.theta, dtype=float)

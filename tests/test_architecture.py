@@ -27,7 +27,7 @@ LAYERS = (
     *("rollout", "problem", "recipe"),
     *("identifiers", "shooting"),
     *("check", "excitation", "evaluation"),
-    *("store", "compare", "tasks", "results"),
+    *("store", "equations", "compare", "tasks", "results"),
     *("simulate", "acquire"),
     *("report", "export", "use"),
     *("names", "search", "suite_recipes", "suite", "tune", "cli"),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
+    from frictionid.friction import Friction
     from frictionid.recipe import Recipe
     from frictionid.shooting import Shooting
 
@@ -39,12 +41,12 @@ def fit(
 
     from frictionid.compare import first_step, with_provenance
     from frictionid.compare import fit as find
+    from frictionid.equations import equations
     from frictionid.evaluation import Protocol, velocity_grid
     from frictionid.mechanics import plant_of
     from frictionid.names import LAWS
     from frictionid.readers.dataset import load_dataset
     from frictionid.recipe import training_problem
-    from frictionid.report import show_refined
     from frictionid.shooting import Shooting, document_of, refine
     from frictionid.store import save_model
     from frictionid.suite import identifier_named
@@ -56,7 +58,8 @@ def fit(
     plant = plant_of(recordings)
     problem = training_problem(recordings, plant, step, sample_time, history)
     unit = plant.mechanism.description.angle_unit
-    friction = find(chosen, problem, np.ones((1, len(problem.r))), seed, unit)[0]
+    everything = np.ones((1, len(problem.r)))
+    friction = find(chosen, problem, everything, seed, unit)[0]
     source: dict[str, Any] = {
         "dataset": recordings.name,
         "data": dict(recordings.hashes),
@@ -65,14 +68,23 @@ def fit(
         "sample_time": sample_time,
         "seed": seed,
     }
+    found = None
     if isinstance(made, Shooting):
         found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
         friction = found.friction
-        grid = velocity_grid(problem.nodes.inputs.w)
-        source["refined"] = document_of(found, recordings, grid)
+        source["refined"] = document_of(found, recordings, velocity_grid(problem.nodes.inputs.w))
+    source |= equations(friction, problem, everything[0], found)
     save_model(with_provenance(friction, source), out, LAWS)
-    show_refined(source["refined"]) if "refined" in source else print(friction)
+    _show(friction, source)
     print(f"written to {out}")
+
+
+def _show(friction: Friction, source: Mapping[str, Any]) -> None:
+    from frictionid.report import show_refined
+
+    show_refined(source["refined"]) if "refined" in source else print(friction)
+    if "equation" in source:
+        print("\n  ".join(["with 95 % intervals:", *source["equation"]]))
 
 
 def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Recipe | Shooting:

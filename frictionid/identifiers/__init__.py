@@ -6,6 +6,7 @@ from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.linear import Linear
 from frictionid.identifiers.nothing import Nothing
 from frictionid.identifiers.published import Published
+from frictionid.identifiers.regressor import Regressor
 from frictionid.identifiers.sindy import SINDy
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "Linear",
     "Nothing",
     "Published",
+    "Regressor",
     "SINDy",
     "check_identifier",
 ]

@@ -15,6 +15,7 @@ from frictionid.laws.quadratic import Quadratic
 from frictionid.laws.ripple import Ripple
 from frictionid.laws.spline import AsymmetricSpline, Spline
 from frictionid.laws.stribeck import AsymmetricStribeck, Stribeck
+from frictionid.laws.table import Table
 
 __all__ = [
     "AsymmetricCoulombViscous",
@@ -38,5 +39,6 @@ __all__ = [
     "Ripple",
     "Spline",
     "Stribeck",
+    "Table",
     "check_law",
 ]

@@ -34,9 +34,12 @@ def _lines(entry: Entry) -> list[tuple[Any, ...]]:
     out = []
     read = estimates(entry.refined or {"parameters": ()})
     known = {(e.joint, e.short): e.identified for e in read if e.block == "friction"}
+    sparse = "equation" in entry.model.get("provenance", {})
     for j, words in enumerate(entry.model.get("joints", ())):
         for i, (name, number) in enumerate(words.items()):
             folds = entry.theta[:, j, i]
+            if sparse and number["value"] == 0 and not folds.any():
+                continue
             fitted = entry.role == "fitted"
             mean = float(folds.mean()) if fitted else float("nan")
             sd = float(folds.std(ddof=1)) if fitted and len(folds) > 1 else float("nan")

@@ -86,10 +86,24 @@ def _section(
         "findings": held_out_findings(told) + lead,
         "table": markdown(own.table),
         "pictures": [_shown(picture) for picture in own.pictures],
-        "details": [{"title": t, "table": markdown(table)} for t, table in own.details],
+        "details": [
+            *({"title": t, "table": markdown(table)} for t, table in own.details),
+            *_equations(section),
+        ],
         "found": own.found and _found(own.found),
         "tests": [_test(evidence, section, test, parts[name, test]) for test in section.tests],
     }
+
+
+def _equations(section: Section) -> list[dict[str, str]]:
+    """Equations of the models that have some, in one part of the page."""
+    lines = [
+        f"- {escape_markdown(entry.title)}: `{line}`\n"
+        for entry in section.entries
+        for line in entry.model.get("provenance", {}).get("equation", ())
+    ]
+    title = "Equations from all data, coefficients with 95 % intervals (s: smooth sign)"
+    return [{"title": title, "table": "".join(lines)}] if lines else []
 
 
 def _found(part: Found) -> dict[str, Any]:
