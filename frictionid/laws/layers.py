@@ -62,8 +62,8 @@ def drawn(sizes: Sequence[int], rng: np.random.Generator) -> Array:
 
 def outputs(weights: Array, z: Array, sizes: Sequence[int]) -> Array:
     """Outputs (..., n, sizes[-1]) of inputs z (..., n, sizes[0]); the batch axes broadcast."""
-    row, z, many = _laid(weights, z)
-    return _unlaid(_forward(row, z, sizes)[-1], many)
+    row, z, many = laid(weights, z)
+    return unlaid(_forward(row, z, sizes)[-1], many)
 
 
 def slopes(weights: Array, z: Array, sizes: Sequence[int]) -> tuple[Array, Array, Array]:
@@ -71,7 +71,7 @@ def slopes(weights: Array, z: Array, sizes: Sequence[int]) -> tuple[Array, Array
 
     Shapes (..., n, P) and (..., n, sizes[0]).
     """
-    row, z, many = _laid(weights, z)
+    row, z, many = laid(weights, z)
     xp = namespace(row, z)
     values = _forward(row, z, sizes)
     delta, parts = 0.0 * values[-1] + 1.0, []
@@ -84,9 +84,9 @@ def slopes(weights: Array, z: Array, sizes: Sequence[int]) -> tuple[Array, Array
             delta = delta * (1.0 - before * before)
     by_weights = xp.concat(parts[::-1], axis=-1)
     return (
-        _unlaid(values[-1], many)[..., 0],
-        _unlaid(by_weights, many),
-        _unlaid(delta, many),
+        unlaid(values[-1], many)[..., 0],
+        unlaid(by_weights, many),
+        unlaid(delta, many),
     )
 
 
@@ -109,7 +109,7 @@ def _forward(row: Array, z: Array, sizes: Sequence[int]) -> list[Array]:
     return values
 
 
-def _laid(weights: Array, z: Array) -> tuple[Array, Array, bool]:
+def laid(weights: Array, z: Array) -> tuple[Array, Array, bool]:
     """Weights, inputs as matrices (..., n, rows, a), and whether one set of weights has many rows.
 
     Many points under one set of weights are then a product of matrices.
@@ -121,5 +121,6 @@ def _laid(weights: Array, z: Array) -> tuple[Array, Array, bool]:
     return weights, z[..., None, :], False
 
 
-def _unlaid(value: Array, many: bool) -> Array:
+def unlaid(value: Array, many: bool) -> Array:
+    """Values (..., n, rows, b) as (..., n, b), the other way round than `laid`."""
     return namespace(value).swapaxes(value, -3, -2) if many else value[..., 0, :]

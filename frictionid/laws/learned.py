@@ -12,10 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
 from frictionid.friction import Law
 from frictionid.laws.layers import drawn
 from frictionid.laws.levels import LEVEL, Range, sided
@@ -32,6 +34,20 @@ _FINE = 30.0  # how much finer slow speeds are told apart than fast ones: fricti
 def is_learned(law: Law) -> Array:
     """Which of a law's parameters (P,) training changes: those that are no scales."""
     return np.array([unit == "1" for unit in law.units])
+
+
+def check_samples(law: str, name: str, count: Any, sample_time: Any) -> None:
+    """Refuse memories of no length, and samples at no distance.
+
+    Raises
+    ------
+    InputError
+        Naming the law, the setting and its value.
+    """
+    if type(count) is not int or count < 1:
+        raise InputError(f"{law}: {name} = {count!r} must be a positive integer")
+    if type(sample_time) not in (int, float) or not 0 < sample_time < math.inf:
+        raise InputError(f"{law}: sample_time = {sample_time!r} s must be positive and finite")
 
 
 @cache
@@ -104,6 +120,18 @@ def stacked(features: Sequence[Array]) -> Array:
     """Features (..., n, a) of arrays whose batch axes broadcast."""
     whole = sum(0.0 * feature for feature in features)
     return namespace(whole).stack([feature + whole for feature in features], axis=-1)
+
+
+class Seen(NamedTuple):
+    """What a network sees of a motion, and what its level is multiplied by.
+
+    z : (..., n, a) inputs of the network, within the reach
+    share : (..., n) speed over reach; sign : (..., n) smooth sign of the velocity
+    """
+
+    z: Array
+    share: Array
+    sign: Array
 
 
 def level_of(theta: Array, y: Array, share: Array, dissipative: bool, monotone: bool) -> Array:

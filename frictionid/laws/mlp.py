@@ -22,6 +22,7 @@ from frictionid.laws.learned import (
     SPEED,
     START,
     UNITS,
+    Seen,
     fine,
     fine_slope,
     level_of,
@@ -105,8 +106,8 @@ class MLP:
         return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        speed, side = namespace(x.w).abs(x.w), side_of(x.w)
-        return self._level(theta, speed, side, x.w) * smooth_sign(x.w, self.width, self.shape)
+        seen = self.seen(theta, x, memory)
+        return self.level(theta, seen.z, seen.share) * seen.sign
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         w, xp = x.w, namespace(theta, x.w)
@@ -135,13 +136,21 @@ class MLP:
         return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = self._level(theta, 0.0 * x.w, side_of(x.w), 0.0 * x.w)
+        still = 0.0 * x.w
+        z = self._features(theta, still, side_of(x.w), still)
+        level = self.level(theta, z, still)
         return namespace(level).maximum(level, 0.0 * level)
 
-    def _level(self, theta: Array, speed: Array, side: Array, w: Array) -> Array:
-        y = outputs(self._weights(theta), self._features(theta, speed, side, w), self.sizes)
-        share = speed / theta[..., 1]
-        return level_of(theta, y[..., 0], share, self.dissipative, self.monotone_tail)
+    def seen(self, theta: Array, x: Inputs, memory: Memory) -> Seen:
+        """What the network sees; of theta it depends on the scales alone."""
+        speed = namespace(x.w).abs(x.w)
+        z = self._features(theta, speed, side_of(x.w), x.w)
+        return Seen(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
+
+    def level(self, theta: Array, z: Array, share: Array) -> Array:
+        """Level (..., n) [N m] at what the network sees."""
+        y = outputs(self._weights(theta), z, self.sizes)[..., 0]
+        return level_of(theta, y, share, self.dissipative, self.monotone_tail)
 
     def _weights(self, theta: Array) -> Array:
         return theta[..., 3 + self.others :]

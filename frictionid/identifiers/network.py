@@ -1,0 +1,173 @@
+"""Networks trained by gradients: all folds and joints as one model of stacked weights.
+
+Steps are those of Adam [Kingma2015] under a rate that falls to zero along a cosine. Recordings that
+are held out inside each fold tell when it was best. What a fold learns depends on its own rows and
+on the seed, not on the folds beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.identifiers.batches import batches, side_by_side
+from frictionid.identifiers.holdout import check_share, held_out
+from frictionid.identifiers.scales import speed_scale, torque_scale
+from frictionid.identifiers.weights import relative
+from frictionid.laws.learned import is_learned
+from frictionid.problem import Problem
+
+_MOMENTA = (0.9, 0.99)
+_LONGEST = 1.0  # gradient of a cost that is one without friction
+
+
+@dataclass(frozen=True)
+class Network:
+    """Trains the weights of a law: `MLP`, `WindowMLP`, `LSTM`, or a module of PyTorch.
+
+    epochs : how often the rows are gone through, at most; a fold ends where `patience` of them have
+        brought no better cost on the recordings held out in it, a `share` of its weight
+    batch : rows of each fold in a step
+    rate : the first learning rate
+    burn_in, targets : a law that reads samples learns from pieces of recordings, so many samples to
+        fill its memory and so many that count
+    device : "cpu", or "cuda" where there is one
+    compile : let PyTorch compile the cost; that takes half a minute first
+
+    The sample time of a law that remembers samples is that of the problem.
+
+    Raises
+    ------
+    InputError
+        For settings that mean nothing, or a device that is not there.
+    """
+
+    law: Any
+    epochs: int = 60
+    batch: int = 256
+    rate: float = 1e-2
+    share: float = 0.15
+    patience: int = 15
+    burn_in: int = 8
+    targets: int = 40
+    device: str = "cpu"
+    compile: bool = False
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.law, "begin"):
+            raise InputError(f"{self.law} has no weights to train: choose least squares")
+        for name in ("epochs", "batch", "patience", "targets"):
+            if type(getattr(self, name)) is not int or getattr(self, name) < 1:
+                raise InputError(f"{name} = {getattr(self, name)!r} must be a positive integer")
+        if type(self.burn_in) is not int or self.burn_in < 0:
+            raise InputError(f"burn_in = {self.burn_in!r} must be a number of samples, or 0")
+        if not 0 < self.rate < math.inf:
+            raise InputError(f"rate = {self.rate!r} must be positive and finite")
+        check_share(self.share)
+        if self.device not in ("cpu", "cuda"):
+            raise InputError(f"device = {self.device!r} is unknown; known are cpu, cuda")
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        check_device(self.device)
+        weights = relative(weights, problem)
+        law = self.law
+        if law.sample_time is not None:
+            law = replace(law, sample_time=float(np.median(problem.dt)))
+        start = law.begin(
+            torque_scale(problem, weights),
+            speed_scale(problem, weights),
+            np.random.default_rng(seed),
+        )
+        inner = held_out(problem, weights, self.share, seed)
+        theta = self._trained(law, problem, start, (weights * ~inner, weights * inner), seed)
+        return Friction(law, theta)
+
+    def _trained(
+        self, law: Any, problem: Problem, start: Array, parts: tuple[Array, Array], seed: int
+    ) -> Array:
+        """Weights (F, n, P) that were best on the held-out part of each fold."""
+        import torch  # late: who trains no network need not wait for it
+
+        learn, judge = (self._lessons(law, problem, start, part) for part in parts)
+        size = max(1, self.batch // learn.rows)
+        steps = -(-len(problem.r) // (size * learn.rows))
+        draws = batches(learn.counted(parts[0]), size, seed)
+        held = learn.tensor(side_by_side(judge.counted(parts[1]), judge.items))
+        free = learn.tensor(is_learned(law))
+        theta = learn.tensor(start).requires_grad_()
+        adam = torch.optim.Adam([theta], betas=_MOMENTA)
+        best = Best(theta.detach())
+        cost = torch.compile(learn.cost) if self.compile else learn.cost
+        for epoch in range(self.epochs):
+            for step in range(steps):
+                adam.param_groups[0]["lr"] = self.rate * _share(epoch + step / steps, self.epochs)
+                theta.grad = None
+                cost(theta, learn.tensor(next(draws))).sum().backward()
+                theta.grad = _shortened(theta.grad * free)
+                adam.step()
+            with torch.no_grad():
+                if best.ended(theta, judge.cost(theta, held), self.patience):
+                    break
+        found: Array = best.theta.cpu().numpy()
+        return found
+
+    def _lessons(self, law: Any, problem: Problem, start: Array, weights: Array) -> Any:
+        from frictionid.identifiers.lessons import Rows
+        from frictionid.identifiers.sequences import Sequences
+
+        if hasattr(law, "cells"):
+            length = (self.burn_in, self.targets)
+            return Sequences(law, problem, start, weights, self.device, *length)
+        return Rows(law, problem, start, weights, self.device)
+
+
+def check_device(device: str) -> None:
+    """Refuse a device that is not there.
+
+    Raises
+    ------
+    InputError
+        Saying what PyTorch sees.
+    """
+    import torch
+
+    if device == "cuda" and not torch.cuda.is_available():
+        raise InputError(
+            'device = "cuda": PyTorch sees no CUDA device here: leave the device out, or install '
+            "PyTorch with CUDA"
+        )
+
+
+def _share(epoch: float, epochs: int) -> float:
+    """Share of the first rate: a cosine from one to zero."""
+    return 0.5 * (1.0 + math.cos(math.pi * epoch / epochs))
+
+
+def _shortened(gradient: Any) -> Any:
+    """Gradients (F, n, P), those of a fold together no longer than a limit."""
+    size = (gradient**2).sum((1, 2), keepdim=True).sqrt()
+    return gradient * (_LONGEST / size.clamp(min=_LONGEST))
+
+
+class Best:
+    """The weights (F, n, P) of each fold when its cost was lowest."""
+
+    def __init__(self, theta: Any):
+        self.theta = theta.clone()
+        self.cost = theta[:, 0, 0] * 0.0 + math.inf
+        self.since = theta[:, 0, 0] * 0.0
+
+    def ended(self, theta: Any, cost: Any, patience: int) -> bool:
+        """Whether all folds have ended; each ends by itself, and keeps what it has from then on."""
+        running = self.since < patience
+        better = running & (cost < self.cost)
+        self.theta[better] = theta[better]
+        self.cost = cost.where(better, self.cost)
+        self.since = (self.since + running) * ~better
+        return bool((self.since >= patience).all())
