@@ -23,7 +23,7 @@ from frictionid.step import State, pace_of
 
 _PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz
 _ORDER = ("friction", "base", "torque", "angle", "actuator")
-ROWS = 4000  # at a time, for the cache's sake
+ROWS = 10000  # at a time, for the cache's sake; few near rest cost as much as many
 
 
 class Part(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,10 @@ _MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
 _FAR = 2.0  # [noise], and noise per sample: a long step of a start
 _SHUT = 0.05  # [noise]: smaller gaps do not matter
+_LEAST = 0.2  # of a step
 _LEADING = 4  # iterations of the stages before the last
+_NEAR = 0.5  # [standard errors]: steps with which those end
+_COARSE = 3.0  # times as long are their substeps near rest
 
 
 class Shot(NamedTuple):
@@ -90,12 +94,20 @@ def settle(
     shot = None
     for seconds in s.windows[-stages:]:
         windows = cut(track, use, seconds)
-        most = s.iterations if seconds == s.windows[-1] else min(s.iterations, _LEADING)
-        shot = _stage(intervals, guess, nodes, windows, sigma, mean, most)
+        own = intervals if seconds == s.windows[-1] else _leading(intervals)
+        shot = _stage(own, guess, nodes, windows, sigma, mean)
         total += shot.iterations
         guess, nodes, sigma = shot.guess, shot.nodes, shot.sigma
     assert shot is not None
     return shot._replace(iterations=total)
+
+
+def _leading(intervals: Intervals) -> Intervals:
+    """The intervals for the stages before the last, which need only come near."""
+    s = intervals.settings
+    few, near = min(s.iterations, _LEADING), max(s.tolerance, _NEAR)
+    own = replace(s, iterations=few, tolerance=near, fine=_COARSE * s.fine)
+    return replace(intervals, settings=own)
 
 
 def _noise(intervals: Intervals, use: Array) -> Array:
@@ -113,13 +125,12 @@ def _stage(
     windows: Array,
     sigma: Array,
     mean: Array,
-    most: int,
 ) -> Shot:
     s = intervals.settings
     rows = windows[windows >= 0]
-    damping, last, settled, count = _DAMPING[0], None, False, 0
-    shot = None
-    while count < most and not settled:
+    damping, last, settled, count, share = _DAMPING[0], None, False, 0, 1.0
+    shot, before_move = None, None
+    while count < s.iterations and not settled:
         count += 1
         now = _linearised(intervals, guess, nodes, windows, rows, sigma)
         if last is not None and shot is not None:
@@ -129,11 +140,27 @@ def _stage(
             damping = max(damping, 1e-4) * 10.0 if worse else max(damping / 10.0, _DAMPING[0])
             now = last if worse else now
         last = now
-        shot, step = _solved(intervals, now, windows, sigma, mean, damping)
+        if shot is not None:
+            share = _share(share, shot, before_move)
+            before_move = shot.move
+        shot, step = _solved(intervals, now, windows, sigma, mean, damping, share)
         sigma, guess, nodes = shot.sigma, shot.guess, shot.nodes
-        settled = bool(step <= s.tolerance) and damping < 1e-2
+        settled = bool(step <= share * s.tolerance) and damping < 1e-2
     assert shot is not None
     return shot._replace(settled=settled, iterations=count)
+
+
+def _share(share: float, shot: Shot, before: Array | None) -> float:
+    """Share of the next step: steps that go to and fro are made shorter.
+
+    Windows with kinks may push now one way, now the other.
+    """
+    if before is None:
+        return share
+    H = shot.normal.H[shot.closed].sum(axis=0)
+    back = -float(before @ H @ shot.move)
+    size = np.sqrt(float(before @ H @ before) * float(shot.move @ H @ shot.move))
+    return max(0.5 * share, _LEAST) if back > 0.3 * size else min(1.0, 1.5 * share)
 
 
 def _judged(now: _Stand, last: _Stand, move: Array, sigma: Array, huber: float) -> _Stand:
@@ -151,6 +178,7 @@ def _judged(now: _Stand, last: _Stand, move: Array, sigma: Array, huber: float) 
     damping = np.where(worse | open_, np.maximum(10.0 * last.damping, 0.1), last.damping / 10.0)
     damping = np.where(damping < 0.01, 0.0, np.minimum(damping, 1e4))
     out = (damping > 0) & (now.gap > _OPEN) & ~worse
+    out |= ((damping > 0) | last.out) & (after >= 0.999 * _most(now.chain, huber))
     if worse.any():
         now = _returned(now, last, worse, move)
     return now._replace(damping=damping, out=out)
@@ -214,8 +242,12 @@ def _costs(chain: Chain, sigma: Array, huber: float) -> Array:
     """Huber's cost (W,) of predictions as they stand, none counting more than its share."""
     e = np.abs(chain.error) / sigma
     rho = np.where(e <= huber, e**2, 2 * huber * e - huber**2) * chain.share[..., None]
-    most = _MOST * huber**2 * chain.share.sum(axis=1)
-    return np.minimum(rho.sum(axis=(1, 2)), most)
+    return np.minimum(rho.sum(axis=(1, 2)), _most(chain, huber))
+
+
+def _most(chain: Chain, huber: float) -> Array:
+    """Cost (W,) of windows that are lost."""
+    return _MOST * huber**2 * chain.share.sum(axis=1)
 
 
 def _solved(
@@ -225,8 +257,9 @@ def _solved(
     sigma: Array,
     mean: Array,
     damping: float,
+    share: float,
 ) -> tuple[Shot, float]:
-    """The fit after one step, and the largest move of a parameter in standard errors."""
+    """The fit after a share of one step, and the largest move of a parameter in standard errors."""
     s = intervals.settings
     chain, value = now.chain, values_of(now.guess, intervals.parts)
     entries = [e for part in intervals.parts for e in part.entries]
@@ -239,7 +272,7 @@ def _solved(
         normal = eliminated(chain, weight, sigma, now.prior, slow)
         H = np.einsum("w,wij->ij", counts, normal.H) + np.diag(precision)
         g = counts @ normal.g + precision * (mean - value)
-        move = _step(H, g, low - value, high - value, damping)
+        move = share * _step(H, g, low - value, high - value, damping)
         start = normal.start - normal.to_start @ move
         all_moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)
         residual = chain.error - (chain.slope @ all_moves[:, None, :, None])[..., 0]
