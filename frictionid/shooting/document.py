@@ -10,6 +10,7 @@ from frictionid.arrays import Array
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.recordings import Dataset
 from frictionid.shooting.blocks.block import Entry
+from frictionid.shooting.combined import Combined
 from frictionid.shooting.refine import Refined
 
 LEVELS = (0.9, 0.95)
@@ -22,12 +23,15 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
 
     Each parameter has beside it what is told of it: the data set's mechanism gives base parameters,
     its servo a motor's constants, a log without faults the rest; of friction nothing is told.
+    A network's combinations are left out, whose values say nothing: its bands say how sure it is.
     `bands` has the curve of each joint with half-widths at velocities (V, n), half as far again as
     those of the grid (V, n).
     """
     covariance, went = result.covariance, result.diagnostics
     intervals = {level: covariance.interval(level) for level in LEVELS}
     identified, error = covariance.identified, covariance.error
+    entries = enumerate(covariance.entries)
+    named = [(k, entry) for k, entry in entries if not _combines(result, entry)]
     parameters = [
         {
             "block": entry.block,
@@ -42,12 +46,13 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
             "prior": entry.prior if np.isfinite(entry.prior) else None,
             "told": _told(entry, dataset),
         }
-        for k, entry in enumerate(covariance.entries)
+        for k, entry in named
     ]
+    known = [k for k, _ in named]
     return {
         "parameters": parameters,
-        "correlation": np.asarray(covariance.correlation),
-        "covariance": np.asarray(covariance.matrix),
+        "correlation": np.asarray(covariance.correlation)[np.ix_(known, known)],
+        "covariance": np.asarray(covariance.matrix)[np.ix_(known, known)],
         "freedom": covariance.freedom,
         "clusters": covariance.clusters,
         "singular_values": covariance.singular,
@@ -61,6 +66,10 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "settled": went.settled,
         "iterations": went.iterations,
     }
+
+
+def _combines(result: Refined, entry: Entry) -> bool:
+    return entry.block == "friction" and isinstance(result.fitted.law, Combined)
 
 
 def _told(entry: Entry, dataset: Dataset) -> float | None:

@@ -149,8 +149,8 @@ def driven_of(track: Track, guess: Guess, blocks: Sequence[Block], settings: Set
             f"block 'actuator': {law} learns by reverse mode, which knows no voltages: leave the "
             "block out"
         )
-    own = next((b for b in blocks if isinstance(b, FrictionBlock)), None)
-    friction = FrictionBlock(law.names if own is None else own.fixed)
+    own = next((b for b in blocks if b.enters == "friction"), None)
+    friction = FrictionBlock(law.names if own is None else getattr(own, "fixed", ()))
     others = [b for b in blocks if b.name not in ("actuator", "friction")]
     volts = replace(
         track.dataset, recordings=tuple(_as_voltage(r) for r in track.dataset.recordings)

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, Nodes, memory_along
+from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.mechanics import Plant
-from frictionid.rig import plant_under
+from frictionid.rig import corrected, plant_under
 from frictionid.shooting.blocks.block import Block, Entry, Guess
 from frictionid.shooting.partials import Free, Seen, seen_by
+from frictionid.shooting.sampled import remembered
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.tangent import Forces, Scene, ends
 from frictionid.shooting.track import Track, pushes
@@ -23,6 +23,7 @@ from frictionid.step import State, pace_of
 
 _PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz
 _ORDER = ("friction", "base", "torque", "angle", "actuator")
+_WHOLE = np.array([0.0, 1.0])  # an interval in one piece
 ROWS = 10000  # at a time, for the cache's sake; few near rest cost as much as many
 
 
@@ -103,6 +104,9 @@ class Intervals:
                 forces = self._forces(guess, some, int(count))
                 fine = int(np.ceil(float(track.dt[some].max()) / count / self.settings.fine))
                 end = ends(own, start, forces, track.dt[some], fine)
+                if start.memory and guess.friction.law.sample_time is not None:
+                    later = self._pushed(guess, self._following(some), _WHOLE)
+                    end = remembered(own, end, later, track.dt[some])
                 out.end[some] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
                 out.by_start[some] = end.by_start
                 out.by[some, :, : end.by_parameters.shape[-1]] = end.by_parameters
@@ -111,22 +115,29 @@ class Intervals:
     def start(self, guess: Guess) -> Array:
         """Nodes (K, s) from the smoothed motion."""
         q, w = self.track.q - guess.rig.offset, self.track.w
-        return np.concatenate([q, w, *self.warm(guess.friction)], axis=-1)
+        return np.concatenate([q, w, *self.warm(guess)], axis=-1)
 
-    def warm(self, friction: Friction) -> tuple[Array, ...]:
+    def warm(self, guess: Guess) -> tuple[Array, ...]:
         """Memory (K, n) at each interval's begin, from the smoothed motion before it."""
-        track = self.track
+        track, friction = self.track, guess.friction
+        zero = 0.0 * track.q[:1]
+        if not friction.law.start(friction.theta, Inputs(zero, zero, zero, zero)):
+            return ()
         sizes = [len(s.time) for s in track.states]
         first = np.concatenate([[0], np.cumsum(sizes)])
-        pairs = zip(track.dataset.recordings, track.states, strict=True)
+        ideal = corrected(track.dataset, guess.rig) if self.seen.u else track.dataset
+        pairs = zip(ideal.recordings, track.states, strict=True)
         u = np.concatenate([sample(r.torque, s.time) for r, s in pairs])
         time, q, w = (np.concatenate(column) for column in zip(*track.states, strict=True))
-        x = Inputs(q, w, u, 0.0 * w)
-        if not friction.law.start(friction.theta, Inputs(*(v[:1] for v in x))):
-            return ()
+        x = Inputs(q - guess.rig.offset, w, u, 0.0 * w)
         steps = memory_along(friction, Nodes(x, time, first))
         at = track.index, track.recording
         return tuple(np.stack([s[m] for s in steps])[at] for m in range(len(steps[0])))
+
+    def _following(self, rows: Array) -> Array:
+        """The intervals (k,) behind some, or these where none follows."""
+        later = np.minimum(rows + 1, len(self.track.dt) - 1)
+        return np.where(self.track.joined[later], later, rows)
 
     def _memory(self, nodes: Array) -> tuple[Array, ...]:
         n = self.track.n
@@ -194,16 +205,8 @@ class Intervals:
 def intervals_of(
     track: Track, guess: Guess, blocks: Sequence[Block], settings: Settings
 ) -> Intervals:
-    """Intervals of a track with the blocks' free parameters.
-
-    Raises
-    ------
-    InputError
-        For laws whose memory advances with the samples: those are refined by gradients.
-    """
+    """Intervals of a track with the blocks' free parameters."""
     law, theta = guess.friction.law, np.asarray(guess.friction.theta)
-    if law.sample_time is not None:
-        raise InputError(f"{law}: its memory advances with the samples, refine it as a torch law")
     some = slice(0, 64)
     x = Inputs(track.q[some], track.w[some], 0.0 * track.q[some], 0.0 * track.q[some])
     return Intervals(track, parts_of(blocks, guess), settings, seen_by(law, theta, x))

@@ -22,7 +22,7 @@ from frictionid.shooting.wrapped import smoothing_of
 
 _FEW = 16  # numbers of a joint: more are free in combinations only
 _MOST = 12  # combinations of a joint
-_REACH = 3.0  # of the size of a joint's numbers: standard deviation of how far they move
+_REACH = 1.0  # of the size of a joint's numbers: standard deviation of how far they move
 
 
 def is_network(friction: Friction) -> bool:
@@ -71,5 +71,5 @@ def combined(
     free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
     points = points_of(friction, mechanism, rig, track)
     reach = _REACH if given is None or given.prior is None else given.prior
-    own = Combinations(points, free, reach, min(_MOST, int(free.sum())))
+    own = Combinations(np.array(friction.theta), points, free, reach, min(_MOST, int(free.sum())))
     return own.of(friction), tuple(own if b is given else b for b in blocks)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction
 from frictionid.recipe import INTEGRAL, Recipe
@@ -12,6 +14,7 @@ from frictionid.rig import stacked
 from frictionid.shooting.blocks import Block, FrictionBlock
 from frictionid.shooting.blocks.friction import on_support
 from frictionid.shooting.intervals import values_of
+from frictionid.shooting.learned import is_network
 from frictionid.shooting.refine import Refined, begin, refined
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import settle
@@ -42,8 +45,11 @@ def refine_folds(
         all data. The others begin where it ended, at a fraction of a standard error from where
         their own data say, and have four steps of Gauss and Newton to get there, after which
         nothing is left of their begin. Priors stay where the first step of their own fold put them.
-        Folds in which a sparse law has other terms are fitted from their own begin.
+        Folds in which a sparse law has other terms are fitted from their own begin, and so are all
+        of a network, which keeps something of it where the motion shows nothing: it takes over no
+        more than the states of the motion.
     """
+    network = is_network(friction)
     own = [on_support(recipe.blocks, friction[f]) for f in range(len(training))]
     recipe = replace(recipe, blocks=own[-1])
     whole, nodes = _one(friction[-1], track, recipe, training[-1] > 0, None, None)
@@ -52,14 +58,13 @@ def refine_folds(
     recipe = replace(recipe, settings=replace(recipe.settings, iterations=few))
     frictions = []
     for f in range(len(training) - 1):
-        if own[f] != own[-1]:
-            other = replace(alone, blocks=own[f])
-            frictions.append(
-                _one(friction[f], track, other, training[f] > 0, None, None)[0].friction
-            )
+        use = training[f] > 0
+        if network or own[f] != own[-1]:
+            other, states = replace(alone, blocks=own[f]), nodes if network else None
+            frictions.append(_one(friction[f], track, other, use, states, None)[0].friction)
             continue
         known = _values(friction[f], track, recipe)
-        part, _ = _one(whole.friction, track, recipe, training[f] > 0, nodes, known)
+        part, _ = _one(whole.friction, track, recipe, use, nodes, known)
         frictions.append(part.friction)
     return _together([*frictions, whole.friction]), whole
 
@@ -80,6 +85,9 @@ def _one(
 ) -> tuple[Refined, Array]:
     intervals, guess = begin(friction, track, recipe.blocks, recipe.settings)
     stages = 0 if nodes is None else 1
+    if nodes is not None:
+        states = nodes[:, : 2 * track.n]
+        nodes = np.concatenate([states, *intervals.warm(guess)], axis=-1)
     shot = settle(intervals, guess, use, nodes, stages=stages, mean=known)
     return refined(intervals, shot, friction), shot.nodes
 

@@ -217,7 +217,7 @@ def _linearised(
     track, n = intervals.track, intervals.track.n
     first = windows[:, 0]
     nodes = nodes.copy()
-    warm = intervals.warm(guess.friction)
+    warm = intervals.warm(guess)
     if warm:
         nodes[first, 2 * n :] = np.concatenate(warm, axis=-1)[first]
     lines = intervals.lines(guess, nodes, rows)
@@ -281,7 +281,7 @@ def _solved(
         weight = np.minimum(1.0, s.huber / np.maximum(size, 1e-12))
     wanted = value + move
     inside = (wanted > low + 1e-12) & (wanted < high - 1e-12)
-    largest = float((np.abs(move) / _errors(H, inside))[inside].max(initial=0.0))
+    largest = float((np.abs(move[inside]) / _errors(H, inside)).max(initial=0.0))
     guess = put(now.guess, intervals.parts, wanted)
     nodes = _moved(intervals, now, windows, all_moves)
     shot = Shot(
@@ -316,13 +316,14 @@ def _slow(intervals: Intervals, now: _Stand, sigma: Array) -> Array:
 
 
 def _errors(H: Array, inside: Array) -> Array:
-    """Standard errors (D,) by the curvature alone, of parameters at a bound infinite."""
-    out = np.full(len(H), np.inf)
+    """Standard errors by the curvature alone, of parameters that are not at a bound.
+
+    Infinite for those that leave no trace.
+    """
     own = H[np.ix_(inside, inside)]
     scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
     variance = np.diag(np.linalg.pinv(own / np.outer(scale, scale), hermitian=True))
-    out[inside] = np.sqrt(variance) / scale
-    return out
+    return np.where(variance > 0.0, np.sqrt(np.maximum(variance, 0.0)) / scale, np.inf)
 
 
 def _step(H: Array, g: Array, low: Array, high: Array, damping: float) -> Array:

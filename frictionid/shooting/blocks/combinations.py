@@ -28,12 +28,15 @@ _RIDGE = (1e-4, 10.0)  # of the largest singular value, and its growth after a s
 class Combinations:
     """Combinations of a network's numbers.
 
-    points : of the motion, where they show
+    A combination's value is how far it is from where it began; so far does its prior reach.
+
+    begin : (n, P), the numbers there; points : of the motion, where they show
     free : (P,), numbers that may move
     reach : standard deviation of the prior of a combination's numbers, of the size of all
     count : of the combinations of a joint
     """
 
+    begin: Array
     points: Points
     free: Array
     reach: float
@@ -57,14 +60,15 @@ class Combinations:
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
         friction, joints = guess.friction, guess.mechanism.description.joints
         law = friction.law
-        size = np.sqrt((law.origin[:, self.free] ** 2).mean(axis=-1, keepdims=True))
-        reach = self.reach * size / np.linalg.norm(law.directions, axis=1)
+        length = np.linalg.norm(law.directions, axis=1)
+        size = np.sqrt((self.begin[:, self.free] ** 2).mean(axis=-1, keepdims=True))
+        reach, value = self.reach * size / length, self._values(friction)
         return tuple(
             Entry(
                 block=self.name,
                 name=f"{law.names[k]} of {joint}",
                 unit=friction.units[k],
-                value=float(friction.theta[j, k]),
+                value=float(value[j, k]),
                 prior=float(reach[j, k]),
                 place=(j, k),
             )
@@ -74,14 +78,20 @@ class Combinations:
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
         law = guess.friction.law
-        step = np.array(guess.friction.theta)
+        step = -self._values(guess.friction)
         for entry, value in zip(entries, values, strict=True):
-            step[entry.place] = value
+            step[entry.place] += value
         here = replace(guess.friction, law=law.law, theta=law.origin)
         change = (law.directions @ step[..., None])[..., 0]
         wanted = self.points.torque(here) + (self.points.slopes(here) * change).sum(axis=-1)
-        moved = self._towards(replace(here, theta=law.origin + change), wanted)
+        moved = self._towards(here, wanted)
         return guess._replace(friction=self.of(moved))
+
+    def _values(self, friction: Friction) -> Array:
+        """How far (n, r) the numbers are from where they began."""
+        directions = friction.law.directions
+        off = friction.law.numbers(friction.theta) - self.begin
+        return np.einsum("np,npr->nr", off, directions) / (directions**2).sum(axis=1)
 
     def _towards(self, friction: Friction, wanted: Array) -> Friction:
         """The friction with numbers nearby, as close to wanted torques (N, n) as it gets."""
