@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from frictionid.arrays import Array
 
 
-def batches(counted: Array, size: int, seed: int) -> Iterator[Array]:
+def batches(counted: Array, size: int, seeds: Sequence[Sequence[int]]) -> Iterator[Array]:
     """Items (F, size) of each fold without end: all that count, shuffled, then all again.
 
-    counted (F, C) says which of the C items count; the draws of a fold depend on nothing else.
+    counted (F, C) says which of the C items count; the draws of a fold depend on nothing else but
+    its seed.
     """
-    queues = [_queue(np.flatnonzero(row), size, seed) for row in counted]
+    queues = [
+        _queue(np.flatnonzero(row), size, seed) for row, seed in zip(counted, seeds, strict=True)
+    ]
     while True:
         yield np.stack([next(queue) for queue in queues])
 
 
-def _queue(items: Array, size: int, seed: int) -> Iterator[Array]:
+def _queue(items: Array, size: int, seed: Sequence[int]) -> Iterator[Array]:
     rng = np.random.default_rng(seed)
     waiting = np.empty(0, dtype=int)
     while True:

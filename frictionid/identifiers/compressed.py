@@ -18,8 +18,10 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.identifiers.hats import Compressed, compressed, node_speeds
 from frictionid.identifiers.holdout import check_share, held_out
+from frictionid.identifiers.members import member_seeds
 from frictionid.identifiers.scales import speed_scale, torque_scale
 from frictionid.identifiers.weights import relative
+from frictionid.laws.ensemble import together
 from frictionid.laws.learned import is_learned
 from frictionid.problem import Problem
 
@@ -35,6 +37,7 @@ class CompressedNetwork:
     nodes : speeds in each direction at which the data are compressed
     freedom : standard deviations of the weights about their start, from which each fold chooses by
         the recordings held out in it, a `share` of its weight
+    members : networks with other starts and other recordings held out; friction is their mean
     iterations, tolerance : a fit ends after so many steps, or where they gain less, relative
 
     Raises
@@ -47,6 +50,7 @@ class CompressedNetwork:
     nodes: int = 40
     freedom: tuple[float, ...] = (0.1, 0.3, 1.0)
     share: float = 0.15
+    members: int = 1
     iterations: int = 60
     tolerance: float = 1e-6
 
@@ -66,24 +70,32 @@ class CompressedNetwork:
                 raise InputError(f"{name} = {getattr(self, name)!r} must be an integer above one")
         if not self.freedom or not all(0 < size < np.inf for size in self.freedom):
             raise InputError(f"freedom = {self.freedom!r} must list positive numbers")
+        if type(self.members) is not int or self.members < 1:
+            raise InputError(f"members = {self.members!r} must be a positive integer")
         check_share(self.share)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = relative(weights, problem)
-        start = self.law.begin(
-            torque_scale(problem, weights),
-            speed_scale(problem, weights),
-            np.random.default_rng(seed),
-        )
-        inner = held_out(problem, weights, self.share, seed)
-        trial, judge, whole = (
-            compressed(problem, w, node_speeds(problem, self.nodes), self.law.width, self.law.shape)
-            for w in (weights * ~inner, weights * inner, weights)
-        )
+        sizes = torque_scale(problem, weights), speed_scale(problem, weights)
+        whole = self._squares(problem, weights)
+        thetas = []
+        for own in member_seeds(seed, self.members):
+            start = self.law.begin(*sizes, np.random.default_rng(own))
+            inner = held_out(problem, weights, self.share, own)
+            judge = self._squares(problem, weights * inner)
+            freedom = self._best(whole.without(judge), judge, start)
+            thetas.append(self._settled(whole, start, freedom))
+        return together(self.law, thetas)
+
+    def _squares(self, problem: Problem, weights: Array) -> Compressed:
+        speeds = node_speeds(problem, self.nodes)
+        return compressed(problem, weights, speeds, self.law.width, self.law.shape)
+
+    def _best(self, trial: Compressed, judge: Compressed, start: Array) -> Array:
+        """Freedom (F,) whose fit to one part of a fold's rows is best on the other."""
         fits = [self._settled(trial, start, np.full(len(start), f)) for f in self.freedom]
         costs = np.stack([judge.cost(_torque(self.law, theta, judge.speeds)) for theta in fits])
-        best = np.asarray(self.freedom)[costs.argmin(axis=0)]
-        return Friction(self.law, self._settled(whole, start, best))
+        return np.asarray(self.freedom)[costs.argmin(axis=0)]
 
     def _settled(self, squares: Compressed, start: Array, freedom: Array) -> Array:
         """Parameters (F, n, P) of the highest posterior under a freedom (F,)."""

@@ -25,7 +25,7 @@ class Compressed(NamedTuple):
     """Squares of each fold: A (F, N, N), b (F, N) and c (F,), with N = n V.
 
     speeds (n, V) [rad/s]: the velocities of each joint at which its torques stand, negative ones
-    first; both directions have a node at rest. rows (F,): how many rows count as much.
+    first; both directions have a node at rest. rows (F,): how many rows have a weight.
     """
 
     A: Array
@@ -38,6 +38,11 @@ class Compressed(NamedTuple):
         """Weighted squares [rad^2/s^2] of torques (..., F, n, V), shape (..., F)."""
         T = torque.reshape(*torque.shape[:-2], -1)
         return self.c + ((self.times(T) - 2 * self.b) * T).sum(-1)
+
+    def without(self, part: Compressed) -> Compressed:
+        """Squares of the rows that are in none of a part of them."""
+        A, b, c = self.A - part.A, self.b - part.b, self.c - part.c
+        return Compressed(A, b, c, self.speeds, self.rows - part.rows)
 
     def times(self, T: Array) -> Array:
         """Product A T for T (..., F, N)."""
@@ -69,7 +74,7 @@ def compressed(
             A[f] += (weighted @ columns).toarray()
             b[f] += weighted @ problem.r[:, i]
     c = np.einsum("fk,ki->f", weights, problem.r**2)
-    return Compressed(A, b, c, speeds, weights.sum(1) ** 2 / (weights**2).sum(1))
+    return Compressed(A, b, c, speeds, (weights > 0).sum(axis=1) * 1.0)
 
 
 def _means(problem: Problem, joint: int, speeds: Array, width: float, shape: str) -> Any:

@@ -5,6 +5,8 @@ A fold's rows alone decide, together with the seed: so it is the same alone and 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from frictionid.arrays import Array
@@ -27,10 +29,10 @@ def check_share(share: float) -> None:
         raise InputError(f"share = {share!r} of the rows held out must be in (0, 0.5]")
 
 
-def held_out(problem: Problem, weights: Array, share: float, seed: int) -> Array:
+def held_out(problem: Problem, weights: Array, share: float, seed: Any) -> Array:
     """Rows (F, K) that are held out within each fold: about that share of its weight, or more.
 
-    Whole recordings in an order of the seed; of a fold with fewer than four of them, pieces.
+    Whole recordings in an order of the seed, a number or some; of fewer than four of them, pieces.
     """
     rng = np.random.default_rng(seed)
     whole = problem.recording

@@ -8,6 +8,7 @@ on the seed, not on the folds beside it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,9 +19,12 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers.batches import batches, side_by_side
 from frictionid.identifiers.holdout import check_share, held_out
+from frictionid.identifiers.members import member_seeds
 from frictionid.identifiers.scales import speed_scale, torque_scale
 from frictionid.identifiers.weights import relative
+from frictionid.laws.ensemble import together
 from frictionid.laws.learned import is_learned
+from frictionid.laws.mlp import MLP
 from frictionid.problem import Problem
 
 _MOMENTA = (0.9, 0.99)
@@ -35,6 +39,8 @@ class Network:
         brought no better cost on the recordings held out in it, a `share` of its weight
     batch : rows of each fold in a step
     rate : the first learning rate
+    members : networks with other starts and other recordings held out; friction is their mean
+    inputs : "all" for an `MLP` that sees the velocities of all joints
     burn_in, targets : a law that reads samples learns from pieces of recordings, so many samples to
         fill its memory and so many that count
     device : "cpu", or "cuda" where there is one
@@ -54,6 +60,8 @@ class Network:
     rate: float = 1e-2
     share: float = 0.15
     patience: int = 15
+    members: int = 1
+    inputs: str = "own"
     burn_in: int = 8
     targets: int = 40
     device: str = "cpu"
@@ -62,7 +70,7 @@ class Network:
     def __post_init__(self) -> None:
         if not hasattr(self.law, "begin"):
             raise InputError(f"{self.law} has no weights to train: choose least squares")
-        for name in ("epochs", "batch", "patience", "targets"):
+        for name in ("epochs", "batch", "patience", "targets", "members"):
             if type(getattr(self, name)) is not int or getattr(self, name) < 1:
                 raise InputError(f"{name} = {getattr(self, name)!r} must be a positive integer")
         if type(self.burn_in) is not int or self.burn_in < 0:
@@ -70,26 +78,36 @@ class Network:
         if not 0 < self.rate < math.inf:
             raise InputError(f"rate = {self.rate!r} must be positive and finite")
         check_share(self.share)
+        if self.inputs not in ("own", "all"):
+            raise InputError(f"inputs = {self.inputs!r} is unknown; known are own, all")
+        if self.inputs == "all" and not hasattr(self.law, "others"):
+            raise InputError(f'inputs = "all" needs a law that sees other joints, such as {MLP()}')
         if self.device not in ("cpu", "cuda"):
             raise InputError(f"device = {self.device!r} is unknown; known are cpu, cuda")
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         check_device(self.device)
-        weights = relative(weights, problem)
-        law = self.law
+        weights, law = relative(weights, problem), self.law
         if law.sample_time is not None:
             law = replace(law, sample_time=float(np.median(problem.dt)))
-        start = law.begin(
-            torque_scale(problem, weights),
-            speed_scale(problem, weights),
-            np.random.default_rng(seed),
-        )
-        inner = held_out(problem, weights, self.share, seed)
-        theta = self._trained(law, problem, start, (weights * ~inner, weights * inner), seed)
-        return Friction(law, theta)
+        if self.inputs == "all":
+            law = replace(law, others=problem.r.shape[1] - 1)
+        sizes = torque_scale(problem, weights), speed_scale(problem, weights)
+        seeds = member_seeds(seed, self.members)
+        start = np.concatenate([law.begin(*sizes, np.random.default_rng(s)) for s in seeds])
+        inner = np.concatenate([held_out(problem, weights, self.share, s) for s in seeds])
+        every = np.tile(weights, (self.members, 1))
+        queues = [s for s in seeds for _ in weights]
+        theta = self._trained(law, problem, start, (every * ~inner, every * inner), queues)
+        return together(law, np.split(theta, self.members))
 
     def _trained(
-        self, law: Any, problem: Problem, start: Array, parts: tuple[Array, Array], seed: int
+        self,
+        law: Any,
+        problem: Problem,
+        start: Array,
+        parts: tuple[Array, Array],
+        seeds: Sequence[Sequence[int]],
     ) -> Array:
         """Weights (F, n, P) that were best on the held-out part of each fold."""
         import torch  # late: who trains no network need not wait for it
@@ -97,7 +115,7 @@ class Network:
         learn, judge = (self._lessons(law, problem, start, part) for part in parts)
         size = max(1, self.batch // learn.rows)
         steps = -(-len(problem.r) // (size * learn.rows))
-        draws = batches(learn.counted(parts[0]), size, seed)
+        draws = batches(learn.counted(parts[0]), size, seeds)
         held = learn.tensor(side_by_side(judge.counted(parts[1]), judge.items))
         free = learn.tensor(is_learned(law))
         theta = learn.tensor(start).requires_grad_()
