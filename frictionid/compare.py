@@ -23,15 +23,18 @@ from frictionid.evaluation import (
     Row,
     course_folds,
     curves,
+    faced,
     judge,
     judge_folds,
     prepare,
     start_folds,
     training_of,
-    under,
+    without_physics,
 )
+from frictionid.evaluation.loops import Loop, Loops, loops_of, remembers
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier, Nothing, Published
+from frictionid.identifiers import BlackBox, Identifier, Nothing, Published
+from frictionid.mechanics import Plant, plant_of, unit_plant
 from frictionid.problem import Problem
 from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.recordings import Dataset
@@ -43,7 +46,7 @@ class Result(NamedTuple):
     """What a task found: rows of scores, friction of the folds and of all data, pictures' data.
 
     `curves` stand at the velocities (V, n) of `grid`; `refined` is what shooting knows of the
-    friction of all data.
+    friction of all data. `loops` are of the folds and of all data.
     """
 
     rows: tuple[Row, ...]
@@ -55,6 +58,7 @@ class Result(NamedTuple):
     seconds: Mapping[str, float]
     grid: Array
     refined: Refined | None = None
+    loops: tuple[Loop, ...] = ()
 
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
@@ -149,12 +153,13 @@ def run(
     InputError
         Where data, folds and settings do not fit together, or the identifier finds no numbers.
     """
+    check_refinable(identifier, recipe)
     begin = time.perf_counter()
     ground = ground or ground_of(contest, [recipe])
+    step = first_step(recipe)
+    problem, weights = _problem(identifier, step, ground), ground.weights[step.name]
     ready = time.perf_counter()
     unit = ground.prepared.plant.mechanism.description.angle_unit
-    step = first_step(recipe).name
-    problem, weights = ground.problems[step], ground.weights[step]
     fitted, found = fit(identifier, problem, weights, seed, unit), None
     if isinstance(recipe, Shooting) and not isinstance(identifier, Nothing | Published):
         assert ground.track is not None and ground.training is not None
@@ -162,19 +167,59 @@ def run(
     fitted = with_provenance(fitted, equations(fitted[-1], problem, weights[-1], found))
     done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]
-    prepared = under(ground.prepared, fitted.parameters)
+    prepared = faced(ground.prepared, fitted)
     rows, motions = judge_folds(friction, overall, prepared, contest.folds)
     tests, pictures = {}, list(motions)
     for test in ground.tests:
-        own, shown = judge(overall, under(test, fitted.parameters))
+        own, shown = judge(overall, faced(test, fitted))
         tests[test.dataset.name] = tuple(own)
         pictures += shown
     lines = np.concatenate([curves(friction, prepared.grid), curves(overall, prepared.grid)[None]])
+    if fitted.mechanism:  # what is no torque is no friction curve
+        lines = np.full_like(lines, np.nan)
     seconds = {"prepare": ready - begin, "fit": done - ready, "score": time.perf_counter() - done}
     return Result(
         *(tuple(rows), friction, overall, lines, tuple(pictures)),
-        *(tests, seconds, prepared.grid, found),
+        *(tests, seconds, prepared.grid, found, _loops(fitted, prepared, contest.protocol)),
     )
+
+
+def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Loop, ...]:
+    """Friction along sinusoids: of laws that remember, or of all where the protocol asks."""
+    if fitted.mechanism or not (protocol.loops or remembers(fitted)):
+        return ()
+    interval = float(np.median(prepared.euler.dt))
+    settings = protocol.loops or Loops()
+    return tuple(loops_of(fitted, prepared.plant[0], settings, prepared.grid, interval))
+
+
+def _problem(identifier: Identifier, recipe: Recipe, ground: Ground) -> Problem:
+    """The problem that an identifier fits: one of unit inertia, all of it, without physics."""
+    if isinstance(identifier, BlackBox):
+        return training_of(without_physics(ground.prepared), replace(recipe, rest=0.0))
+    return ground.problems[recipe.name]
+
+
+def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[Plant, Recipe]:
+    """Plant and recipe by which an identifier sees a data set: black boxes see no physics."""
+    if isinstance(identifier, BlackBox):
+        return unit_plant(dataset), replace(recipe, rest=0.0)
+    return plant_of(dataset), recipe
+
+
+def check_refinable(identifier: Identifier, recipe: Recipe | Shooting) -> None:
+    """Refuse to refine by shooting what has no physics.
+
+    Raises
+    ------
+    InputError
+        Saying what to do.
+    """
+    if isinstance(recipe, Shooting) and isinstance(identifier, BlackBox):
+        raise InputError(
+            f"recipe {recipe.name!r}: shooting needs the physics that a black box lacks: give it "
+            'recipes = ["integral"], or another one-step recipe'
+        )
 
 
 def fit(

@@ -90,7 +90,8 @@ class Friction:
     """A law with its parameters theta (..., n, P).
 
     `parameters` are mechanism parameters that belong to this friction (published models bring their
-    own inertias); empty where those of the data set hold. `provenance` says where it comes from.
+    own inertias); empty where those of the data set hold. `mechanism` is "unit" where there is no
+    other physics than this friction's, a negative acceleration. `provenance` says where it is from.
     `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`. `rig` is
     what was found about machine and sensors beside friction, with the batch axes of theta.
 
@@ -114,6 +115,7 @@ class Friction:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     angle_unit: str = "rad"
     rig: Rig | None = None
+    mechanism: str = ""
 
     def __post_init__(self) -> None:
         P = len(self.law.names)
@@ -122,6 +124,8 @@ class Friction:
                 f"theta must have shape (..., joints, {P}) for the parameters "
                 f"{', '.join(self.law.names)}; got {tuple(self.theta.shape)}"
             )
+        if self.mechanism not in ("", "unit"):
+            raise ValueError(f'mechanism = {self.mechanism!r} must be "unit", or be left out')
 
     def __getitem__(self, index: Any) -> Friction:
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
@@ -171,6 +175,7 @@ class Friction:
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"
                 for i, (name, unit) in enumerate(zip(self.law.names, self.units, strict=True))
+                if not (getattr(self.law, "sparse", False) and (theta[:, j, i] == 0).all())
             )
             lines.append(f"  joint {j + 1}  " + ", ".join(values))
         return "\n".join(lines)

@@ -11,6 +11,7 @@ from pydantic import Field
 from frictionid.evaluation import Split
 from frictionid.identifiers import (
     CompressedNetwork,
+    BlackBox,
     Identifier,
     LeastSquares,
     Linear,
@@ -19,6 +20,7 @@ from frictionid.identifiers import (
     Regressor,
     SINDy,
 )
+    SparseDynamics,
 from frictionid.identifiers.estimators import estimator_named
 from frictionid.laws import (
     MLP,
@@ -42,6 +44,7 @@ from frictionid.laws import (
     Ripple,
     Spline,
     Stribeck,
+    StateLibrary,
     Table,
 )
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
@@ -81,6 +84,7 @@ LAWS: Mapping[str, type] = {
     "library": Library,
     "table": Table,
     "film_lag": FilmLag,
+    "state_library": StateLibrary,
     "film_lag_asymmetric": AsymmetricFilmLag,
     "dahl": Dahl,
     "lugre": LuGre,
@@ -224,6 +228,19 @@ def mlp(
 
 
 def published(file: str) -> Identifier:
+def sindy_dynamics(
+    degree: Annotated[int, Field(ge=1)] = SparseDynamics.degree,
+    turning: bool = True,
+    width: Positive = SparseDynamics.width,
+    thresholds: Annotated[list[Positive], Field(min_length=1)] | None = None,
+    ridge: Annotated[float, Field(ge=0)] = SparseDynamics.ridge,
+    sure: Annotated[float, Field(ge=0)] = SparseDynamics.sure,
+) -> Identifier:
+    """Acceleration as a sparse sum of monomials of q, w and u, without any physics."""
+    limits = tuple(thresholds or SparseDynamics.thresholds)
+    return BlackBox(SparseDynamics(degree, turning, width, limits, ridge, sure))
+
+
     """The friction of a model file, with its own mechanism parameters."""
     return Published(load_model(Path(file), LAWS))
 
@@ -278,6 +295,7 @@ ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
     "savgol": savgol,
     "rts": rts,
 }
+    "sindy_dynamics": sindy_dynamics,
 RECIPES: Mapping[str, Recipe | Shooting] = {
     recipe.name: recipe for recipe in (STUDY, INTEGRAL, Shooting())
 }

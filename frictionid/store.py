@@ -147,12 +147,16 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
         "parameters": dict(friction.parameters),
         "provenance": dict(friction.provenance),
         **({} if friction.angle_unit == "rad" else {"angle_unit": friction.angle_unit}),
+        **({"mechanism": friction.mechanism} if friction.mechanism else {}),
         **({} if friction.rig is None else {"rig": asdict(friction.rig)}),
     }
 
 
 def _settings(law: Any) -> dict[str, Any]:
-    return asdict(law) if is_dataclass(law) and not isinstance(law, type) else {}
+    if not is_dataclass(law) or isinstance(law, type):
+        return {}
+    saved = {f.name for f in fields(law) if f.metadata.get("saved", True)}
+    return {name: value for name, value in asdict(law).items() if name in saved}
 
 
 def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:
@@ -222,7 +226,8 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
         unit = str(document.get("angle_unit", "rad"))
         rig = _rig(document.get("rig"), where)
-        friction = Friction(law, theta, parameters, dict(document.get("provenance", {})), unit, rig)
+        source, mechanism = dict(document.get("provenance", {})), document.get("mechanism", "")
+        friction = Friction(law, theta, parameters, source, unit, rig, str(mechanism))
     except InputError:
         raise
     except (TypeError, ValueError, AttributeError) as error:

@@ -17,13 +17,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
-from frictionid.compare import Contest
+from frictionid.compare import Contest, check_refinable
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction, true_rig
+from frictionid.evaluation.loops import Loops
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier, Published
 from frictionid.mechanics import plant_of
-from frictionid.names import IDENTIFIERS, LAWS, folds
+from frictionid.names import IDENTIFIERS, LAWS, folds, loops
 from frictionid.readers.dataset import load_dataset
 from frictionid.readers.strict import STRICT, Strict, built, called, distinct, mistake, nearest
 from frictionid.recipe import Recipe
@@ -60,6 +61,10 @@ def _split(table: Any) -> Any:
     return called(folds, table, "folds") if isinstance(table, dict) else table
 
 
+def _loops(table: Any) -> Any:
+    return called(loops, table, "loops") if isinstance(table, dict) else table
+
+
 class Suite(Strict):
     """A suite's tables as they are written."""
 
@@ -74,6 +79,7 @@ class Suite(Strict):
     true_starts: bool = False
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
+    loops: Annotated[Loops | None, BeforeValidator(_loops)] = None
     tune: Tuning = Tuning()
     datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
     recipes: Annotated[list[RecipeEntry], Field(min_length=1)] = [RecipeEntry(name="integral")]
@@ -141,6 +147,7 @@ def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
         for recipe in recipes:
             for name, identifier, only in entries:
                 if only is None or recipe.name in only:
+                    _check_refinable(name, identifier, recipe)
                     tasks += [Task(contest, name, identifier, recipe, s) for s in suite.seeds]
     distinct([task.file.lower() for task in tasks], "results")
     return tasks
@@ -158,6 +165,7 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
         suite.whole,
         suite.starts,
         suite.true_starts,
+        suite.loops,
     )
     return Contest(dataset, make_folds(dataset.recordings, suite.folds), protocol, tests)
 
@@ -169,6 +177,13 @@ def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
     if friction is None:
         return []
     return [("truth", Published(replace(friction, rig=true_rig(contest.dataset))), None)]
+
+
+def _check_refinable(name: str, identifier: Identifier, recipe: Recipe | Shooting) -> None:
+    try:
+        check_refinable(identifier, recipe)
+    except InputError as error:
+        raise InputError(f"identifier {name!r}: {error}") from None
 
 
 def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset]) -> None:

@@ -25,7 +25,7 @@ def evaluate(
     """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
     from frictionid.cli.progress import counted
     from frictionid.errors import InputError
-    from frictionid.evaluation import Protocol, judge, prepare, under
+    from frictionid.evaluation import Protocol, faced, judge, prepare
     from frictionid.readers.dataset import load_dataset
     from frictionid.report import show_scores
     from frictionid.results import model_scores
@@ -44,7 +44,7 @@ def evaluate(
         for name, path in zip(_names(models), models, strict=True):
             friction = frictions[path]
             try:
-                rows[name], _ = judge(friction, under(prepared, friction.parameters))
+                rows[name], _ = judge(friction, faced(prepared, friction))
             except InputError as error:
                 raise InputError(f"{path}: {error}") from None
             done(name)

@@ -39,11 +39,10 @@ def fit(
     """Fit friction to all recordings of a data set."""
     import numpy as np
 
-    from frictionid.compare import first_step, with_provenance
+    from frictionid.compare import check_refinable, first_step, view_of, with_provenance
     from frictionid.compare import fit as find
     from frictionid.equations import equations
     from frictionid.evaluation import Protocol, velocity_grid
-    from frictionid.mechanics import plant_of
     from frictionid.names import LAWS
     from frictionid.readers.dataset import load_dataset
     from frictionid.recipe import training_problem
@@ -53,9 +52,10 @@ def fit(
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
     made = _recipe(recipe, by, free, fixed or [])
-    step, history = first_step(made), Protocol(sample_time=sample_time).history
+    check_refinable(chosen, made)
+    history = Protocol(sample_time=sample_time).history
     recordings = load_dataset(dataset, data)
-    plant = plant_of(recordings)
+    plant, step = view_of(chosen, recordings, first_step(made))
     problem = training_problem(recordings, plant, step, sample_time, history)
     unit = plant.mechanism.description.angle_unit
     everything = np.ones((1, len(problem.r)))

@@ -12,6 +12,7 @@ from frictionid.evaluation.free_run import (
 from frictionid.evaluation.judge import (
     Observed,
     Prepared,
+    faced,
     judge,
     judge_folds,
     prepare,
@@ -19,6 +20,7 @@ from frictionid.evaluation.judge import (
     training_of,
     under,
     with_rig,
+    without_physics,
 )
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
@@ -39,6 +41,7 @@ __all__ = [
     "curve_error",
     "curve_rows",
     "curves",
+    "faced",
     "free_run",
     "free_run_rows",
     "held_out_residual",
@@ -60,5 +63,6 @@ __all__ = [
     "true_rig",
     "under",
     "with_rig",
+    "without_physics",
     "velocity_grid",
 ]

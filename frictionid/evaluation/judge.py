@@ -29,7 +29,7 @@ from frictionid.evaluation.rows import Row
 from frictionid.evaluation.starts import Starts, make_starts, start_folds, true_states
 from frictionid.evaluation.truth import steady_state
 from frictionid.friction import Friction
-from frictionid.mechanics import Plant, plant_of
+from frictionid.mechanics import Plant, plant_of, unit_plant
 from frictionid.problem import Problem
 from frictionid.recipe import INTEGRAL, STUDY, Recipe, problem_of, states_of, training_problem
 from frictionid.recordings import Dataset
@@ -96,6 +96,19 @@ def under(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:
     plant = plant_of(prepared.dataset, parameters)
     dataset = powered(prepared.dataset, plant)
     return _prepared(dataset, prepared.protocol, prepared.observed, plant)
+
+
+def without_physics(prepared: Prepared) -> Prepared:
+    """The same data for models that say all of the acceleration themselves, see `unit_plant`."""
+    dataset = prepared.dataset
+    return _prepared(dataset, prepared.protocol, prepared.observed, unit_plant(dataset))
+
+
+def faced(prepared: Prepared, friction: Friction) -> Prepared:
+    """The data under the mechanism, or its parameters, that a friction brings."""
+    if friction.mechanism == "unit":
+        return without_physics(prepared)
+    return under(prepared, friction.parameters)
 
 
 def with_rig(prepared: Prepared, rig: Rig | None) -> Prepared:
@@ -295,8 +308,8 @@ def _problems(prepared: Prepared) -> tuple[tuple[str, Problem], ...]:
 
 
 def curve_scores(friction: Friction, overall: Friction, prepared: Prepared) -> list[Row]:
-    """Curve errors, where the truth is known."""
-    if prepared.dataset.truth is None:
+    """Curve errors, where the truth is known and friction is a torque."""
+    if prepared.dataset.truth is None or friction.mechanism:
         return []
     true = curves(steady_state(prepared.dataset.truth), prepared.grid)
     each = curve_error(curves(friction, prepared.grid), true, prepared.grid)

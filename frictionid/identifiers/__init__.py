@@ -1,5 +1,6 @@
 """How the numbers of friction are found: one identifier per file, all behind one contract."""
 
+from frictionid.identifiers.black_box import BlackBox
 from frictionid.identifiers.compressed import CompressedNetwork
 from frictionid.identifiers.contract import Identifier, check_identifier
 from frictionid.identifiers.least_squares import LeastSquares
@@ -9,8 +10,10 @@ from frictionid.identifiers.published import Published
 from frictionid.identifiers.regressor import Regressor
 from frictionid.identifiers.sindy import SINDy
 
+from frictionid.identifiers.sparse_dynamics import SparseDynamics
 __all__ = [
     "CompressedNetwork",
+    "BlackBox",
     "Identifier",
     "LeastSquares",
     "Linear",
@@ -20,3 +23,4 @@ __all__ = [
     "SINDy",
     "check_identifier",
 ]
+    "SparseDynamics",

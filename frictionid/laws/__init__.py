@@ -7,6 +7,7 @@ from frictionid.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.laws.gear_load import GearLoad, MotorLoadQuadratic
 from frictionid.laws.library import Library
 from frictionid.laws.load_dependent import LoadDependent, LoadDependentStribeck
+from frictionid.laws.lstm import LSTM
 from frictionid.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.laws.mlp import MLP
 from frictionid.laws.motor_load import MotorLoad
@@ -14,10 +15,15 @@ from frictionid.laws.none import NoFriction
 from frictionid.laws.quadratic import Quadratic
 from frictionid.laws.ripple import Ripple
 from frictionid.laws.spline import AsymmetricSpline, Spline
+from frictionid.laws.state_library import StateLibrary
 from frictionid.laws.stribeck import AsymmetricStribeck, Stribeck
 from frictionid.laws.table import Table
+from frictionid.laws.torch_module import TorchModule
+from frictionid.laws.window_mlp import WindowMLP
 
 __all__ = [
+    "LSTM",
+    "MLP",
     "AsymmetricCoulombViscous",
     "AsymmetricFilmLag",
     "AsymmetricLuGre",
@@ -31,14 +37,16 @@ __all__ = [
     "LoadDependent",
     "LoadDependentStribeck",
     "LuGre",
-    "MLP",
     "MotorLoad",
     "MotorLoadQuadratic",
     "NoFriction",
     "Quadratic",
     "Ripple",
     "Spline",
+    "StateLibrary",
     "Stribeck",
     "Table",
+    "TorchModule",
+    "WindowMLP",
     "check_law",
 ]

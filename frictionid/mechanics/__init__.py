@@ -6,8 +6,9 @@ from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.lagrange import Mechanism, Partials, Terms
 from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.pendulum import pendulum
-from frictionid.mechanics.plant import Plant, plant_of
+from frictionid.mechanics.plant import Plant, plant_of, unit_plant
 from frictionid.mechanics.table import mechanism_of, parameters_of
+from frictionid.mechanics.unit import unit
 
 __all__ = [
     "Base",
@@ -25,4 +26,6 @@ __all__ = [
     "parameters_of",
     "pendulum",
     "plant_of",
+    "unit",
+    "unit_plant",
 ]

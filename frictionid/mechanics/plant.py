@@ -11,6 +11,7 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.mechanics.lagrange import Mechanism, Terms
 from frictionid.mechanics.table import mechanism_of, parameters_of
+from frictionid.mechanics.unit import unit
 from frictionid.recordings import Dataset
 
 
@@ -79,3 +80,10 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     told = {**table, "parameters": {**table.get("parameters", {}), **(parameters or {})}}
     each = [parameters_of(told, recording.parameters) for recording in dataset.recordings]
     return Plant.of(mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults})
+
+
+def unit_plant(dataset: Dataset) -> Plant:
+    """Plant without physics, see `unit`, with one batch entry for each recording of a data set."""
+    told = mechanism_of(dataset.mechanism).description
+    mechanism = unit(len(told.joints), told.angle_unit)
+    return Plant.of(mechanism, {"inertia": np.ones(len(dataset.recordings))})

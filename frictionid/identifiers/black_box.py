@@ -1,0 +1,35 @@
+"""Models without physics: what another identifier finds where nothing is known of the machine.
+
+Their law says all of the acceleration, dw/dt = -Tf(q, w, u of all joints). They see the recordings
+as the motion of joints of unit inertia on which nothing else acts, and are judged on the same rows,
+folds and rollouts as friction is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction
+from frictionid.identifiers.contract import Identifier
+from frictionid.problem import Problem
+
+
+@dataclass(frozen=True)
+class BlackBox:
+    """Identifier that gets a problem of unit inertia, in which rows at rest count like all others.
+
+    inner : finds a law that is the negative acceleration
+
+    >>> import numpy as np
+    >>> from frictionid.identifiers import SparseDynamics
+    >>> from frictionid.identifiers.practice import practice_problem
+    >>> problem = practice_problem(joints=1)
+    >>> BlackBox(SparseDynamics(degree=1)).fit(problem, np.ones((1, len(problem.r))), 0).mechanism
+    'unit'
+    """
+
+    inner: Identifier
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        return replace(self.inner.fit(problem, weights, seed), mechanism="unit")

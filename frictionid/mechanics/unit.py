@@ -1,0 +1,49 @@
+"""No machine at all: joints of unit inertia, on which nothing else acts.
+
+dw/dt = -Tf
+
+so that the friction of this mechanism is what a model without physics says of the acceleration.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import sympy as sp
+
+from frictionid.mechanics.description import Base, Description, Parameter
+from frictionid.mechanics.lagrange import Mechanism
+
+
+@cache
+def unit(joints: int = 1, angle_unit: str = "rad") -> Mechanism:
+    """M = I, h = 0 and B = 0: friction is a negative acceleration [rad/s^2], or [m/s^2].
+
+    It has the inertia of one as its only base parameter.
+
+    >>> import numpy as np
+    >>> machine = unit(2)
+    >>> M, h = machine.dynamics(np.ones(1), np.array([0.3, -1.0]), np.array([5.0, 2.0]))
+    >>> bool((M == np.eye(2)).all() and (h == 0).all() and (machine.B == 0).all())
+    True
+    """
+    inertia, gravity = sp.symbols("inertia g")
+    q = sp.symbols(f"q1:{joints + 1}")
+    w = sp.symbols(f"w1:{joints + 1}")
+    one = "kg m^2" if angle_unit == "rad" else "kg"
+    return Mechanism(
+        Description(
+            kind="unit",
+            joints=tuple(f"joint {j + 1}" for j in range(joints)),
+            q=tuple(q),
+            w=tuple(w),
+            gravity=gravity,
+            parameters=(Parameter(inertia, 1.0, one, "of each joint"),),
+            bodies=(),
+            rotors=tuple((inertia, rate) for rate in w),
+            driven=(False,) * joints,
+            base=(Base("inertia", inertia, one),),
+            angle_unit=angle_unit,
+            torque_unit=f"{angle_unit}/s^2",
+        )
+    )
