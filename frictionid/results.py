@@ -21,9 +21,11 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
+from frictionid.arrays import Array
 from frictionid.compare import Ground
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, Row, curves, speeds, steady_state, true_friction
+from frictionid.evaluation.curves import SLOW
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.recordings import Dataset
 from frictionid.store import read_json, remove_unfinished, write_json, write_text
@@ -48,6 +50,8 @@ COLUMNS = (
     "unit",
     "seed",
 )
+_LEVELS = (0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
+_SHOWN = 1200  # velocities in a scatter, about
 _PACKAGES = (
     *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
     *("array-api-compat", "joblib", "pyarrow", "pydantic"),
@@ -112,7 +116,30 @@ def _about(prepared: Prepared) -> dict[str, Any]:
         "truth": truth,
         "true_parameters": None if dataset.truth is None else _true_parameters(dataset),
         "density": density,
+        "velocities": w[:: max(len(w) // _SHOWN, 1)].round(4),
+        "speeds": _speeds(prepared, w),
     }
+
+
+def _speeds(prepared: Prepared, w: Array) -> dict[str, Any]:
+    """How fast each joint is: levels that shares of its samples stay below, rest, reversals."""
+    each = [s.w for s in prepared.observed.smoothed]
+    seconds = sum(float(s.time[-1] - s.time[0]) for s in prepared.observed.smoothed)
+    joints = [
+        {
+            "speeds": np.quantile(np.abs(w[:, j]), _LEVELS),
+            "rest": float(np.mean(np.abs(w[:, j]) < SLOW)),
+            "reversals": sum(_turns(s[:, j]) for s in each) / seconds,
+        }
+        for j in range(w.shape[1])
+    ]
+    return {"levels": _LEVELS, "joints": joints}
+
+
+def _turns(w: Array) -> int:
+    """How often a velocity (T,) reverses, not counting what happens at rest."""
+    sign = np.sign(w[np.abs(w) >= SLOW])
+    return int(np.sum(sign[1:] != sign[:-1]))
 
 
 def _true_parameters(dataset: Dataset) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from frictionid.errors import InputError
+from frictionid.evaluation.loops import Loops
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,7 @@ class Protocol:
         "filter", the same state for all, or each "model" itself, see `observer`
     true_starts : whether simulated motion is also predicted from its true states, with memories of
         the true motion before: what is off then is the model's alone
+    loops : sinusoids on which friction is shown, of all laws; None: of laws that remember, some
 
     >>> Protocol(horizons=(0.5,)).every
     0.25
@@ -31,6 +33,7 @@ class Protocol:
     whole: bool = False
     starts: str = "filter"
     true_starts: bool = False
+    loops: Loops | None = None
 
     def __post_init__(self) -> None:
         if not self.horizons:

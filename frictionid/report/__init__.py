@@ -8,6 +8,8 @@ findings    sentences that the numbers support; summary: the page that holds all
 boxplots, horizons, tradeoff, curves, motion: one kind of picture each; style: common looks
 refined     what shooting found; intervals: its tables; remarks: its sentences; correlation, bands:
             its pictures; found: all of it for the page
+loops       friction along sinusoids: pictures, table, sentence; speeds: which occurred; learning:
+            losses over epochs
 write       all files of a report; terminal: what is printed of it
 """
 

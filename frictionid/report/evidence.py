@@ -64,6 +64,7 @@ class Entry:
     model: Mapping[str, Any]
     settings: Mapping[str, str]  # constructor calls of identifier and recipe
     refined: Mapping[str, Any] | None = None  # what shooting found, where it did
+    loops: Sequence[Mapping[str, Any]] = ()  # friction along sinusoids, where it was asked for
 
     @property
     def title(self) -> str:
@@ -171,6 +172,7 @@ def _entry(task: Mapping[str, Any], tasks: Sequence[Mapping[str, Any]]) -> Entry
         model=task["model"],
         settings=task["settings"],
         refined=task.get("refined") or None,
+        loops=task.get("loops") or (),
     )
 
 

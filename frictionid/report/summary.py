@@ -11,6 +11,7 @@ from frictionid.report.cautions import cautions
 from frictionid.report.evidence import Evidence, Section
 from frictionid.report.findings import foretold, held_out_findings, matter, unseen_findings
 from frictionid.report.found import Found
+from frictionid.report.loops import loop_findings
 from frictionid.report.tables import Table, code, escape_markdown, markdown
 
 KINDS = {"recordings": "whole recordings", "blocks": "contiguous blocks"}
@@ -83,7 +84,7 @@ def _section(
         "size": _size(evidence.about[name]),
         "folds": _folds(evidence.provenance["settings"].get("folds", {})),
         "words": foretold(told),
-        "findings": held_out_findings(told) + lead,
+        "findings": held_out_findings(told) + lead + loop_findings(section, evidence.about[name]),
         "table": markdown(own.table),
         "pictures": [_shown(picture) for picture in own.pictures],
         "details": [

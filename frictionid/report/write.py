@@ -21,10 +21,13 @@ from frictionid.report.intervals import (
     window_numbers,
     window_table,
 )
+from frictionid.report.learning import learning_curves
+from frictionid.report.loops import loop_pictures, loop_table
 from frictionid.report.motion import motions
 from frictionid.report.pairs import differences
 from frictionid.report.parameters import parameter_numbers, parameter_table
 from frictionid.report.scoreboard import board, caption_of, summary_table
+from frictionid.report.speeds import speed_table, velocity_scatter
 from frictionid.report.style import Look, drawing, looks, rendered
 from frictionid.report.summary import Part, Picture, summary
 from frictionid.report.tables import Table, latex, markdown
@@ -96,6 +99,9 @@ def _part(
             details.append(("Parameters of the models", numbers))
             frame = parameter_numbers(section)
             files += _write_table(folder, f"parameters--{name}", numbers, frame)
+        for title, stem, more in _memory(section, about):
+            details.append((title, more))
+            files += _write_table(folder, f"{stem}--{name}", more, None)
         shot, own = _shooting(folder, evidence, section, name)
         files += own
     pictures = []
@@ -103,6 +109,15 @@ def _part(
         files += _write_picture(folder, stem, figure)
         pictures.append(Picture(f"figures/{stem}", words))
     return Part(table, tuple(pictures), tuple(details), shot), files
+
+
+def _memory(section: Section, about: Any) -> Iterator[tuple[str, str, Table]]:
+    """Tables of loops, and of the speeds beside them, where models remember."""
+    loops = loop_table(section, about)
+    if loops is not None:
+        yield "Loops of friction over velocity", "loops", loops
+        if "speeds" in about:
+            yield "How fast the joints were", "speeds", speed_table(section.dataset, about)
 
 
 def _shooting(
@@ -188,3 +203,28 @@ def _drawn_of_fits(
         number = f"--{i + 1}" if len(pictures) > 1 else ""
         words = f"Friction over velocity, fitted on {dataset}, all folds."
         yield f"curves--{name}{number}", figure, words
+    yield from _drawn_of_memory(section, about, name, every)
+
+
+def _drawn_of_memory(
+    section: Section, about: Any, name: str, every: dict[str, Look]
+) -> Iterator[Drawn]:
+    """Pictures of learning, of loops, and of the speeds beside them."""
+    dataset = section.dataset
+    learned = learning_curves(section.of_role("fitted"), every, "without friction = 1")
+    if learned is not None:
+        words = f"Learning curves on {dataset}: the loss over the epochs, each fold."
+        yield f"learning--{name}", learned, words
+    pictures = loop_pictures(section, about, every)
+    stems = file_names(recipe for recipe, _ in pictures)
+    for i, (recipe, figure) in enumerate(pictures):
+        more = f"--{i + 1}" if [r for r, _ in pictures].count(recipe) > 1 else ""
+        beside = f", {recipe} recipe" if recipe and len(section.recipes) > 1 else ""
+        words = (
+            f"Friction along sinusoids, fitted on {dataset}{beside}: mean of the folds at three "
+            "frequencies, each fold at the middle one. Friction that depends on the velocity alone "
+            "shows a line, not a loop."
+        )
+        yield f"loops--{name}--{stems[recipe]}{more}", figure, words
+    if pictures and "velocities" in about:
+        yield f"speeds--{name}", velocity_scatter(about), f"Velocities of {dataset}."
