@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from frictionid.evaluation import Split
+from frictionid.evaluation.loops import Loops
 from frictionid.identifiers import (
-    CompressedNetwork,
     BlackBox,
+    CompressedNetwork,
     Identifier,
     LeastSquares,
     Linear,
@@ -19,8 +20,8 @@ from frictionid.identifiers import (
     Published,
     Regressor,
     SINDy,
-)
     SparseDynamics,
+)
 from frictionid.identifiers.estimators import estimator_named
 from frictionid.laws import (
     MLP,
@@ -43,8 +44,8 @@ from frictionid.laws import (
     Quadratic,
     Ripple,
     Spline,
-    Stribeck,
     StateLibrary,
+    Stribeck,
     Table,
 )
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
@@ -83,8 +84,8 @@ LAWS: Mapping[str, type] = {
     "ripple": Ripple,
     "library": Library,
     "table": Table,
-    "film_lag": FilmLag,
     "state_library": StateLibrary,
+    "film_lag": FilmLag,
     "film_lag_asymmetric": AsymmetricFilmLag,
     "dahl": Dahl,
     "lugre": LuGre,
@@ -227,7 +228,6 @@ def mlp(
     return CompressedNetwork(law)
 
 
-def published(file: str) -> Identifier:
 def sindy_dynamics(
     degree: Annotated[int, Field(ge=1)] = SparseDynamics.degree,
     turning: bool = True,
@@ -241,6 +241,7 @@ def sindy_dynamics(
     return BlackBox(SparseDynamics(degree, turning, width, limits, ridge, sure))
 
 
+def published(file: str) -> Identifier:
     """The friction of a model file, with its own mechanism parameters."""
     return Published(load_model(Path(file), LAWS))
 
@@ -272,6 +273,16 @@ def folds(
     return Split(count, kind, gap, seed)
 
 
+def loops(
+    amplitude: Annotated[list[Positive], Field(min_length=1)] | None = None,
+    frequency: Annotated[list[Positive], Field(min_length=1)] | None = None,
+    factors: Annotated[list[Positive], Field(min_length=1)] | None = None,
+) -> Loops:
+    """Sinusoids on which friction is shown."""
+    sizes, rates = (None if v is None else tuple(v) for v in (amplitude, frequency))
+    return Loops(sizes, rates, tuple(factors or Loops.factors))
+
+
 IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "none": none,
     "coulomb_viscous": coulomb_viscous,
@@ -284,6 +295,7 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "ripple": ripple,
     "sindy": sindy,
     "sklearn": sklearn,
+    "sindy_dynamics": sindy_dynamics,
     "film_lag": film_lag,
     "dahl": dahl,
     "lugre": lugre,
@@ -295,7 +307,6 @@ ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
     "savgol": savgol,
     "rts": rts,
 }
-    "sindy_dynamics": sindy_dynamics,
 RECIPES: Mapping[str, Recipe | Shooting] = {
     recipe.name: recipe for recipe in (STUDY, INTEGRAL, Shooting())
 }

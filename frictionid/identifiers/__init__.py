@@ -9,11 +9,11 @@ from frictionid.identifiers.nothing import Nothing
 from frictionid.identifiers.published import Published
 from frictionid.identifiers.regressor import Regressor
 from frictionid.identifiers.sindy import SINDy
-
 from frictionid.identifiers.sparse_dynamics import SparseDynamics
+
 __all__ = [
-    "CompressedNetwork",
     "BlackBox",
+    "CompressedNetwork",
     "Identifier",
     "LeastSquares",
     "Linear",
@@ -21,6 +21,6 @@ __all__ = [
     "Published",
     "Regressor",
     "SINDy",
+    "SparseDynamics",
     "check_identifier",
 ]
-    "SparseDynamics",
