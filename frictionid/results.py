@@ -28,6 +28,7 @@ from frictionid.evaluation import Prepared, Row, curves, speeds, steady_state, t
 from frictionid.evaluation.curves import SLOW
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.recordings import Dataset
+from frictionid.shooting.document import recordings_own
 from frictionid.store import read_json, remove_unfinished, write_json, write_text
 from frictionid.tasks import Task, file_name
 
@@ -105,6 +106,7 @@ def _about(prepared: Prepared) -> dict[str, Any]:
     d = mechanism_of(dataset.mechanism).description
     return {
         "mechanism": dataset.mechanism,
+        "own_base": recordings_own(dataset),
         "joints": list(d.joints),
         "torque_unit": d.torque_unit,
         "angle_unit": d.angle_unit,

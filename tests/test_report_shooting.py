@@ -15,7 +15,9 @@ import tiny
 
 from frictionid.compare import Contest
 from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.friction import Friction
 from frictionid.identifiers import LeastSquares
+from frictionid.laws import CoulombViscous
 from frictionid.laws import Stribeck as StribeckLaw
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.names import LAWS
@@ -25,8 +27,9 @@ from frictionid.report.evidence import gather
 from frictionid.report.intervals import interval_table
 from frictionid.report.style import looks
 from frictionid.results import describe
-from frictionid.shooting import Settings, Shooting
+from frictionid.shooting import Settings, Shooting, refine
 from frictionid.shooting.blocks import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.shooting.document import document_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 from frictionid.tasks import Task, grounds_of, run_tasks
 
@@ -344,3 +347,22 @@ def test_smooth_friction_without_a_told_rig_has_the_truth_of_friction_only(tmp_p
     about = json.loads((tmp_path / "out" / "datasets.json").read_text())["tiny"]
     true = about["true_parameters"]
     assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
+
+
+def test_recordings_with_masses_of_their_own_are_told_those():
+    dataset = pendulums()
+    heavy = tuple(replace(r, parameters=HEAVIER) for r in dataset.recordings)
+    start = Friction(CoulombViscous(), np.array([[COULOMB, 0.002]]))
+    blocks = (FrictionBlock(), InertiaBlock())
+    found = {}
+    for name, own in (("table", dataset), ("own", replace(dataset, recordings=heavy))):
+        result = refine(start, own, blocks, Settings(windows=(0.33,), iterations=3))
+        document = document_of(result, own, np.linspace(-4, 4, 5)[:, None])
+        found[name] = [p for p in document["parameters"] if p["block"] == "inertia"]
+    mechanism = mechanism_of(PENDULUM)
+    for k, (table, own) in enumerate(zip(found["table"], found["own"], strict=True)):
+        true = float(mechanism.base(parameters_of(PENDULUM, HEAVIER))[k])
+        assert own["told"] == pytest.approx(true, rel=1e-12)
+        # the motion says the same, whatever is told
+        assert own["value"] == pytest.approx(table["value"], rel=1e-3)
+        assert own["interval_95"][0] < own["value"] < own["interval_95"][1]

@@ -99,7 +99,7 @@ def numbers_beside(
     table, own = about.get("mechanism"), entry.model.get("parameters")
     if table and own:
         mechanism = mechanism_of(table)
-        base = mechanism.base(parameters_of(table, own))
+        base = mechanism.base(parameters_of(table, own)) + np.asarray(about.get("own_base", 0.0))
         out |= dict(zip(mechanism.base_names, map(float, base), strict=True))
     joints = entry.model["joints"]
     for e in read:

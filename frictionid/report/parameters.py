@@ -81,7 +81,7 @@ def _values(own: pd.DataFrame, recipes: Sequence[str], given: bool) -> list[Cell
     """Cells of one parameter: two for each recipe, and one for a given value."""
     sizes = own[["mean", "all_data"]].to_numpy(dtype=float)
     sizes = np.abs(sizes[np.isfinite(sizes) & (sizes != 0)])
-    places = int(np.clip(DIGITS - 1 - np.floor(np.log10(sizes.max())), 0, 5)) if sizes.size else 0
+    places = int(np.clip(DIGITS - 1 - np.floor(np.log10(sizes.max())), 0, 9)) if sizes.size else 0
     cells = []
     for recipe in (*recipes, *([ANY] if given else [])):
         line = own[own["recipe"] == recipe]

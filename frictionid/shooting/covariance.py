@@ -13,6 +13,7 @@ from frictionid.shooting.intervals import Intervals, values_of
 from frictionid.shooting.solve import Shot
 
 _FEW = 4  # recordings: of fewer, stretches of time are the clusters
+_SOME = 3  # recordings whose own scatter counts as well, where it is larger
 _STRETCHES = 24
 _SINGULAR = 1e-9  # of the largest singular value of the scaled normal equations
 _DRAWS = 2000
@@ -91,7 +92,7 @@ def covariance_of(intervals: Intervals, shot: Shot) -> Covariance:
     The sandwich estimate with the leverage of each recording taken into account: parameters are
     solved for with every recording left out in turn, to first order [BellMcCaffrey2002]; so noise,
     the model's errors, and what differs between recordings all count. Fewer than four recordings
-    are divided into 24 stretches of time.
+    are divided into 24 stretches of time; of three recordings the larger of both errors counts.
     """
     entries = tuple(e for part in intervals.parts for e in part.entries)
     values = values_of(shot.guess, intervals.parts)
@@ -100,17 +101,15 @@ def covariance_of(intervals: Intervals, shot: Shot) -> Covariance:
     use, free = shot.closed, shot.free
     H = shot.normal.H[use].sum(axis=0) + np.diag(precision)
     singular, lost, words = _undetermined(H, free, entries)
-    groups = _clusters(intervals, shot)[use]
-    names = np.unique(groups)
+    owner, groups = (own[use] for own in _clusters(intervals, shot))
     score = shot.normal.g[use] - shot.normal.H[use] @ shot.move
     keep = np.flatnonzero(free)
-    moves = np.zeros((len(names), len(keep)))
-    for c, name in enumerate(names):
-        own = groups == name
-        rest = (H - shot.normal.H[use][own].sum(axis=0))[np.ix_(keep, keep)]
-        moves[c] = -_solve(rest, score[own].sum(axis=0)[keep])
-    C = len(names)
-    inner = (C - 1) / C * (moves - moves.mean(axis=0)).T @ (moves - moves.mean(axis=0))
+    inner = _scatter(H, shot.normal.H[use], score, groups, keep)
+    if _SOME <= len(np.unique(owner)) < _FEW:
+        between = np.diag(_scatter(H, shot.normal.H[use], score, owner, keep))
+        wider = np.sqrt(np.maximum(1.0, between / np.maximum(np.diag(inner), 1e-300)))
+        inner = inner * np.outer(wider, wider)
+    C = len(np.unique(groups))
     matrix = np.zeros((D, D))
     matrix[np.ix_(keep, keep)] = inner
     unknown = ~free | lost
@@ -119,18 +118,30 @@ def covariance_of(intervals: Intervals, shot: Shot) -> Covariance:
     return Covariance(entries, values, matrix, max(C - 1, 1), singular, words, ~free, C)
 
 
+def _scatter(H: Array, parts: Array, score: Array, groups: Array, keep: Array) -> Array:
+    """Covariance of some parameters from what each group of windows alone would change in them."""
+    names = np.unique(groups)
+    moves = np.zeros((len(names), len(keep)))
+    for c, name in enumerate(names):
+        own = groups == name
+        rest = (H - parts[own].sum(axis=0))[np.ix_(keep, keep)]
+        moves[c] = -_solve(rest, score[own].sum(axis=0)[keep])
+    off = moves - moves.mean(axis=0)
+    return np.asarray((len(names) - 1) / len(names) * off.T @ off)
+
+
 def _solve(H: Array, g: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=_SINGULAR, hermitian=True)
     return np.asarray(inverse @ (g / scale) / scale)
 
 
-def _clusters(intervals: Intervals, shot: Shot) -> Array:
-    """Cluster (W,) of each window."""
+def _clusters(intervals: Intervals, shot: Shot) -> tuple[Array, Array]:
+    """Recording (W,) and cluster (W,) of each window."""
     owner = intervals.track.recording[shot.windows[:, 0]]
     if len(np.unique(owner)) >= _FEW:
-        return owner
-    return np.arange(len(owner)) * min(_STRETCHES, len(owner)) // len(owner)
+        return owner, owner
+    return owner, np.arange(len(owner)) * min(_STRETCHES, len(owner)) // len(owner)
 
 
 def _undetermined(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.mechanics import mechanism_of, parameters_of, plant_of
 from frictionid.recordings import Dataset
 from frictionid.shooting.blocks.block import Entry
 from frictionid.shooting.combined import Combined
@@ -22,14 +22,17 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
     """Parameters with intervals, correlation, curves with bands, and how it went.
 
     Each parameter has beside it what is told of it: the data set's mechanism gives base parameters,
-    its servo a motor's constants, a log without faults the rest; of friction nothing is told.
-    A network's combinations are left out, whose values say nothing: its bands say how sure it is.
+    its servo a motor's constants, a log without faults the rest; of friction nothing is told. Where
+    recordings have masses of their own, base parameters are those of their mean. A network's
+    combinations are left out, whose values say nothing: its bands say how sure it is.
     `bands` has the curve of each joint with half-widths at velocities (V, n), half as far again as
     those of the grid (V, n).
     """
     covariance, went = result.covariance, result.diagnostics
     intervals = {level: covariance.interval(level) for level in LEVELS}
     identified, error = covariance.identified, covariance.error
+    more = recordings_own(dataset)
+    shift = [more[e.place[0]] if e.block == "inertia" else 0.0 for e in covariance.entries]
     entries = enumerate(covariance.entries)
     named = [(k, entry) for k, entry in entries if not _combines(result, entry)]
     parameters = [
@@ -38,13 +41,16 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
             "name": entry.name,
             "unit": entry.unit,
             "joint": entry.place[0] if entry.block != "inertia" and entry.place else None,
-            "value": float(covariance.values[k]),
+            "value": float(covariance.values[k] + shift[k]),
             "error": float(error[k]),
-            **{f"interval_{round(100 * v)}": ends[k].tolist() for v, ends in intervals.items()},
+            **{
+                f"interval_{round(100 * v)}": (ends[k] + shift[k]).tolist()
+                for v, ends in intervals.items()
+            },
             "at_bound": bool(covariance.bound[k]),
             "identified": bool(identified[k]),
             "prior": entry.prior if np.isfinite(entry.prior) else None,
-            "told": _told(entry, dataset),
+            "told": _told(entry, dataset, shift[k]),
         }
         for k, entry in named
     ]
@@ -72,10 +78,19 @@ def _combines(result: Refined, entry: Entry) -> bool:
     return entry.block == "friction" and isinstance(result.fitted.law, Combined)
 
 
-def _told(entry: Entry, dataset: Dataset) -> float | None:
+def recordings_own(dataset: Dataset) -> Array:
+    """What the recordings' own parameters add to the table's base parameters (nb,), on average."""
+    return np.asarray(plant_of(dataset).p).mean(axis=0) - _table_base(dataset)
+
+
+def _table_base(dataset: Dataset) -> Array:
+    table: Any = dataset.mechanism
+    return np.asarray(mechanism_of(table).base(parameters_of(table, {})), dtype=float)
+
+
+def _told(entry: Entry, dataset: Dataset, shift: float) -> float | None:
     if entry.block == "inertia":
-        table: Any = dataset.mechanism
-        return float(mechanism_of(table).base(parameters_of(table, {}))[entry.place[0]])
+        return float(_table_base(dataset)[entry.place[0]] + shift)
     if entry.block == "actuator":
         value = getattr(dataset.recordings[0].servo, entry.name, None)
         return None if value is None else float(value)

@@ -1,0 +1,72 @@
+"""Public recordings by the shooting recipes of their suites: what they say of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from frictionid.friction import Friction
+from frictionid.mechanics import plant_of
+from frictionid.recipe import STUDY, training_problem
+from frictionid.shooting import Refined, Shooting, refine
+from frictionid.suite import load_suite, tasks_of
+
+pytestmark = pytest.mark.real
+
+COMPARISONS = Path(__file__).parents[1] / "comparisons"
+
+
+def fitted(
+    name: str, data: Path, which: Sequence[int] | None = None
+) -> dict[str, tuple[Friction, Refined]]:
+    """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
+    file = COMPARISONS / f"{name}_shooting.toml"
+    out = {}
+    for task in tasks_of(load_suite(file), file, data):
+        if not isinstance(task.recipe, Shooting) or task.name == "none":
+            continue
+        dataset, apart = task.contest.dataset, task.contest.protocol.sample_time
+        if which is not None:
+            dataset = replace(dataset, recordings=tuple(dataset.recordings[i] for i in which))
+        begins = []
+        for recipe in (STUDY, task.recipe.start):
+            problem = training_problem(dataset, plant_of(dataset), recipe, apart, 0.15)
+            begins.append(task.identifier.fit(problem, np.ones((1, len(problem.r))), 0)[0])
+        found = refine(
+            begins[1], dataset, task.recipe.blocks, task.recipe.settings, sample_time=apart
+        )
+        out[task.name] = begins[0], found
+    return out
+
+
+def identified(found: Refined) -> set[str]:
+    """Names of friction's parameters that are identified, their intervals without zero."""
+    covariance = found.covariance
+    low = covariance.interval(0.95)[:, 0]
+    return {
+        entry.name
+        for entry, known, end in zip(covariance.entries, covariance.identified, low, strict=True)
+        if entry.block == "friction" and known and end > 0
+    }
+
+
+def test_a_string_pendulum_is_slowed_by_drag_and_not_by_coulomb_friction(real_data):
+    found = fitted("phy180", real_data / "phy180_camera_pendulum")
+    _, quadratic = found["quadratic"]
+    _, levels = found["coulomb_viscous"]
+    assert identified(quadratic) == {"drag of joint 1"}
+    assert identified(levels) == {"viscous of joint 1"}
+    assert quadratic.diagnostics.sigma < levels.diagnostics.sigma
+
+
+def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data):
+    """Two of the six recordings of a passive double pendulum."""
+    found = fitted("ibm", real_data / "ibm_double_pendulum_chaotic", (0, 3))
+    study, shot = found["coulomb_viscous"]
+    viscous = study.law.names.index("viscous")
+    assert not study.theta[:, viscous].any()
+    assert "viscous of joint 2" in identified(shot)
