@@ -7,6 +7,8 @@ absolute and every other one is relative to the link before.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from frictionid.signals import Array
@@ -76,6 +78,37 @@ def turn_up(markers: Array) -> Array:
     array([[[ 2., -3.]]])
     """
     return np.asarray(markers, float) * np.array([1.0, -1.0])
+
+
+class Plane(NamedTuple):
+    """How a picture's points lie in the plane of motion, for `flattened`.
+
+    size : width and height of the picture [px]
+    shape : stretch along x against y and along the diagonal, slant to the right and downwards
+        (perspective), bulge of the lens; all relative, about the middle, per half diagonal
+    """
+
+    size: tuple[int, int]
+    shape: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def flattened(points: Array, plane: Plane) -> Array:
+    """Points (..., 2) [px] as a camera without tilt and lens distortion would see them [px].
+
+    With p from the picture's middle in half diagonals, p <- p (1 + bulge |p|^2), then
+    p <- p / (1 + slant p), then p <- p + [[a, b], [b, -a]] p.
+
+    >>> flattened(np.array([[10.0, 20.0]]), Plane((640, 480)))
+    array([[10., 20.]])
+    """
+    stretch, diagonal, right, down, bulge = plane.shape
+    middle = (np.array(plane.size, float) - 1) / 2
+    half = np.linalg.norm(middle)
+    p = (np.asarray(points, float) - middle) / half
+    p = p * (1.0 + bulge * (p**2).sum(-1, keepdims=True))
+    p = p / (1.0 + p @ np.array([right, down]))[..., None]
+    p = p + p @ np.array([[stretch, diagonal], [diagonal, -stretch]])
+    return np.asarray(middle + half * p)
 
 
 def _one_turn(angle: Array) -> Array:

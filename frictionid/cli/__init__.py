@@ -13,10 +13,12 @@ from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.fit import fit
 from frictionid.cli.log import log
+from frictionid.cli.render import render
 from frictionid.cli.report import report
 from frictionid.cli.simulate import simulate
 from frictionid.cli.simulate_drive import simulate_drive
 from frictionid.cli.suggest import suggest
+from frictionid.cli.track import track
 from frictionid.cli.tune import tune
 from frictionid.errors import InputError
 
@@ -29,6 +31,8 @@ app = typer.Typer(
 for command in (check, compare, fit, evaluate, report, simulate, suggest, log, simulate_drive):
     app.command()(command)
 app.command()(tune)
+app.command()(track)
+app.command()(render)
 app.add_typer(data, name="data")
 
 

@@ -8,13 +8,18 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
 from frictionid.errors import InputError
 from frictionid.readers.strict import nearest
 from frictionid.simulate.rig import Rig
+
+if TYPE_CHECKING:
+    from frictionid.simulate.film import Film
+
+Settings = TypeVar("Settings")
 
 
 def load_rig(path: str | Path) -> Rig:
@@ -25,17 +30,32 @@ def load_rig(path: str | Path) -> Rig:
     InputError
         Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
     """
-    file = Path(path)
+    return rig_of(_document(Path(path), "rig.toml"), str(path))
+
+
+def load_film(path: str | Path) -> Film:
+    """Simulated camera that a camera.toml describes.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
+    """
+    from frictionid.simulate.film import Film  # draws with OpenCV, which takes time to load
+
+    return _settings(Film, _document(Path(path), "camera.toml"), str(path))
+
+
+def _document(file: Path, kind: str) -> dict[str, Any]:
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "no UTF-8 text"
-        raise InputError(f"{file} cannot be read ({reason}); name a rig.toml") from None
+        raise InputError(f"{file} cannot be read ({reason}); name a {kind}") from None
     try:
-        document = tomllib.loads(text)
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file} is no TOML ({error}); correct it") from None
-    return rig_of(document, str(file))
 
 
 def rig_of(document: dict[str, Any], file: str) -> Rig:
@@ -48,18 +68,23 @@ def rig_of(document: dict[str, Any], file: str) -> Rig:
         ...
     frictionid.errors.InputError: rig.toml: unknown key 'nane'; did you mean 'name'?
     """
-    for place, key, known in _unknown_keys(document, Rig, ""):
+    return _settings(Rig, document, file)
+
+
+def _settings(kind: type[Settings], document: dict[str, Any], file: str) -> Settings:
+    for place, key, known in _unknown_keys(document, kind, ""):
         raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")
     for place, number in _infinite(document, ""):
         raise InputError(f"{file}: {place} = {number}; every number must be finite")
     try:
         # Table, as JSON: lists become tuples, tables dataclasses, and nothing else is converted.
-        rig: Rig = TypeAdapter(Rig).validate_json(json.dumps(document, default=str), strict=True)
+        text = json.dumps(document, default=str)
+        settings: Settings = TypeAdapter(kind).validate_json(text, strict=True)
     except ValidationError as invalid:
         # One mistake at a time: the first one often causes the others.
         error = invalid.errors(include_url=False)[0]
         raise InputError(f"{file}: {_sentence(error)}") from None
-    return rig
+    return settings
 
 
 def _sentence(error: Any) -> str:

@@ -1,0 +1,1 @@
+"""From pictures of coloured dots to joint angles with their accuracy."""

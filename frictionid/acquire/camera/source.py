@@ -1,0 +1,194 @@
+"""Frames of a video file, a sequence of pictures or a live camera, each with its time."""
+
+from __future__ import annotations
+
+import glob
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from frictionid.errors import InputError
+
+Image = NDArray[np.uint8]
+_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+_FAST = 1500.0  # [Hz]: no camera, but the clock of time stamps
+_FIRST = 30  # frames that tell the rate
+_TICK = 1e-3  # [s] to which some containers round their time stamps
+
+
+class Frame(NamedTuple):
+    """A picture (height, width, 3), blue, green and red, and its time stamp [s]."""
+
+    time: float
+    image: Image
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where frames come from.
+
+    size : width and height [px]; rate : frames per second, 0 where it is unknown
+    count : frames, where that is known; files : of a sequence of pictures
+    grid : whether frames come exactly at the rate, whatever their rounded time stamps say
+    """
+
+    name: str
+    kind: str
+    size: tuple[int, int]
+    rate: float
+    count: int | None
+    files: tuple[str, ...] = ()
+    grid: bool = False
+
+    def frames(self) -> Iterator[Frame]:
+        """The frames, one after the other.
+
+        Raises
+        ------
+        InputError
+            Where a video ends before its last frame, or pictures differ in size.
+        """
+        if self.kind == "pictures":
+            return self._pictures()
+        return self._live() if self.kind == "live" else self._video()
+
+    def _video(self) -> Iterator[Frame]:
+        capture = cv2.VideoCapture(self.name)
+        read = 0
+        try:
+            while True:
+                there, image = capture.read()
+                if not there:
+                    break
+                stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                yield Frame(self._exact(stamp), np.asarray(image, dtype=np.uint8))
+                read += 1
+        finally:
+            capture.release()
+        if self.count is not None and read < self.count:
+            raise InputError(
+                f"{self.name} ends after {read} of {self.count} frames: it is cut off or damaged; "
+                "copy it again, or cut it there with a video editor"
+            )
+
+    def _exact(self, stamp: float) -> float:
+        """Time of an evenly spaced frame where the container has rounded it."""
+        if not self.grid:
+            return stamp
+        even = round(stamp * self.rate) / self.rate
+        return even if abs(even - stamp) <= 0.5001 * _TICK else stamp
+
+    def _pictures(self) -> Iterator[Frame]:
+        for k, file in enumerate(self.files):
+            image = cv2.imread(file)
+            if image is None:
+                raise InputError(f"{file} is no picture; delete it or name others")
+            if image.shape[1::-1] != self.size:
+                raise InputError(
+                    f"{file} has {image.shape[1]} x {image.shape[0]} pixels and the first picture "
+                    f"{self.size[0]} x {self.size[1]}; all must have the same size"
+                )
+            yield Frame(k / self.rate, np.asarray(image, dtype=np.uint8))
+
+    def _live(self) -> Iterator[Frame]:
+        capture = cv2.VideoCapture(int(self.name))
+        begin = time.monotonic()
+        try:
+            while True:
+                there, image = capture.read()
+                if not there:
+                    return
+                yield Frame(time.monotonic() - begin, np.asarray(image, dtype=np.uint8))
+        finally:
+            capture.release()
+
+
+def open_source(what: str, rate: float | None = None) -> Source:
+    """Source that a text names: a file, a folder or pattern of pictures, or a camera's number.
+
+    Parameters
+    ----------
+    what : str
+    rate : float, optional
+        Frames per second of pictures, which have no times of their own.
+
+    Raises
+    ------
+    InputError
+        Where there is nothing, or it cannot be read as pictures.
+    """
+    if what.isdigit():
+        return _camera(what)
+    path = Path(what)
+    if path.is_dir():
+        found = [str(p) for p in sorted(path.iterdir()) if p.suffix.lower() in _PICTURES]
+        return _sequence(what, found, rate)
+    if glob.has_magic(what):
+        return _sequence(what, sorted(glob.glob(what)), rate)
+    if not path.is_file():
+        raise InputError(f"{what}: no such file; name a video, a folder of pictures or a camera")
+    if path.suffix.lower() in _PICTURES:
+        return _sequence(what, [what], rate or 1.0)
+    return _file(what)
+
+
+def _file(what: str) -> Source:
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        capture = cv2.VideoCapture(what, cv2.CAP_FFMPEG)
+        there = capture.isOpened() and capture.grab()
+        size, rate, count = _about(capture)
+        pace = _pace(capture)
+        capture.release()
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if not there:
+        raise InputError(f"{what} is no video that can be read, or has lost its end; name another")
+    # variable rates are stated as the resolution of the stamps
+    grid = 0 < rate < _FAST and abs(pace * rate - 1) < 0.05
+    return Source(what, "video", size, rate if grid else 1 / pace, count or None, (), grid)
+
+
+def _pace(capture: Any) -> float:
+    """Time [s] from frame to frame, in the median of the first ones."""
+    stamps = [capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3]
+    while len(stamps) < _FIRST and capture.grab():
+        stamps.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
+    gaps = np.diff(stamps)
+    return float(np.mean(gaps)) if len(gaps) and np.mean(gaps) > 0 else 1 / 30
+
+
+def _camera(what: str) -> Source:
+    capture = cv2.VideoCapture(int(what))
+    there = capture.isOpened() and capture.grab()
+    size, rate, _ = _about(capture)
+    capture.release()
+    if not there:
+        raise InputError(f"camera {what} gives no pictures; name another number or a video file")
+    return Source(what, "live", size, rate, None)
+
+
+def _about(capture: Any) -> tuple[tuple[int, int], float, int]:
+    get = capture.get
+    size = int(get(cv2.CAP_PROP_FRAME_WIDTH)), int(get(cv2.CAP_PROP_FRAME_HEIGHT))
+    return size, float(get(cv2.CAP_PROP_FPS)), int(get(cv2.CAP_PROP_FRAME_COUNT))
+
+
+def _sequence(what: str, files: list[str], rate: float | None) -> Source:
+    if not files:
+        raise InputError(f"{what}: no pictures there ({', '.join(_PICTURES)}); name another folder")
+    if rate is None:
+        raise InputError(f"{what}: pictures have no times; add rate = ... to [camera] of the rig")
+    first = cv2.imread(files[0])
+    if first is None:
+        raise InputError(f"{files[0]} is no picture; delete it or name others")
+    return Source(
+        what, "pictures", (first.shape[1], first.shape[0]), rate, len(files), tuple(files)
+    )

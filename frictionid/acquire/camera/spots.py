@@ -1,0 +1,133 @@
+"""Sub-pixel places of coloured dots: soft centroids of how much of a dot's colour a pixel has.
+
+The share is a linear function of blue, green and red that is 1 in the dot's colour and 0 in every
+grey, however bright: light, shadows and the links' metal do not matter, and what exposure and lens
+blur keeps its centroid.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from frictionid.acquire.camera.source import Image
+from frictionid.arrays import Array
+
+_LEVEL = 0.4  # share of the colour from which on a pixel may belong to a dot
+_EDGE = 2.5  # [px] around the dot that still count
+_BLOCK = 4  # [px] of blocks whose means tell the noise that a centroid feels
+_FLOOR = 0.015  # [px]: what compression and the grid of pixels leave
+
+
+class Spot(NamedTuple):
+    """A dot: place (2,) [px], its standard deviation [px], and its area [px^2] in full colour."""
+
+    at: Array
+    sigma: float
+    area: float
+
+
+class Patch(NamedTuple):
+    """Share of a colour (height, width) in a part of a picture whose first pixel is `corner`."""
+
+    share: Array
+    corner: tuple[int, int]
+
+
+def axis_of(hue: float, saturation: float, value: float) -> Array:
+    """Weights (1, 3) of blue, green and red that give the share of a colour.
+
+    >>> axis_of(0.0, 1.0, 1.0) @ [0.0, 0.0, 255.0], axis_of(0.0, 1.0, 1.0) @ [9.0, 9.0, 9.0]
+    (array([1.]), array([0.]))
+    """
+    pixel = np.array([[[hue, saturation, value]]], dtype=np.float32)
+    bgr = 255.0 * cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0].astype(float)
+    colourful = bgr - bgr.mean()
+    return np.asarray((colourful / (colourful @ colourful))[None], dtype=np.float32)
+
+
+def patch(image: Image, axis: Array, low: Array, high: Array) -> Patch | None:
+    """Share of a colour between two corners (x, y), None where that lies outside the picture."""
+    height, width = image.shape[:2]
+    x0, y0 = max(int(low[0]), 0), max(int(low[1]), 0)
+    x1, y1 = min(int(high[0]) + 1, width), min(int(high[1]) + 1, height)
+    if x1 - x0 < 3 or y1 - y0 < 3:
+        return None
+    part = image[y0:y1, x0:x1].astype(np.float32)
+    return Patch(cv2.transform(part, axis), (x0, y0))
+
+
+def blobs(found: Patch, amplitude: float, radius: float) -> Array:
+    """Centres (B, 2) [px] and areas, shape (B, 3), of connected parts in the colour, largest first.
+
+    Parts of less than a third of the dot's area are left out.
+    """
+    mask = (found.share > _LEVEL * amplitude).astype(np.uint8)
+    count, _, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    if count < 2:
+        return np.zeros((0, 3))
+    area = stats[1:, cv2.CC_STAT_AREA].astype(float)
+    order = np.argsort(-area)
+    order = order[area[order] >= np.pi * radius**2 / 3]
+    table = np.column_stack([centres[1:] + found.corner, area])
+    return np.asarray(table[order])
+
+
+def centroid(
+    found: Patch, near: Array, streak: Array, radius: float, amplitude: float, noise: float
+) -> Spot | None:
+    """The dot near a place, None where there is none.
+
+    Parameters
+    ----------
+    found : Patch
+    near : array, shape (2,) [px]
+    streak : array, shape (2,) [px], by which the dot moves during the exposure
+    radius : float [px]
+    amplitude : float, share of the colour that the dot itself has
+    noise : float, variance of the share times the area [px^2] over which it is alike
+    """
+    share, at = found.share, np.asarray(near, float) - found.corner
+    reach, half = radius + _EDGE, np.asarray(streak) / 2
+    mask = np.zeros(share.shape, dtype=np.uint8)
+    for _ in range(4):
+        mask[:] = 0
+        _stadium(mask, at, half, reach + 2.5, 2)
+        _stadium(mask, at, half, reach, 1)
+        ring = share[mask == 2]
+        back = float(np.partition(ring, len(ring) // 2)[len(ring) // 2]) if len(ring) > 8 else 0.0
+        weight = np.where(mask == 1, np.maximum(share - back, -0.3 * amplitude), 0.0)
+        m = cv2.moments(weight.astype(np.float32))
+        if m["m00"] < 0.15 * amplitude * np.pi * radius**2:
+            return None
+        new = np.array([m["m10"], m["m01"]]) / m["m00"]
+        moved, at = float(np.abs(new - at).max()), new
+        if moved < 0.25:
+            break
+    spread = np.pi * reach**4 / 4 + 2 * reach * np.hypot(*half) * reach**2 / 3
+    sigma = float(np.hypot(np.sqrt(noise * spread) / m["m00"], _FLOOR))
+    return Spot(at + found.corner, sigma, m["m00"] / amplitude)
+
+
+def _stadium(mask: Image, at: Array, half: Array, reach: float, value: int) -> None:
+    ends = [tuple(int(v) for v in np.round((at + s * half) * 16)) for s in (-1, 1)]
+    cv2.line(mask, ends[0], ends[1], value, max(int(round(2 * reach)), 1), cv2.LINE_8, 4)
+
+
+def noise_of(found: Patch, at: Array, reach: float) -> float:
+    """Noise as `centroid` wants it, of what lies around a dot; nan where too little does."""
+    share = found.share
+    rows, columns = share.shape[0] // _BLOCK, share.shape[1] // _BLOCK
+    if rows < 2 or columns < 2:
+        return float("nan")
+    part = share[: rows * _BLOCK, : columns * _BLOCK]
+    means = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_AREA)
+    y, x = (np.mgrid[:rows, :columns] + 0.5) * _BLOCK - 0.5
+    x, y = x + found.corner[0] - at[0], y + found.corner[1] - at[1]
+    away = means[np.hypot(x, y) > reach + 2 * _BLOCK]
+    if len(away) < 12:
+        return float("nan")
+    middle = np.median(away)
+    return float((1.4826 * np.median(np.abs(away - middle))) ** 2 * _BLOCK**2)

@@ -1,0 +1,45 @@
+"""frictionid render: videos of simulated recordings, as a camera takes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def render(
+    dataset: Annotated[Path, typer.Argument(help="A simulated data set, with its true motion.")],
+    camera: Annotated[Path, typer.Option(help="Settings of the simulated camera, a camera.toml.")],
+    out: Annotated[Path, typer.Option(help="Folder of the videos to write.")],
+    only: Annotated[list[str] | None, typer.Option(help="Recordings, all where none is named.")] = (
+        None
+    ),
+) -> None:
+    """Render simulated recordings as videos of coloured dots."""
+    from frictionid.cli.progress import counted
+    from frictionid.errors import InputError
+    from frictionid.readers.dataset import load_dataset
+    from frictionid.readers.strict import nearest
+    from frictionid.simulate.film import write_film
+    from frictionid.simulate.settings import load_film
+
+    film, data = load_film(camera), load_dataset(dataset)
+    names = [r.name for r in data.recordings]
+    for name in only or ():
+        if name not in names:
+            raise InputError(f"{dataset}: no recording {name!r}; {nearest(name, names)}")
+    chosen = [r for r in data.recordings if not only or r.name in only]
+    without = next((r.name for r in chosen if r.truth is None), None)
+    if without is not None:
+        raise InputError(f"{dataset}: {without!r} has no true motion; render simulated data sets")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out} cannot be made ({error.strerror}); name another") from None
+    with counted(len(chosen), data.name) as tell:
+        for recording in chosen:
+            assert recording.truth is not None
+            write_film(film, recording.truth, out / recording.name)
+            tell(recording.name)
+    print(f"{len(chosen)} videos written to {out}")

@@ -1,0 +1,188 @@
+"""Videos of simulated recordings, as a camera at a laboratory takes them, with the truth beside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from frictionid.errors import InputError
+from frictionid.recordings import Motion
+from frictionid.signals import Array
+from frictionid.simulate.scene import Image, Look, Scene
+from frictionid.simulate.view import View, chain
+
+CLOCK = 90_000  # ticks per second of time stamps
+_STREAK = 1.0  # [px] between two instants of an exposure
+
+
+@dataclass(frozen=True)
+class Film:
+    """A simulated camera.
+
+    lengths : of the links from marker to marker [m]
+    rate : frames per second
+    exposure : [s]; noise : standard deviation of each colour [of 255]
+    dropped : share of frames that are missing; jitter : standard deviation of the instants [s]
+    hidden : share of frames in which something is before a dot
+    codec : "jpeg": a picture each, with its time stamp; "mpeg4": compressed, evenly spaced
+    """
+
+    lengths: tuple[float, ...]
+    rate: float = 60.0
+    exposure: float = 0.004
+    noise: float = 6.0
+    dropped: float = 0.0
+    jitter: float = 0.0
+    hidden: float = 0.0
+    view: View = field(default_factory=View)
+    look: Look = field(default_factory=Look)
+    codec: Literal["jpeg", "mpeg4"] = "jpeg"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "exposure"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name} = {getattr(self, name):g} must be positive")
+        for name in ("noise", "dropped", "jitter", "hidden"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"{name} = {getattr(self, name):g} must not be negative")
+        if len(self.look.dots) != len(self.lengths) + 1:
+            raise InputError(
+                f"look.dots has {len(self.look.dots)} entries for {len(self.lengths)} links: give "
+                "one for the pivot, each joint and the tip, [] where there is no dot"
+            )
+
+        if self.codec == "mpeg4" and (self.dropped or self.jitter):
+            raise InputError(
+                'codec = "mpeg4" has no time stamps for dropped or jittering frames; use "jpeg"'
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A frame: middle of its exposure [s], its picture, and which markers (n + 1,) are hidden."""
+
+    time: float
+    image: Image
+    hidden: Array
+
+
+def shots(film: Film, motion: Motion) -> Iterator[Shot]:
+    """Frames that the camera takes of a motion; the same for the same settings."""
+    rng = np.random.default_rng([film.seed, 7])
+    scene = Scene(film.look, film.view.size, film.view.pivot, film.seed)
+    angle = CubicHermiteSpline(motion.angle.time, motion.angle.value, motion.velocity.value)
+    bank = _noise(film, rng)
+    cover = _Occluder(film, rng)
+    for time in _times(film, motion, rng):
+        within = np.array([-0.5, 0.0, 0.5]) * film.exposure + time
+        ends = film.view.pixels(chain(angle(within), np.array(film.lengths)))
+        streak = np.linalg.norm(ends[-1] - ends[0], axis=-1).max()
+        count = int(np.clip(np.ceil(streak / _STREAK), 1, 48))
+        # in the middle of equal parts of the exposure
+        at = time + ((np.arange(count) + 0.5) / count - 0.5) * film.exposure
+        markers = film.view.pixels(chain(angle(at), np.array(film.lengths)))
+        image = scene.picture(markers)
+        hidden = cover.before(image, ends[1])
+        yield Shot(float(time), _noisy(image, bank, rng), hidden)
+
+
+def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Array]:
+    """Path of the video, times (K,) of its frames, and which markers (K, n + 1) something hides.
+
+    The path is the stem with .mov (JPEGs with time stamps) or .mp4 (MPEG-4 at the film's rate).
+
+    Raises
+    ------
+    InputError
+        Where it cannot be written.
+    """
+    jpeg = film.codec == "jpeg"
+    path = stem.with_suffix(".mov" if jpeg else ".mp4")
+    code = cv2.VideoWriter.fourcc(*("jpeg" if jpeg else "mp4v"))
+    rate, options = (CLOCK, [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]) if jpeg else (film.rate, [])
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, film.view.size, options)
+    if not writer.isOpened():
+        raise InputError(f"{path} cannot be written as a video; name another folder")
+    times, hidden = [], []
+    for shot in shots(film, motion):
+        times.append(shot.time)
+        hidden.append(shot.hidden)
+        if jpeg:
+            writer.set(cv2.VIDEOWRITER_PROP_PTS, float(round((shot.time - times[0]) * CLOCK)))
+            writer.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, 1.0)
+            writer.write(cv2.imencode(".jpg", shot.image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1])
+        else:
+            writer.write(shot.image)
+    writer.release()
+    return path, np.array(times), np.array(hidden)
+
+
+def _times(film: Film, motion: Motion, rng: np.random.Generator) -> Array:
+    """Middles of the exposures [s], inside the motion."""
+    start, stop = motion.angle.time[0], motion.angle.time[-1]
+    count = int(np.floor((stop - start) * film.rate + 1e-9)) + 1
+    time = start + np.arange(count) / film.rate
+    if film.jitter:
+        limit = 0.4 / film.rate
+        time = time + np.clip(film.jitter * rng.standard_normal(count), -limit, limit)
+    if film.dropped:
+        keep = rng.random(count) >= film.dropped
+        keep[0] = True
+        time = time[keep]
+    if film.jitter:
+        time = np.clip(time, start, stop)
+    # stamps are whole ticks, and pictures are taken when they say
+    return np.asarray(time[0] + np.round((time - time[0]) * CLOCK) / CLOCK)
+
+
+def _noise(film: Film, rng: np.random.Generator) -> Array | None:
+    if not film.noise:
+        return None
+    width, height = film.view.size
+    noise = rng.standard_normal((height + 64, width + 64, 3), dtype=np.float32)
+    return np.asarray(np.round(film.noise * noise), dtype=np.int16)
+
+
+def _noisy(image: Image, bank: Array | None, rng: np.random.Generator) -> Image:
+    """The picture with noise: a part of a large sheet of it, another one each time."""
+    if bank is None:
+        return image
+    x, y = rng.integers(0, 64, 2)
+    part = np.ascontiguousarray(bank[y : y + image.shape[0], x : x + image.shape[1]])
+    return np.asarray(cv2.add(image, part, dtype=cv2.CV_8U), dtype=np.uint8)
+
+
+class _Occluder:
+    """Something grey that comes before one of the dots now and then, for one to four frames."""
+
+    def __init__(self, film: Film, rng: np.random.Generator):
+        self.film, self.rng = film, rng
+        self.left, self.marker, self.offset, self.half = 0, 1, np.zeros(2), np.zeros(2)
+
+    def before(self, image: Image, markers: Array) -> Array:
+        """Which markers (n + 1,) it hides in this picture, wholly or in part."""
+        film, rng = self.film, self.rng
+        hidden = np.zeros(len(markers), dtype=bool)
+        if not film.hidden:
+            return hidden
+        if not self.left and rng.random() < film.hidden / 2.5:  # 2.5 frames each
+            self.left = int(rng.integers(1, 5))
+            self.marker = int(rng.integers(1, len(markers)))
+            self.half = rng.uniform(film.look.radius, 4 * film.look.radius, 2)
+            self.offset = rng.uniform(-1, 1, 2) * (self.half + 0.7 * film.look.radius)
+        if self.left:
+            self.left -= 1
+            middle = markers[self.marker] + self.offset
+            low = np.floor(middle - self.half).astype(int).tolist()
+            high = np.ceil(middle + self.half).astype(int).tolist()
+            cv2.rectangle(image, low, high, (70, 75, 80), -1)
+            r = film.look.radius
+            hidden = (np.abs(markers - middle) < self.half + r).all(axis=-1)
+        return hidden

@@ -1,0 +1,134 @@
+"""What a simulated camera sees: a lit background, links, coloured dots, shadows and occluders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from frictionid.signals import Array
+
+Image = NDArray[np.uint8]
+_SHIFT = 4  # fractional bits of the coordinates of lines
+
+
+@dataclass(frozen=True)
+class Look:
+    """How things look.
+
+    dots : hue [deg], saturation and value (0 to 1) of each marker's dot; () where there is none
+    radius : of the dots [px]
+    link : grey level of the links (0 to 1); link_width [px]
+    background : "plate": a white plate on a grey wall, "wall": a plain one, "workshop": things of
+        many colours, not as bright as the dots
+    wall : colour of the wall, as of the dots
+    gradient : by which share light falls from one corner to the other
+    shadow : how much darker the shadow of the links is, on whatever lies 25 px below
+    """
+
+    dots: tuple[tuple[float, ...], ...] = ((), (0.0, 0.85, 0.85), (210.0, 0.85, 0.85))
+    radius: float = 8.0
+    link: float = 0.55
+    link_width: float = 22.0
+    background: Literal["plate", "wall", "workshop"] = "plate"
+    wall: tuple[float, float, float] = (30.0, 0.08, 0.6)
+    gradient: float = 0.0
+    shadow: float = 0.0
+
+
+class Scene:
+    """Pictures of a chain of markers, without noise."""
+
+    def __init__(self, look: Look, size: tuple[int, int], pivot: tuple[float, float], seed: int):
+        self.look, self.size = look, size
+        width, height = size
+        across = np.linspace(0, 1, width)[None, :] + np.linspace(0, 1, height)[:, None]
+        self.light = (1.0 - look.gradient * across / 2).astype(np.float32)[..., None]
+        self.backdrop = self._lit(_backdrop(look, size, pivot, np.random.default_rng(seed)))
+
+    def picture(self, exposed: Array) -> Image:
+        """Image of markers whose pixels (S, n + 1, 2) are spread over the exposure."""
+        image = self.backdrop.copy()
+        some = exposed[np.linspace(0, len(exposed) - 1, min(3, len(exposed))).astype(int)]
+        if self.look.shadow:
+            self._links(image, some + 25.0 * np.array([0.3, 1.0]), None)
+        self._links(image, some, 255 * self.look.link)
+        for marker, hsv in enumerate(self.look.dots):
+            if hsv:
+                self._dot(image, exposed[:, marker], np.array(colour(*hsv)))
+        return image
+
+    def _links(self, image: Image, exposed: Array, grey: float | None) -> None:
+        """Links (grey None: their shadow), averaged over the exposure where they are."""
+        reach = int(self.look.link_width) + 3
+        low = np.floor(exposed.reshape(-1, 2).min(0)).astype(int) - reach
+        high = np.ceil(exposed.reshape(-1, 2).max(0)).astype(int) + reach
+        (x0, y0), (x1, y1) = np.clip(low, 0, self.size), np.clip(high, 0, self.size)
+        if x1 <= x0 or y1 <= y0:
+            return
+        cover = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
+        for markers in exposed:
+            mask = np.zeros(cover.shape, dtype=np.uint8)
+            ends = np.round((markers - [x0, y0]) * 2**_SHIFT).astype(int)
+            for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+                cv2.line(mask, a, b, 255, int(self.look.link_width), cv2.LINE_AA, _SHIFT)
+            cover += mask.astype(np.float32) / (255 * len(exposed))
+        part, cover = image[y0:y1, x0:x1], cover[..., None]
+        if grey is None:
+            new = part * (1 - self.look.shadow * cover)
+        else:
+            new = part * (1 - cover) + cover * self.light[y0:y1, x0:x1] * grey
+        part[:] = np.round(new)
+
+    def _dot(self, image: Image, path: Array, bgr: Array) -> None:
+        """A disc, each pixel covered for as long as the disc is over it."""
+        r = self.look.radius
+        low = np.clip(np.floor(path.min(0) - r - 2).astype(int), 0, self.size)
+        high = np.clip(np.ceil(path.max(0) + r + 3).astype(int), 0, self.size)
+        (x0, y0), (x1, y1) = low, high
+        if x1 <= x0 or y1 <= y0:
+            return
+        y, x = np.mgrid[y0:y1, x0:x1]
+        away = np.hypot(x - path[:, 0, None, None], y - path[:, 1, None, None])
+        cover = np.clip(r + 0.5 - away, 0, 1).mean(0)[..., None]
+        part = image[y0:y1, x0:x1]
+        part[:] = np.round(part * (1 - cover) + cover * self.light[y0:y1, x0:x1] * bgr)
+
+    def _lit(self, image: Array) -> Image:
+        return np.asarray(np.clip(np.round(image * self.light), 0, 255), dtype=np.uint8)
+
+
+def colour(hue: float, saturation: float, value: float) -> tuple[float, float, float]:
+    """Blue, green and red (0 to 255) of a hue [deg], saturation and value.
+
+    >>> colour(0.0, 1.0, 1.0)
+    (0.0, 0.0, 255.0)
+    """
+    pixel = np.array([[[hue, saturation, value]]], dtype=np.float32)
+    b, g, r = (255 * cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0]).tolist()
+    return b, g, r
+
+
+def _backdrop(
+    look: Look, size: tuple[int, int], pivot: tuple[float, float], rng: np.random.Generator
+) -> Array:
+    width, height = size
+    image = np.full((height, width, 3), colour(*look.wall), dtype=np.float32)
+    if look.background == "plate":
+        # shafts stand before a white plate, that shadows do not look like something
+        half = 0.36 * height
+        low = (int(pivot[0] - half), int(pivot[1] - 0.5 * half))
+        high = (int(pivot[0] + half), int(pivot[1] + 0.5 * half))
+        cv2.rectangle(image, low, high, (235, 238, 236), -1)
+    if look.background == "workshop":
+        for _ in range(40):
+            at = rng.uniform([0, 0], [width, height])
+            extent = rng.uniform(20, 220, 2)
+            # nothing there is as colourful as a dot
+            hsv = (rng.uniform(0, 360), rng.uniform(0, 0.3), rng.uniform(0.2, 0.9))
+            ends = (at - extent / 2).astype(int).tolist(), (at + extent / 2).astype(int).tolist()
+            cv2.rectangle(image, *ends, colour(*hsv), -1, cv2.LINE_AA)
+    return cv2.GaussianBlur(image, (0, 0), 1.0)

@@ -1,0 +1,66 @@
+"""Where a tilted camera with a lens sees points of the plane in which a mechanism moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from frictionid.signals import Array
+
+
+@dataclass(frozen=True)
+class View:
+    """A pinhole with radial distortion that looks at a plane.
+
+    size : pixels to the right and downwards
+    pivot : pixel at which an untilted camera without distortion sees the fixed joint
+    scale : pixels per metre at the pivot's distance
+    distance : of the camera from the plane [m]
+    tilt : rotation vector [deg] of the plane about the picture's horizontal and vertical axis
+    distortion : by which share points at the picture's corners move outwards
+    """
+
+    size: tuple[int, int] = (1280, 720)
+    pivot: tuple[float, float] = (640.0, 360.0)
+    scale: float = 900.0
+    distance: float = 2.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    distortion: float = 0.0
+
+    def pixels(self, points: Array) -> Array:
+        """Pixels (..., 2), x to the right and y downwards, of points (..., 2) [m] from the pivot.
+
+        The points count to the right and downwards as the picture does.
+
+        >>> View().pixels(np.array([[0.1, 0.0]]))
+        array([[730., 360.]])
+        """
+        size, pivot = np.array(self.size, float), np.array(self.pivot)
+        middle = (size - 1) / 2
+        flat = np.asarray(points, float) + (pivot - middle) / self.scale
+        X = flat @ _turned(*np.radians(self.tilt)).T  # (..., 3)
+        seen = X[..., :2] / (1.0 + X[..., 2:] / self.distance) * self.scale
+        corner = np.linalg.norm(middle)
+        out = 1.0 + self.distortion * (seen**2).sum(-1, keepdims=True) / corner**2
+        return np.asarray(middle + seen * out)
+
+
+def _turned(about_x: float, about_y: float) -> Array:
+    """The first two columns (3, 2) of the rotation by a vector in the picture's plane."""
+    return np.asarray(Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()[:, :2])
+
+
+def chain(angles: Array, lengths: Array) -> Array:
+    """Pivot, joints and tip (T, n + 1, 2) [m] from the pivot, for joint angles (T, n) [rad].
+
+    Angles are relative to the link before and 0 where the chain hangs; x to the right, y downwards.
+
+    >>> chain(np.array([[np.pi / 2, 0.0]]), np.array([1.0, 2.0])).round(9)[0, -1]
+    array([3., 0.])
+    """
+    absolute = np.cumsum(angles, axis=-1)
+    links = np.stack([np.sin(absolute), np.cos(absolute)], axis=-1) * np.asarray(lengths)[:, None]
+    ends = np.cumsum(links, axis=-2)
+    return np.concatenate([np.zeros_like(ends[..., :1, :]), ends], axis=-2)
