@@ -12,7 +12,6 @@ from frictionid.evaluation import Split
 from frictionid.evaluation.loops import Loops
 from frictionid.identifiers import (
     BlackBox,
-    CompressedNetwork,
     Identifier,
     LeastSquares,
     Linear,
@@ -24,6 +23,7 @@ from frictionid.identifiers import (
 )
 from frictionid.identifiers.estimators import estimator_named
 from frictionid.laws import (
+    LSTM,
     MLP,
     AsymmetricCoulombViscous,
     AsymmetricFilmLag,
@@ -32,6 +32,7 @@ from frictionid.laws import (
     AsymmetricStribeck,
     CoulombViscous,
     Dahl,
+    Ensemble,
     FilmLag,
     GearLoad,
     Library,
@@ -47,7 +48,9 @@ from frictionid.laws import (
     StateLibrary,
     Stribeck,
     Table,
+    WindowMLP,
 )
+from frictionid.network_settings import lstm, mlp, window_mlp
 from frictionid.recipe import INTEGRAL, STUDY, Recipe
 from frictionid.shooting import Shooting
 from frictionid.shooting.blocks import (
@@ -90,7 +93,10 @@ LAWS: Mapping[str, type] = {
     "dahl": Dahl,
     "lugre": LuGre,
     "lugre_asymmetric": AsymmetricLuGre,
+    "ensemble": Ensemble,
     "mlp": MLP,
+    "window_mlp": WindowMLP,
+    "lstm": LSTM,
 }
 
 
@@ -215,19 +221,6 @@ def lugre(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh")
     return LeastSquares((LuGre if symmetric else AsymmetricLuGre)(width, shape))
 
 
-def mlp(
-    hidden: Annotated[list[Count], Field(min_length=1)] | None = None,
-    odd: bool = MLP.odd,
-    dissipative: bool = MLP.dissipative,
-    monotone_tail: bool = MLP.monotone_tail,
-    width: Positive = 0.02,
-    shape: Shape = "tanh",
-) -> Identifier:
-    """A friction curve by a network, fitted by Levenberg-Marquardt on compressed squares."""
-    law = MLP(tuple(hidden or MLP.hidden), odd, dissipative, monotone_tail, 0, width, shape)
-    return CompressedNetwork(law)
-
-
 def sindy_dynamics(
     degree: Annotated[int, Field(ge=1)] = SparseDynamics.degree,
     turning: bool = True,
@@ -300,6 +293,8 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "dahl": dahl,
     "lugre": lugre,
     "mlp": mlp,
+    "window_mlp": window_mlp,
+    "lstm": lstm,
     "published": published,
 }
 ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {

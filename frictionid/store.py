@@ -127,8 +127,6 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     """
     if unsaved := getattr(friction.law, "unsaved", ""):
         raise InputError(f"{friction.law} cannot be saved: {unsaved}")
-    names = [name for name, law in laws.items() if type(friction.law) is law]
-    kind = names[0] if names else type(friction.law).__name__
     theta = np.asarray(friction.theta, dtype=float)
     mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
     words = [
@@ -140,7 +138,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     ]
     return {
         "format": FORMAT,
-        "law": {"kind": kind, **_settings(friction.law)},
+        "law": _law_table(friction.law, laws),
         **({} if is_network(friction.law) else {"joints": words}),
         "theta": theta,
         "shape": list(theta.shape),
@@ -152,11 +150,17 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     }
 
 
-def _settings(law: Any) -> dict[str, Any]:
-    if not is_dataclass(law) or isinstance(law, type):
-        return {}
-    saved = {f.name for f in fields(law) if f.metadata.get("saved", True)}
-    return {name: value for name, value in asdict(law).items() if name in saved}
+def _law_table(law: Any, laws: Mapping[str, type]) -> dict[str, Any]:
+    """Kind and settings of a law; one within another, as in an ensemble, is such a table itself."""
+    names = [name for name, known in laws.items() if type(law) is known]
+    table: dict[str, Any] = {"kind": names[0] if names else type(law).__name__}
+    if is_dataclass(law) and not isinstance(law, type):
+        for field in fields(law):
+            value = getattr(law, field.name)
+            if field.metadata.get("saved", True):
+                inner = hasattr(value, "torque")
+                table[field.name] = _law_table(value, laws) if inner else value
+    return table
 
 
 def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:
@@ -263,7 +267,11 @@ def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
         near = get_close_matches(kind, list(laws), n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InputError(f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}")
-    settings = {k: v for k, v in table.items() if k != "kind"}
+    settings = {
+        k: _law(v, laws, where) if isinstance(v, Mapping) and "kind" in v else v
+        for k, v in table.items()
+        if k != "kind"
+    }
     known = {f.name: f.default for f in fields(laws[kind])} if is_dataclass(laws[kind]) else {}
     for name, value in settings.items():
         if name not in known:

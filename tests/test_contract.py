@@ -12,6 +12,7 @@ from frictionid.friction import Friction, along
 from frictionid.identifiers import (
     CompressedNetwork,
     LeastSquares,
+    Network,
     Nothing,
     Published,
     check_identifier,
@@ -50,7 +51,8 @@ OURS = [
     *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), AsymmetricStribeck())),
     *(LeastSquares(law) for law in (NoFriction(), Sampled())),
     LeastSquares(Stribeck(), robust=2.0),
-    CompressedNetwork(MLP()),
+    CompressedNetwork(MLP((6,)), nodes=15, freedom=(1.0,)),
+    Network(MLP((4,)), epochs=3, inputs="all", members=2),
     Mean(),
 ]
 

@@ -5,6 +5,7 @@ from frictionid.identifiers.compressed import CompressedNetwork
 from frictionid.identifiers.contract import Identifier, check_identifier
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.linear import Linear
+from frictionid.identifiers.network import Network
 from frictionid.identifiers.nothing import Nothing
 from frictionid.identifiers.published import Published
 from frictionid.identifiers.regressor import Regressor
@@ -17,6 +18,7 @@ __all__ = [
     "Identifier",
     "LeastSquares",
     "Linear",
+    "Network",
     "Nothing",
     "Published",
     "Regressor",

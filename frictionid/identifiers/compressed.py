@@ -52,7 +52,7 @@ class CompressedNetwork:
     share: float = 0.15
     members: int = 1
     iterations: int = 60
-    tolerance: float = 1e-6
+    tolerance: float = 1e-5
 
     def __post_init__(self) -> None:
         law, missing = (
@@ -81,9 +81,11 @@ class CompressedNetwork:
         thetas = []
         for own in member_seeds(seed, self.members):
             start = self.law.begin(*sizes, np.random.default_rng(own))
-            inner = held_out(problem, weights, self.share, own)
-            judge = self._squares(problem, weights * inner)
-            freedom = self._best(whole.without(judge), judge, start)
+            freedom = np.full(len(weights), self.freedom[0])
+            if len(self.freedom) > 1:
+                inner = held_out(problem, weights, self.share, own)
+                judge = self._squares(problem, weights * inner)
+                freedom = self._best(whole.without(judge), judge, start)
             thetas.append(self._settled(whole, start, freedom))
         return together(self.law, thetas)
 

@@ -55,11 +55,11 @@ class Network:
     """
 
     law: Any
-    epochs: int = 60
+    epochs: int = 40
     batch: int = 256
     rate: float = 1e-2
     share: float = 0.15
-    patience: int = 15
+    patience: int = 10
     members: int = 1
     inputs: str = "own"
     burn_in: int = 8
@@ -98,10 +98,10 @@ class Network:
         inner = np.concatenate([held_out(problem, weights, self.share, s) for s in seeds])
         every = np.tile(weights, (self.members, 1))
         queues = [s for s in seeds for _ in weights]
-        theta = self._trained(law, problem, start, (every * ~inner, every * inner), queues)
+        theta = self.trained(law, problem, start, (every * ~inner, every * inner), queues)
         return together(law, np.split(theta, self.members))
 
-    def _trained(
+    def trained(
         self,
         law: Any,
         problem: Problem,

@@ -3,6 +3,7 @@
 from frictionid.laws.contract import check_law
 from frictionid.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
 from frictionid.laws.dahl import Dahl
+from frictionid.laws.ensemble import Ensemble, members_of
 from frictionid.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.laws.gear_load import GearLoad, MotorLoadQuadratic
 from frictionid.laws.library import Library
@@ -31,6 +32,7 @@ __all__ = [
     "AsymmetricStribeck",
     "CoulombViscous",
     "Dahl",
+    "Ensemble",
     "FilmLag",
     "GearLoad",
     "Library",
@@ -49,4 +51,5 @@ __all__ = [
     "TorchModule",
     "WindowMLP",
     "check_law",
+    "members_of",
 ]

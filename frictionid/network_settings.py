@@ -1,0 +1,98 @@
+"""Settings of networks, as suites and commands name them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from frictionid.errors import InputError
+from frictionid.identifiers import CompressedNetwork, Identifier, Network
+from frictionid.laws import LSTM, MLP, WindowMLP
+
+Shape = Literal["tanh", "arctan"]
+Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=1)]
+Hidden = Annotated[list[Count], Field(min_length=1)] | None
+Device = Literal["cpu", "cuda"]
+
+
+def mlp(
+    hidden: Hidden = None,
+    odd: bool = MLP.odd,
+    dissipative: bool = MLP.dissipative,
+    monotone_tail: bool = MLP.monotone_tail,
+    inputs: Literal["own", "all"] = "own",
+    solver: Literal["levenberg_marquardt", "adam"] | None = None,
+    epochs: Count = Network.epochs,
+    batch: Count = Network.batch,
+    rate: Positive = Network.rate,
+    patience: Count = Network.patience,
+    members: Count = 1,
+    device: Device = "cpu",
+    compile: bool = False,
+    width: Positive = 0.02,
+    shape: Shape = "tanh",
+) -> Identifier:
+    """A friction curve by a network of the velocity, on request of all joints' velocities.
+
+    Of its own joint's alone it is fitted by Levenberg-Marquardt, unless `solver` is "adam", whose
+    settings are epochs, batch, rate, patience, device and compile.
+    """
+    law = MLP(tuple(hidden or MLP.hidden), odd, dissipative, monotone_tail, 0, width, shape)
+    if solver == "levenberg_marquardt" and inputs == "all":
+        raise InputError('solver = "levenberg_marquardt" needs inputs = "own"')
+    if solver == "adam" or inputs == "all":
+        own = Network(law, epochs, batch, rate, patience=patience, device=device, compile=compile)
+        return replace(own, members=members, inputs=inputs)
+    return CompressedNetwork(law, members=members)
+
+
+def window_mlp(
+    samples: Count = WindowMLP.samples,
+    hidden: Hidden = None,
+    odd: bool = WindowMLP.odd,
+    dissipative: bool = WindowMLP.dissipative,
+    monotone_tail: bool = WindowMLP.monotone_tail,
+    epochs: Count = Network.epochs,
+    batch: Count = Network.batch,
+    rate: Positive = Network.rate,
+    patience: Count = Network.patience,
+    members: Count = 1,
+    device: Device = "cpu",
+    compile: bool = False,
+    width: Positive = 0.02,
+    shape: Shape = "tanh",
+) -> Identifier:
+    """Friction by a network of the velocity and its newest samples."""
+    units = tuple(hidden or WindowMLP.hidden)
+    options = (odd, dissipative, monotone_tail, width, shape)
+    law = WindowMLP(samples, WindowMLP.sample_time, units, *options)
+    own = Network(law, epochs, batch, rate, patience=patience, device=device, compile=compile)
+    return replace(own, members=members)
+
+
+def lstm(
+    cells: Count = LSTM.cells,
+    hidden: Hidden = None,
+    odd: bool = LSTM.odd,
+    dissipative: bool = LSTM.dissipative,
+    monotone_tail: bool = LSTM.monotone_tail,
+    burn_in: Annotated[int, Field(ge=0)] = Network.burn_in,
+    targets: Count = Network.targets,
+    epochs: Count = Network.epochs,
+    batch: Count = Network.batch,
+    rate: Positive = Network.rate,
+    patience: Count = Network.patience,
+    members: Count = 1,
+    device: Device = "cpu",
+    compile: bool = False,
+    width: Positive = 0.02,
+    shape: Shape = "tanh",
+) -> Identifier:
+    """Friction by a recurrent network of velocity samples."""
+    units = tuple(hidden or LSTM.hidden)
+    law = LSTM(cells, LSTM.sample_time, units, odd, dissipative, monotone_tail, width, shape)
+    own = Network(law, epochs, batch, rate, patience=patience, device=device, compile=compile)
+    return replace(own, members=members, burn_in=burn_in, targets=targets)
