@@ -166,8 +166,7 @@ def sindy(
     other: bool = False,
     optimizer: Literal["stlsq", "sr3"] = "stlsq",
     thresholds: Annotated[list[Positive], Field(min_length=1)] | None = None,
-    exchange: bool = True,
-    most: Count = SINDy.most,
+    search: bool = True,
     sure: Annotated[float, Field(ge=0)] = SINDy.sure,
     ensemble: Annotated[int, Field(ge=0)] = 0,
     width: Positive = 0.02,
@@ -179,7 +178,7 @@ def sindy(
     settings: dict[str, Any] = {**own, "gear": gear, "load": load, "direction": direction}
     library = Library(width, shape, other=other, **settings)
     limits = tuple(thresholds or SINDy.thresholds)
-    return SINDy(library, optimizer, limits, SINDy.ridge, exchange, most, sure, ensemble)
+    return SINDy(library, optimizer, limits, SINDy.ridge, search, sure, ensemble)
 
 
 def sklearn(

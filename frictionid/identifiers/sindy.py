@@ -21,13 +21,14 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers.grams import clusters, columns, grams
-from frictionid.identifiers.supports import Rules, chosen, lawful, least, path
+from frictionid.identifiers.supports import Rules, chosen, lawful, least, plain, searched
 from frictionid.identifiers.weights import relative
 from frictionid.laws.library import Library
 from frictionid.problem import Problem
 
 OPTIMIZERS = ("stlsq", "sr3")
 _HALF = 0.5
+_SEEN = 0.98  # of the rows, a few must be as fast as a peak needs
 _DIGITS = 9
 _UNCHECKED: dict[str, Any] = {"assume_finite": True, "skip_parameter_validation": True}
 
@@ -37,10 +38,11 @@ class SINDy:
     """Finds which candidates of a library friction has, and their coefficients.
 
     For each of the `thresholds` (of coefficients, relative to their columns' and the residual's
-    size) the optimiser "stlsq" or "sr3" proposes a support. With `exchange`, candidates then change
-    places one by one while that lowers the squares, and every number of candidates up to `most` is
-    tried. Of all these the smallest is chosen that predicts left-out recordings as well as the best
-    one, within `sure` standard errors.
+    size) the optimiser "stlsq" or "sr3" proposes a support. With `search`, sets of candidates are
+    then tried joint by joint, beside what the other joints have: columns that look alike lead
+    thresholds astray. Of all these the smallest is chosen that predicts left-out recordings as well
+    as the best one, within `sure` standard errors. Peaks that fall off faster than the motion
+    shows are no candidates.
 
     With `ensemble` > 0 that is repeated on so many draws of the recordings, and candidates stay
     that are in at least half of them; `inclusion` says how often each one was.
@@ -63,8 +65,7 @@ class SINDy:
     optimizer: str = "stlsq"
     thresholds: tuple[float, ...] = (0.01, 0.04, 0.15)
     ridge: float = 1e-3
-    exchange: bool = True
-    most: int = 12
+    search: bool = True
     sure: float = 2.0
     ensemble: int = 0
 
@@ -77,7 +78,7 @@ class SINDy:
             )
         if not self.thresholds or not all(0 < t < 1 for t in self.thresholds):
             raise InputError(f"sindy: thresholds = {list(self.thresholds)} must be between 0 and 1")
-        for name, low in (("ridge", 0), ("most", 1), ("sure", 0), ("ensemble", 0)):
+        for name, low in (("ridge", 0), ("sure", 0), ("ensemble", 0)):
             if not getattr(self, name) >= low:
                 raise InputError(f"sindy: {name} = {getattr(self, name)} must be at least {low}")
 
@@ -104,32 +105,34 @@ class SINDy:
         """Of each fold: Gram matrices (C, M, M), columns of length one, their lengths, rules."""
         A = columns(self.library, problem)
         n, candidates = problem.r.shape[-1], self.library.candidates
-        families = list(dict.fromkeys(c.family for c in candidates))
-        member = np.array([families.index(c.family) for c in candidates])
-        family = (np.arange(n)[:, None] * len(families) + member).ravel()
+        conflict = np.kron(np.eye(n), self.library.conflicts) > 0
+        speed = np.abs(problem.mean(problem.nodes.inputs.w)) * np.abs(problem.G).any(axis=1)
+        joint = np.repeat(np.arange(n), len(candidates))
         positive = np.tile([c.bounds[0] >= 0 for c in candidates], n)
         for f, G in enumerate(grams(A, relative(weights, problem), clusters(problem))):
             size = np.sqrt(np.einsum("cii->i", G))
-            usable = size[:-1] > 1e-12 * size.max()
+            fast = np.quantile(speed[weights[f] > 0], _SEEN, axis=0)
+            seen = fast[:, None] >= np.array([c.fast for c in candidates])
+            usable = (size[:-1] > 1e-12 * size.max()) & seen.ravel()
             if not usable.any():
                 raise InputError(f"no joint slides in the rows of fold {f}: give other recordings")
             scale = np.where(size > 0, size, 1.0)
             yield (
                 G / scale / scale[:, None],
                 scale[:-1] / scale[-1],
-                Rules(family, positive, usable),
+                Rules(joint, conflict, positive, usable),
             )
 
     def _support(self, G: Array, rules: Rules, seed: int) -> tuple[int, ...]:
         if not self.ensemble:
             return self._once(G, rules)
         share = self._inclusion(G, rules, seed, self.ensemble)
-        total = np.bincount(rules.family, share)[rules.family]
+        total = rules.conflict @ share
         return lawful(np.where(total >= _HALF, share, 0.0), G.sum(0), rules)
 
     def _inclusion(self, G: Array, rules: Rules, seed: int, draws: int) -> Array:
         """Share (N,) of draws of the clusters, with replacement, in whose support a column is."""
-        count = np.zeros(len(rules.family))
+        count = np.zeros(len(rules.joint))
         seen = np.flatnonzero(np.einsum("cii->c", G) > 0)
         for draw in range(draws):
             drawn = np.random.default_rng([seed, draw]).choice(seen, len(seen))
@@ -140,7 +143,9 @@ class SINDy:
     def _once(self, G: Array, rules: Rules) -> tuple[int, ...]:
         T = G.sum(0)
         proposals = [lawful(c, T, rules) for c in self._proposed(T)]
-        return chosen(G, path(T, rules, proposals, self.most, self.exchange), self.sure)
+        if not self.search:
+            return chosen(G, plain(T, rules, proposals), self.sure).support
+        return searched(G, rules, proposals, self.sure).support
 
     def _proposed(self, T: Array) -> Iterator[Array]:
         """Coefficients (N,) that pysindy finds for each threshold."""

@@ -23,13 +23,14 @@ from frictionid.laws.levels import LEVEL, dip
 from frictionid.laws.sign import check_sign, smooth_sign
 
 _FREE = (-math.inf, math.inf)
+_FALLEN = 1.5  # times its velocity: there a tenth of a peak is left
 
 
 class Candidate(NamedTuple):
-    """A function of one joint's inputs; of one `family`, friction has one member at the most.
+    """A function of one joint's inputs.
 
     `formula` is how equations write it. `level` is what it adds to the level at rest, for motion in
-    the direction of x.w; None where that is nothing.
+    the direction of x.w; None where that is nothing. It shows at speeds of `fast` [rad/s] and more.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Candidate(NamedTuple):
     bounds: tuple[float, float]
     value: Callable[[Inputs], Array]
     level: Callable[[Inputs], Array] | None = None
+    fast: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,19 @@ class Library:
     def candidates(self) -> tuple[Candidate, ...]:
         """All functions, in the order of theta."""
         return _candidates(self)
+
+    @property
+    def conflicts(self) -> Array:
+        """Pairs (P, P) of candidates that exclude each other.
+
+        Of a family (signs, peaks) friction has one member. And a sign that is not the sharpest one
+        goes through zero: what begins with a level at rest does not go with it.
+        """
+        kind = np.array([c.family for c in self.candidates])
+        soft = np.array([c.family == "sign" and c.level is None for c in self.candidates])
+        firm = np.array([c.level is not None for c in self.candidates])
+        both = soft[:, None] & firm
+        return (kind[:, None] == kind) | both | both.T
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -219,7 +234,8 @@ def _peaks(law: Library) -> list[Candidate]:
             return dip(x.w, ws) * smooth_sign(x.w, law.width, law.shape)
 
         formula = f"exp(-(w/{ws:g})^2) s(w)"
-        return Candidate(f"peak_{ws:g}", "N m", "peak", formula, LEVEL, value, _one)
+        name = f"peak_{ws:g}"
+        return Candidate(name, "N m", "peak", formula, LEVEL, value, _one, _FALLEN * ws)
 
     return [one(ws) for ws in law.velocities]
 
@@ -262,7 +278,7 @@ def _offsets(law: Library) -> list[Candidate]:
         formula = f"sgn(w) {twin.formula}"
         level = None if twin.level is None else sided
         name, family = f"offset_{twin.name}", f"offset_{twin.family}"
-        return Candidate(name, twin.unit, family, formula, _FREE, value, level)
+        return Candidate(name, twin.unit, family, formula, _FREE, value, level, twin.fast)
 
     twins = [_signs(law)[0], *(c for c in _powers(law) if c.name == "viscous"), *_peaks(law)]
     return [one(twin) for twin in twins] if law.direction else []
