@@ -321,8 +321,10 @@ def _pooled(rows: Iterable[Row]) -> list[Row]:
 
 
 def _count(friction: Friction) -> Row:
-    size = int(np.prod(friction.theta.shape[-2:]))
-    return Row("all", "n_parameters", "count", None, "all", float(size), "1")
+    size = float(np.prod(friction.theta.shape[-2:]))
+    if getattr(friction.law, "sparse", False):  # zeros are terms that it does not have
+        size = float(np.count_nonzero(np.asarray(friction.theta), axis=(-2, -1)).mean())
+    return Row("all", "n_parameters", "count", None, "all", size, "1")
 
 
 def _examples(

@@ -144,8 +144,8 @@ class SINDy:
         T = G.sum(0)
         proposals = [lawful(c, T, rules) for c in self._proposed(T)]
         if not self.search:
-            return chosen(G, plain(T, rules, proposals), self.sure).support
-        return searched(G, rules, proposals, self.sure).support
+            return chosen(G, plain(T, rules, proposals), self.sure)
+        return searched(G, rules, proposals, self.sure)
 
     def _proposed(self, T: Array) -> Iterator[Array]:
         """Coefficients (N,) that pysindy finds for each threshold."""

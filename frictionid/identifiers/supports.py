@@ -186,22 +186,24 @@ def _exchanged(T: Array, rules: Rules, found: Found | None, joint: int) -> Found
     return found
 
 
-def searched(G: Array, rules: Rules, proposals: Sequence[tuple[int, ...]], sure: float) -> Found:
+def searched(
+    G: Array, rules: Rules, proposals: Sequence[tuple[int, ...]], sure: float
+) -> tuple[int, ...]:
     """The support of all joints: joint by joint the one that `chosen` picks, until none changes.
 
     It begins with the largest proposal: what a joint does not need is seen best where the others
     have all they may need.
     """
     T = G.sum(0)
-    now = max(plain(T, rules, proposals), key=lambda found: len(found.support))
+    now = max((one.support for one in plain(T, rules, proposals)), key=len)
     for _ in range(_SWEEPS):
-        before = now.support
+        before = now
         for joint in np.unique(rules.joint):
-            fixed = [i for i in now.support if rules.joint[i] != joint]
+            fixed = [i for i in now if rules.joint[i] != joint]
             parts = [[i for i in one if rules.joint[i] == joint] for one in proposals]
             found = path(T, rules, fixed, int(joint), parts)
             now = chosen(G, found, sure) if found else now
-        if now.support == before:
+        if now == before:
             break
     return now
 
@@ -218,7 +220,7 @@ def left_out(G: Array, support: Sequence[int]) -> Array:
     )
 
 
-def chosen(G: Array, found: Sequence[Found], sure: float) -> Found:
+def chosen(G: Array, found: Sequence[Found], sure: float) -> tuple[int, ...]:
     """The smallest support that predicts left-out clusters as well as the best one does.
 
     As well: the mean ratio of their squares, by its logarithm, is one within `sure` of its standard
@@ -232,5 +234,5 @@ def chosen(G: Array, found: Sequence[Found], sure: float) -> Found:
         worse = np.log(loss / losses[best])
         error = np.sqrt(worse.var(ddof=1) / len(worse)) if len(worse) > 1 else 0.0
         if worse.mean() <= sure * error or one is found[best]:
-            return one
-    return found[best]
+            return one.support
+    return found[best].support
