@@ -1,9 +1,4 @@
-"""A law with many numbers as one with few: the combinations of them that the motion sees.
-
-A motion sees a network through its torque alone, which few combinations of its numbers change by
-more than rounding. Each is scaled to be a torque [N m], the root mean square of what it changes at
-some points of the motion: so all count alike, and what is found can be read.
-"""
+"""A law with many numbers as one with few combinations of them."""
 
 from __future__ import annotations
 
@@ -32,7 +27,7 @@ class Combined(Wrapped):
 
     @property
     def units(self) -> tuple[str, ...]:
-        return ("N m",) * self.directions.shape[-1]
+        return ("1",) * self.directions.shape[-1]
 
     @property
     def bounds(self) -> tuple[tuple[float, float], ...]:

@@ -281,7 +281,7 @@ def _solved(
         weight = np.minimum(1.0, s.huber / np.maximum(size, 1e-12))
     wanted = value + move
     inside = (wanted > low + 1e-12) & (wanted < high - 1e-12)
-    largest = float((np.abs(move[inside]) / _errors(H, inside)).max(initial=0.0))
+    largest = _largest(H, move, inside, precision)
     guess = put(now.guess, intervals.parts, wanted)
     nodes = _moved(intervals, now, windows, all_moves)
     shot = Shot(
@@ -315,15 +315,19 @@ def _slow(intervals: Intervals, now: _Stand, sigma: Array) -> Array:
     return own**2 + now.damping[:, None] * tells**2
 
 
-def _errors(H: Array, inside: Array) -> Array:
-    """Standard errors by the curvature alone, of parameters that are not at a bound.
+def _largest(H: Array, move: Array, inside: Array, precision: Array) -> float:
+    """Largest move of a parameter in standard errors by the curvature alone.
 
-    Infinite for those that leave no trace.
+    Of parameters that are not at a bound and leave a trace, each as far as the data, and not its
+    prior, tell it.
     """
     own = H[np.ix_(inside, inside)]
     scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-    variance = np.diag(np.linalg.pinv(own / np.outer(scale, scale), hermitian=True))
-    return np.where(variance > 0.0, np.sqrt(np.maximum(variance, 0.0)) / scale, np.inf)
+    variance = np.diag(np.linalg.pinv(own / np.outer(scale, scale), hermitian=True)) / scale**2
+    told = np.clip(1.0 - precision[inside] * variance, 0.0, 1.0)
+    known = variance > 0.0
+    size = np.abs(move[inside][known]) * np.sqrt(told[known] / variance[known])
+    return float(size.max(initial=0.0))
 
 
 def _step(H: Array, g: Array, low: Array, high: Array, damping: float) -> Array:
