@@ -153,6 +153,7 @@ def coverage(read: Sequence[Estimate]) -> str:
 
 def doubts(document: Mapping[str, Any], read: Sequence[Estimate]) -> Iterator[str]:
     """Sentences on what is not identified, and on windows left out or not explained."""
+    yield from document.get("doubts", ())
     names = [f"{e.name} (at its bound)" if e.at_bound else e.name for e in read if not e.identified]
     if names:
         yield f"Not identified, at a bound or less sure than its own size: {_short_list(names)}."

@@ -71,6 +71,7 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "unexplained": [place._asdict() for place in went.unexplained],
         "settled": went.settled,
         "iterations": went.iterations,
+        "doubts": list(went.doubts),
     }
 
 

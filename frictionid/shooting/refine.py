@@ -23,6 +23,7 @@ from frictionid.shooting.intervals import Intervals, intervals_of
 from frictionid.shooting.learned import as_given, combined, is_network, on_arrays
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import Shot, settle
+from frictionid.shooting.sound import complain, doubts
 from frictionid.shooting.track import Track, track_of
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
@@ -43,9 +44,10 @@ class Diagnostics:
 
     sigma : (n,) [rad], noise of the angles as the residuals show it
     windows : their number; left_out : those whose prediction jumps with their start state (a joint
-        just misses or just reaches a stop); unexplained : those with residuals of three times the
-        noise and more
+        just misses or just reaches a stop) and so do not count; unexplained : those with residuals
+        of three times the noise and more, which count little or not at all
     settled : whether it came to an end; iterations : how many that took
+    doubts : sentences on what makes the numbers doubtful as a whole
     """
 
     sigma: Array
@@ -54,6 +56,7 @@ class Diagnostics:
     unexplained: tuple[Place, ...]
     settled: bool
     iterations: int
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,8 @@ def refine(
     Raises
     ------
     InputError
-        For combinations of blocks that no data can tell apart, and data too short for windows.
+        For combinations of blocks that no data can tell apart, data too short for windows, wrapped
+        angles, and friction of joints that never move.
     """
     settings = settings or Settings()
     track = track_of(dataset, sample_time)
@@ -153,7 +157,9 @@ def begin(
     guess = motored(guess, track.dataset) if has_actuator(blocks) else guess
     check_blocks(blocks, guess, track)
     made = driven_of if has_actuator(blocks) else intervals_of
-    return made(track, guess, blocks, settings), guess
+    intervals = made(track, guess, blocks, settings)
+    complain(track, intervals.parts, settings.windows[-1])
+    return intervals, guess
 
 
 def refined(intervals: Intervals, shot: Shot, given: Friction) -> Refined:
@@ -203,14 +209,15 @@ def _diagnostics(intervals: Intervals, shot: Shot) -> Diagnostics:
     share = shot.share[..., None] * np.ones_like(shot.residual)
     square = (shot.residual / shot.sigma) ** 2 * share
     size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
-    wild = shot.closed & (size > _UNEXPLAINED)
+    wild = size > _UNEXPLAINED
     return Diagnostics(
         shot.sigma,
         len(shot.windows),
-        _places(intervals, shot, ~shot.closed, size),
+        _places(intervals, shot, ~shot.closed & ~wild, size),
         _places(intervals, shot, wild, size),
         shot.settled,
         shot.iterations,
+        tuple(doubts(intervals, shot)),
     )
 
 
