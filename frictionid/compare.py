@@ -29,6 +29,7 @@ from frictionid.evaluation import (
     prepare,
     start_folds,
     training_of,
+    with_rig,
     without_physics,
 )
 from frictionid.evaluation.loops import Loop, Loops, loops_of, remembers
@@ -38,8 +39,12 @@ from frictionid.mechanics import Plant, plant_of, unit_plant
 from frictionid.problem import Problem
 from frictionid.recipe import INTEGRAL, Recipe
 from frictionid.recordings import Dataset
-from frictionid.shooting import Refined, Shooting, refine_folds
+from frictionid.rig import Rig
+from frictionid.shooting import Corrected, Refined, Shooting, refine_folds
+from frictionid.shooting.corrected import PARTS, groups, rigs_of, some_of_rig
 from frictionid.shooting.track import Track, track_of
+
+Way = Recipe | Shooting | Corrected
 
 
 class Result(NamedTuple):
@@ -96,9 +101,10 @@ class Ground(NamedTuple):
     weights: Mapping[str, Array]  # (F + 1, K): the rows that train each fold, and all rows
     track: Track | None = None  # what shooting fits, and the intervals (F + 1, K) of each fold
     training: Array | None = None
+    rigs: Mapping[str, Rig] = {}  # of all folds and all data, by the name of the recipe they serve
 
 
-def ground_of(contest: Contest, recipes: Sequence[Recipe | Shooting]) -> Ground:
+def ground_of(contest: Contest, recipes: Sequence[Way]) -> Ground:
     """States, problems, training rows and rollout starts of a contest.
 
     Raises
@@ -110,21 +116,47 @@ def ground_of(contest: Contest, recipes: Sequence[Recipe | Shooting]) -> Ground:
     start_folds(prepared.starts, contest.folds, prepared.observed.causal)
     if prepared.course is not None:
         course_folds(prepared.course, contest.folds)
-    steps = {recipe.name: recipe for recipe in map(first_step, recipes)}
+    begins = [r.by.start for r in recipes if isinstance(r, Corrected)]
+    steps = {recipe.name: recipe for recipe in (*map(first_step, recipes), *begins)}
     problems = {name: training_of(prepared, recipe) for name, recipe in steps.items()}
     weights = {name: _weights(contest, problem) for name, problem in problems.items()}
     tests = tuple(prepare(test, contest.protocol) for test in contest.tests)
-    if not any(isinstance(recipe, Shooting) for recipe in recipes):
+    if not any(isinstance(recipe, Shooting | Corrected) for recipe in recipes):
         return Ground(prepared, tests, problems, weights)
     track = track_of(prepared.dataset, states=prepared.observed.smoothed)
     training = contest.folds.training(track.recording, track.time, track.dt)
-    everything = np.ones((1, len(track.dt)))
-    return Ground(prepared, tests, problems, weights, track, np.concatenate([training, everything]))
+    training = np.concatenate([training, np.ones((1, len(track.dt)))])
+    ground = Ground(prepared, tests, problems, weights, track, training)
+    return ground._replace(rigs=_rigs(contest, ground, recipes))
 
 
-def first_step(recipe: Recipe | Shooting) -> Recipe:
+def first_step(recipe: Way) -> Recipe:
     """The one-step recipe that a fit uses, or begins with."""
+    if isinstance(recipe, Corrected):
+        return recipe.step
     return recipe.start if isinstance(recipe, Shooting) else recipe
+
+
+def _rigs(contest: Contest, ground: Ground, recipes: Sequence[Way]) -> dict[str, Rig]:
+    """Rigs of all folds that each recipe corrects the data by; searched once for equal recipes."""
+    track, training = ground.track, ground.training
+    assert track is not None and training is not None
+    out: dict[str, Rig] = {}
+    known: dict[str, Rig] = {}
+    for recipe in recipes:
+        if isinstance(recipe, Corrected):
+            every = replace(recipe, use=tuple(p for p in PARTS if p in _freed(recipe)))
+            key = repr(replace(every, name="", step=INTEGRAL))
+            if key not in known:
+                start = recipe.by.start.name
+                given = ground.problems[start], ground.weights[start], training
+                known[key] = rigs_of(every, track, *given, whole=not contest.folds.contiguous)
+            out[recipe.name] = some_of_rig(known[key], recipe.use)
+    return out
+
+
+def _freed(recipe: Corrected) -> list[str]:
+    return [block.name for block in recipe.by.blocks]
 
 
 def _weights(contest: Contest, problem: Problem) -> Array:
@@ -140,7 +172,7 @@ def _weights(contest: Contest, problem: Problem) -> Array:
 def run(
     contest: Contest,
     identifier: Identifier,
-    recipe: Recipe | Shooting,
+    recipe: Way,
     seed: int = 0,
     ground: Ground | None = None,
 ) -> Result:
@@ -160,8 +192,13 @@ def run(
     problem, weights = _problem(identifier, step, ground), ground.weights[step.name]
     ready = time.perf_counter()
     unit = ground.prepared.plant.mechanism.description.angle_unit
-    fitted, found = fit(identifier, problem, weights, seed, unit), None
-    if isinstance(recipe, Shooting) and not isinstance(identifier, Nothing | Published):
+    given = isinstance(identifier, Nothing | Published)
+    found = None
+    if isinstance(recipe, Corrected) and not given:
+        fitted, problem = _fit_corrected(identifier, recipe, ground, seed, unit)
+    else:
+        fitted = fit(identifier, problem, weights, seed, unit)
+    if isinstance(recipe, Shooting) and not given:
         assert ground.track is not None and ground.training is not None
         fitted, found = refine_folds(fitted, ground.track, recipe, ground.training)
     fitted = with_provenance(fitted, equations(fitted[-1], problem, weights[-1], found))
@@ -182,6 +219,26 @@ def run(
         *(tuple(rows), friction, overall, lines, tuple(pictures)),
         *(tests, seconds, prepared.grid, found, _loops(fitted, prepared, contest.protocol)),
     )
+
+
+def _fit_corrected(
+    identifier: Identifier, recipe: Corrected, ground: Ground, seed: int, unit: str
+) -> tuple[Friction, Problem]:
+    """Friction (F + 1, n, P) with the rigs that correct its data; the problem of all data."""
+    rig, weights = ground.rigs[recipe.name], ground.weights[recipe.step.name]
+    parts: list[Friction | None] = [None] * len(weights)
+    for folds in groups(rig, len(weights)):
+        problem = training_of(with_rig(ground.prepared, rig[int(folds[0])]), recipe.step)
+        fitted = fit(identifier, problem, weights[folds], seed, unit)
+        for place, fold in enumerate(folds):
+            parts[fold] = fitted[place]
+    known = [part for part in parts if part is not None]
+    if any(part.law != known[-1].law for part in known):
+        raise InputError(
+            f"{identifier!r} finds another law in each fold: give it a recipe without rig"
+        )
+    theta = np.stack([np.asarray(part.theta) for part in known])
+    return replace(known[-1], theta=theta, rig=rig), problem
 
 
 def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Loop, ...]:
@@ -207,7 +264,7 @@ def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[P
     return plant_of(dataset), recipe
 
 
-def check_refinable(identifier: Identifier, recipe: Recipe | Shooting) -> None:
+def check_refinable(identifier: Identifier, recipe: Way) -> None:
     """Refuse to refine by shooting what has no physics.
 
     Raises
@@ -215,7 +272,7 @@ def check_refinable(identifier: Identifier, recipe: Recipe | Shooting) -> None:
     InputError
         Saying what to do.
     """
-    if isinstance(recipe, Shooting) and isinstance(identifier, BlackBox):
+    if isinstance(recipe, Shooting | Corrected) and isinstance(identifier, BlackBox):
         raise InputError(
             f"recipe {recipe.name!r}: shooting needs the physics that a black box lacks: give it "
             'recipes = ["integral"], or another one-step recipe'
@@ -249,7 +306,7 @@ def compare(
     dataset: Dataset,
     identifiers: Mapping[str, Identifier],
     folds: Folds,
-    recipes: Sequence[Recipe | Shooting] = (INTEGRAL,),
+    recipes: Sequence[Way] = (INTEGRAL,),
     protocol: Protocol | None = None,
     seed: int = 0,
 ) -> dict[tuple[str, str], Result]:

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
-from frictionid.compare import Contest, check_refinable
+from frictionid.compare import Contest, Way, check_refinable
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction, true_rig
 from frictionid.evaluation.loops import Loops
@@ -27,20 +27,29 @@ from frictionid.mechanics import plant_of
 from frictionid.names import IDENTIFIERS, LAWS, folds, loops
 from frictionid.readers.dataset import load_dataset
 from frictionid.readers.strict import STRICT, Strict, built, called, distinct, mistake, nearest
-from frictionid.recipe import Recipe
 from frictionid.recordings import Dataset
 from frictionid.search import Search, Tuning
-from frictionid.shooting import Shooting
 from frictionid.store import load_model
 from frictionid.suite_recipes import Name, Positive, RecipeEntry, recipes_of
 from frictionid.tasks import Task
 
 
+def _split(table: Any) -> Any:
+    return called(folds, table, "folds") if isinstance(table, dict) else table
+
+
 class DatasetEntry(Strict):
-    """A data set to fit, and data sets that only test what was fitted to it."""
+    """A data set to fit, and data sets that only test what was fitted to it.
+
+    `name` in place of its own, `folds` in place of the suite's, `recipes` where only some are used:
+    so one data set can stand there twice, split in two ways.
+    """
 
     path: str
     tests: list[str] = []
+    name: Name | None = None
+    folds: Annotated[Split | None, BeforeValidator(_split)] = None
+    recipes: Annotated[list[str], Field(min_length=1)] | None = None
 
 
 class IdentifierEntry(Strict):
@@ -55,10 +64,6 @@ class IdentifierEntry(Strict):
     name: Name | None = None
     recipes: Annotated[list[str], Field(min_length=1)] | None = None
     search: Search | None = None
-
-
-def _split(table: Any) -> Any:
-    return called(folds, table, "folds") if isinstance(table, dict) else table
 
 
 def _loops(table: Any) -> Any:
@@ -139,12 +144,12 @@ def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
     contests = [contest_of(suite, entry, folder, data) for entry in suite.datasets]
     distinct([d.name for c in contests for d in (c.dataset, *c.tests)], "data sets")
     tasks: list[Task] = []
-    for contest in contests:
+    for contest, told in zip(contests, suite.datasets, strict=True):
         entries = [*chosen, *truth_of(contest)]
         distinct([name for name, _, _ in entries], "identifiers")
         for name, identifier, _ in entries:
             _check_given(name, identifier, (contest.dataset, *contest.tests))
-        for recipe in recipes:
+        for recipe in used_of(told, recipes):
             for name, identifier, only in entries:
                 if only is None or recipe.name in only:
                     _check_refinable(name, identifier, recipe)
@@ -153,9 +158,22 @@ def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
     return tasks
 
 
+def used_of(entry: DatasetEntry, recipes: Sequence[Way]) -> list[Way]:
+    """Recipes that are used on a data set."""
+    known = [recipe.name for recipe in recipes]
+    for name in entry.recipes or ():
+        if name not in known:
+            raise InputError(
+                f"data set {entry.name or entry.path!r}: the suite has no recipe {name!r}; "
+                f"{nearest(name, known)}"
+            )
+    return [recipe for recipe in recipes if entry.recipes is None or recipe.name in entry.recipes]
+
+
 def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | None) -> Contest:
     """Data, folds and protocol of one data set of a suite."""
     dataset = load_dataset(folder / entry.path, data)
+    dataset = dataset if entry.name is None else replace(dataset, name=entry.name)
     tests = tuple(load_dataset(folder / test, data) for test in entry.tests)
     protocol = Protocol(
         tuple(suite.horizons),
@@ -167,7 +185,9 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
         suite.true_starts,
         suite.loops,
     )
-    return Contest(dataset, make_folds(dataset.recordings, suite.folds), protocol, tests)
+    return Contest(
+        dataset, make_folds(dataset.recordings, entry.folds or suite.folds), protocol, tests
+    )
 
 
 def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
@@ -179,7 +199,7 @@ def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
     return [("truth", Published(replace(friction, rig=true_rig(contest.dataset))), None)]
 
 
-def _check_refinable(name: str, identifier: Identifier, recipe: Recipe | Shooting) -> None:
+def _check_refinable(name: str, identifier: Identifier, recipe: Way) -> None:
     try:
         check_refinable(identifier, recipe)
     except InputError as error:
@@ -204,7 +224,7 @@ def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset])
 
 
 def identifier_of(
-    entry: IdentifierEntry, folder: Path, recipes: Sequence[Recipe | Shooting]
+    entry: IdentifierEntry, folder: Path, recipes: Sequence[Way]
 ) -> tuple[str, Identifier, tuple[str, ...] | None]:
     """Name, identifier and (where it is limited to some) recipes of a suite's identifier table.
 

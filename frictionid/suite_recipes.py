@@ -8,19 +8,37 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from frictionid.compare import Way
 from frictionid.errors import InputError
-from frictionid.names import BLOCKS, ESTIMATORS, RECIPES
+from frictionid.names import BLOCKS, ESTIMATORS, IDENTIFIERS, RECIPES
 from frictionid.readers.strict import Strict, built, distinct, nearest
 from frictionid.recipe import INTEGRAL, Recipe
-from frictionid.shooting import Settings, Shooting
+from frictionid.shooting import Corrected, Settings, Shooting
 from frictionid.shooting.blocks import Block
+from frictionid.shooting.corrected import PARTS
 
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 
+class RigEntry(Strict):
+    """What corrects the data of a recipe: found by shooting, beside friction of a kind.
+
+    free : blocks that are free; use : those of them that correct, all but friction by default;
+    fixed : parameters that stay
+    """
+
+    friction: str = "stribeck"
+    free: Annotated[list[str], Field(min_length=1)] = ["friction", "inertia", "delay"]
+    use: Annotated[list[str], Field(min_length=1)] | None = None
+    fixed: list[str] = []
+
+
 class RecipeEntry(Strict):
     """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest.
+
+    With a `rig` the data are corrected by what shooting finds, and fitted by the one-step recipe
+    that `like` names.
 
     With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed` the
     parameters of them that stay, `priors` their standard deviations; `start` is the one-step recipe
@@ -40,20 +58,27 @@ class RecipeEntry(Strict):
     states: dict[str, Any] | None = None
     scheme: Literal["euler", "integral"] | None = None
     rest: Annotated[float, Field(ge=0)] | None = None
+    like: str | None = None
+    rig: RigEntry | None = None
 
 
-def recipes_of(entries: Sequence[RecipeEntry]) -> list[Recipe | Shooting]:
+def recipes_of(entries: Sequence[RecipeEntry]) -> list[Way]:
     """Recipes of their tables; shooting may begin with a one-step recipe that stands beside it."""
-    own = [recipe_of(entry) for entry in entries if entry.by is None]
+    own = [recipe_of(entry) for entry in entries if entry.by is None and entry.rig is None]
     steps = {recipe.name: recipe for recipe in own if isinstance(recipe, Recipe)}
     return [recipe_of(entry, steps) for entry in entries]
 
 
-def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Recipe | Shooting:
+def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Way:
     """Recipe of its table; `own` are one-step recipes that it may name as its start."""
     where = f"recipe {entry.name!r}"
     steps = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
     shots = [key for key in _SHOTS if getattr(entry, key) is not None]
+    if entry.rig is not None or entry.like is not None:
+        if steps or shots or entry.by:
+            other = [*steps, *shots, "by"][0]
+            raise InputError(f"{where}: {other} does not go with rig: name a recipe by like")
+        return corrected_of(entry, where, own)
     if entry.by == "shooting" or (entry.name == "shooting" and not steps):
         if steps:
             raise InputError(f"{where}: {steps[0]} belongs to one-step recipes, name one as start")
@@ -91,6 +116,23 @@ def shooting_of(
         start_velocity=entry.start_velocity or usual.start_velocity,
     )
     return Shooting(entry.name, blocks, settings, start)
+
+
+def corrected_of(
+    entry: RecipeEntry, where: str, own: Mapping[str, Recipe] | None = None
+) -> Corrected:
+    """The recipe that `like` names, on data corrected by the rig of its table."""
+    if entry.rig is None or entry.like is None:
+        lost = "rig" if entry.rig is None else "like"
+        raise InputError(f"{where}: the key {lost!r} is missing; rig and like go together")
+    step = recipe_named(entry.like, own)
+    if isinstance(step, Shooting):
+        raise InputError(f"{where}: like = {entry.like!r} must be a one-step recipe")
+    rig = entry.rig
+    blocks = blocks_of(rig.free, rig.fixed, {}, f"{where}, rig")
+    use = rig.use or [name for name in rig.free if name in PARTS]
+    friction = built({"kind": rig.friction}, IDENTIFIERS, f"{where}, rig")
+    return Corrected(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
 
 
 def blocks_of(

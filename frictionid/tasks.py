@@ -27,11 +27,10 @@ from filelock import FileLock, Timeout
 from joblib import Parallel, cpu_count, delayed, parallel_config
 from threadpoolctl import threadpool_limits
 
-from frictionid.compare import Contest, Ground, Result, ground_of, run
+from frictionid.compare import Contest, Ground, Result, Way, first_step, ground_of, run
 from frictionid.errors import InputError
 from frictionid.identifiers import Identifier, Nothing, Published
-from frictionid.recipe import Recipe
-from frictionid.shooting import Shooting, document_of
+from frictionid.shooting import Corrected, Shooting, document_of
 from frictionid.store import model_document, read_json, remove_unfinished, write_json
 
 FORMAT = 1  # of the result files
@@ -44,7 +43,7 @@ class Task(NamedTuple):
     contest: Contest
     name: str
     identifier: Identifier
-    recipe: Recipe | Shooting
+    recipe: Way
     seed: int
 
     @property
@@ -158,8 +157,10 @@ def grounds_of(tasks: Sequence[Task]) -> dict[str, Ground]:
         Where recordings, folds and protocol do not fit together.
     """
     contests = {task.contest.dataset.name: task.contest for task in tasks}
-    recipes = {task.recipe.name: task.recipe for task in tasks}
-    return {name: ground_of(contest, list(recipes.values())) for name, contest in contests.items()}
+    recipes: dict[str, dict[str, Way]] = {name: {} for name in contests}
+    for task in tasks:
+        recipes[task.contest.dataset.name][task.recipe.name] = task.recipe
+    return {name: ground_of(contests[name], list(own.values())) for name, own in recipes.items()}
 
 
 def run_tasks(
@@ -304,6 +305,14 @@ def _one_torch_thread() -> None:
         torch.set_num_threads(1)
 
 
+def _way(recipe: Way) -> dict[str, Any]:
+    """The kind of a recipe: its scheme, and what of a rig corrects its data."""
+    if isinstance(recipe, Shooting):
+        return {"scheme": "shooting", "corrects": []}
+    corrects = list(recipe.use) if isinstance(recipe, Corrected) else []
+    return {"scheme": first_step(recipe).scheme, "corrects": corrects}
+
+
 def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
     """JSON document of a result, all that tables and figures need."""
     dataset = task.contest.dataset
@@ -316,6 +325,7 @@ def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, 
         "fit": task.recipe.name,
         "seed": task.seed,
         "settings": {"identifier": repr(task.identifier), "recipe": repr(task.recipe)},
+        "way": _way(task.recipe),
         "rows": rows,
         "model": model_document(result.overall, laws),
         "folds": {"theta": result.friction.theta, "shape": list(result.friction.theta.shape)},

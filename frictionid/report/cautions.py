@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.evidence import Entry, Evidence, Key
+from frictionid.report.evidence import Entry, Evidence, Key, folds_told
 from frictionid.report.findings import Matter
 from frictionid.report.numbers import far, listed, percent
 from frictionid.report.tables import code
@@ -34,11 +34,15 @@ def _unfinished(evidence: Evidence) -> str:
 
 
 def _shuffled(evidence: Evidence) -> str:
-    if evidence.provenance["settings"].get("folds", {}).get("kind") != "shuffled":
+    names = [section.dataset for section in evidence.sections]
+    kinds = {name: folds_told(evidence.provenance, name).get("kind") for name in names}
+    told = [name for name in names if kinds[name] == "shuffled"]
+    if not told:
         return ""
+    where = "" if len(told) == len(names) else f" of {listed(map(code, told))}"
     return (
-        "The folds are shuffled samples: held-out samples have neighbours in the training set, so "
-        "losses flatter models that interpolate, and rollouts are not held out at all."
+        f"The folds{where} are shuffled samples: held-out samples have neighbours in the training "
+        "set, so losses flatter models that interpolate, and rollouts are not held out at all."
     )
 
 

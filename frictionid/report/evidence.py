@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,6 +65,7 @@ class Entry:
     settings: Mapping[str, str]  # constructor calls of identifier and recipe
     refined: Mapping[str, Any] | None = None  # what shooting found, where it did
     loops: Sequence[Mapping[str, Any]] = ()  # friction along sinusoids, where it was asked for
+    way: Mapping[str, Any] = field(default_factory=dict)  # scheme, and what corrects its data
 
     @property
     def title(self) -> str:
@@ -102,6 +103,18 @@ class Evidence(NamedTuple):
         """Horizons of the rollouts [s], ascending."""
         scores = [s for part in self.sections for e in part.entries for s in e.scores.values()]
         return horizons_of(scores)
+
+
+def folds_told(provenance: Mapping[str, Any], dataset: str) -> Mapping[str, Any]:
+    """The table of folds that a suite has for a data set: its own, or that of all."""
+    settings = provenance.get("settings", {})
+    for entry in settings.get("datasets", ()):
+        name = entry.get("name") or str(entry.get("path", "")).rpartition("/")[2]
+        if name == dataset and entry.get("folds"):
+            own: Mapping[str, Any] = entry["folds"]
+            return own
+    common: Mapping[str, Any] = settings.get("folds", {})
+    return common
 
 
 def horizons_of(scores: Iterable[Scores]) -> list[float]:
@@ -173,6 +186,7 @@ def _entry(task: Mapping[str, Any], tasks: Sequence[Mapping[str, Any]]) -> Entry
         settings=task["settings"],
         refined=task.get("refined") or None,
         loops=task.get("loops") or (),
+        way=task.get("way") or {},
     )
 
 

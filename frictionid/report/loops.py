@@ -238,7 +238,8 @@ def loop_findings(section: Section, about: Mapping[str, Any]) -> list[str]:
         own = [entry for entry in entries if entry.recipe == recipe]
         told = [f"{named(section, entry)}: {_late(entry, about)}" for entry in own]
         words = f"{head}: {'; '.join(told)}."
-        if any(_is_late(entry, j) for entry in own for j in range(len(about["joints"]))):
+        late = any(_is_late(entry, j) for entry in own for j in range(len(about["joints"])))
+        if late and not any("delay" in entry.way.get("corrects", ()) for entry in own):
             words += " A torque clock that is off by as much would look the same."
         out.append(words)
     truth = [entry for entry in section.of_role("truth") if entry.loops]

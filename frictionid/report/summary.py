@@ -8,11 +8,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from frictionid.report.cautions import cautions
-from frictionid.report.evidence import Evidence, Section
-from frictionid.report.findings import foretold, held_out_findings, matter, unseen_findings
+from frictionid.report.evidence import Evidence, Section, folds_told
+from frictionid.report.findings import (
+    Matter,
+    foretold,
+    held_out_findings,
+    matter,
+    unseen_findings,
+)
 from frictionid.report.found import Found
 from frictionid.report.loops import loop_findings
 from frictionid.report.tables import Table, code, escape_markdown, markdown
+from frictionid.report.why import memory_findings
 
 KINDS = {"recordings": "whole recordings", "blocks": "contiguous blocks"}
 
@@ -82,9 +89,9 @@ def _section(
     return {
         "name": escape_markdown(name),
         "size": _size(evidence.about[name]),
-        "folds": _folds(evidence.provenance["settings"].get("folds", {})),
+        "folds": _folds(folds_told(evidence.provenance, name)),
         "words": foretold(told),
-        "findings": held_out_findings(told) + lead + loop_findings(section, evidence.about[name]),
+        "findings": held_out_findings(told) + lead + _memory(told, evidence.about[name]),
         "table": markdown(own.table),
         "pictures": [_shown(picture) for picture in own.pictures],
         "details": [
@@ -105,6 +112,11 @@ def _equations(section: Section) -> list[dict[str, str]]:
     ]
     title = "Equations from all data, coefficients with 95 % intervals (s: smooth sign)"
     return [{"title": title, "table": "".join(lines)}] if lines else []
+
+
+def _memory(told: Matter, about: Mapping[str, Any]) -> list[str]:
+    """What is told of memory, where models remember."""
+    return memory_findings(told) + loop_findings(told.section, about)
 
 
 def _found(part: Found) -> dict[str, Any]:

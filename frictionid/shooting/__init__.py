@@ -1,5 +1,6 @@
 """Shooting: friction, inertia and rig from the measured angles themselves, windows at a time."""
 
+from frictionid.shooting.corrected import Corrected
 from frictionid.shooting.covariance import Covariance
 from frictionid.shooting.document import document_of
 from frictionid.shooting.recipe import Shooting, refine_folds
@@ -7,6 +8,7 @@ from frictionid.shooting.refine import Diagnostics, Place, Refined, refine
 from frictionid.shooting.settings import Settings
 
 __all__ = [
+    "Corrected",
     "Covariance",
     "Diagnostics",
     "Place",

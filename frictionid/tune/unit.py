@@ -9,20 +9,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.compare import Contest, Ground, run
+from frictionid.compare import Contest, Ground, Way, run
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.names import IDENTIFIERS
 from frictionid.readers.strict import distinct
-from frictionid.recipe import Recipe
 from frictionid.search import Objective, Space
-from frictionid.shooting import Shooting
 from frictionid.suite import (
     IdentifierEntry,
     Suite,
     contest_of,
     identifier_of,
     recipes_of,
+    used_of,
     with_settings,
 )
 from frictionid.tasks import Task
@@ -37,7 +36,7 @@ class Unit:
     contest: Contest
     name: str
     entry: IdentifierEntry
-    recipe: Recipe | Shooting
+    recipe: Way
     seed: int
     folder: Path
 
@@ -97,8 +96,8 @@ def _units(suite: Suite, folder: Path, data: Path | None) -> list[Unit]:
     parts = [contest_of(suite, entry, folder, data) for entry in suite.datasets]
     contests = [replace(contest, tests=()) for contest in parts]
     units = []
-    for contest in contests:
-        for recipe in recipes:
+    for contest, told in zip(contests, suite.datasets, strict=True):
+        for recipe in used_of(told, recipes):
             for entry in entries:
                 name, _, only = identifier_of(with_settings(entry, _plain(entry)), folder, recipes)
                 if only is None or recipe.name in only:
@@ -116,7 +115,7 @@ def _plain(entry: IdentifierEntry) -> dict[str, Any]:
     return {**{key: space.ends[0] for key, space in (entry.search or {}).items()}, **given}
 
 
-def _check(entry: IdentifierEntry, folder: Path, recipes: Sequence[Recipe | Shooting]) -> None:
+def _check(entry: IdentifierEntry, folder: Path, recipes: Sequence[Way]) -> None:
     plain = _plain(entry)
     for key, space in (entry.search or {}).items():
         for value in space.ends:
