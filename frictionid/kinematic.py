@@ -6,7 +6,8 @@ State (position, velocity, acceleration); over dt the transition and its noise c
         [0  1 dt    ]                [dt^4/8  dt^3/3 dt^2/2]
         [0  0  1    ]                [dt^3/6  dt^2/2 dt    ]
 
-with rho the jerk intensity over the measurement variance, so that the measurement variance is one.
+with rho the jerk intensity over the measurement variance, so that the usual measurement variance
+is one.
 The smoother is the modified Bryson-Frazier form, which needs no inverse [Bierman1973].
 """
 
@@ -18,18 +19,20 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.signals import Signal
+from frictionid.signals import Signal, unevenness
 
 
 class Series(NamedTuple):
     """Angles of recordings and joints as columns: dt (T, S) to the sample before, value (T, S).
 
+    noise (T, S) is the variance of each sample relative to its column's usual one.
     `valid` (T, S) is false behind the end of shorter recordings; `rows` slices the columns of each
     recording.
     """
 
     dt: Array
     value: Array
+    noise: Array
     valid: Array
     rows: tuple[slice, ...]
 
@@ -55,16 +58,17 @@ def pad(angles: Sequence[Signal]) -> Series:
     length = max(len(a.time) for a in angles)
     width = sum(a.value.shape[1] for a in angles)
     dt, value = np.full((length, width), 0.01), np.zeros((length, width))
-    valid = np.zeros((length, width), dtype=bool)
+    noise, valid = np.ones((length, width)), np.zeros((length, width), dtype=bool)
     rows, at = [], 0
     for a in angles:
         T, n = a.value.shape
         own = slice(at, at + n)
         dt[1:T, own] = np.diff(a.time)[:, None]
         value[:T, own], valid[:T, own] = a.value, True
+        noise[:T, own] = unevenness(a) ** 2
         rows.append(own)
         at += n
-    return Series(dt, value, valid, tuple(rows))
+    return Series(dt, value, noise, valid, tuple(rows))
 
 
 def filtered(series: Series, rho: Array) -> Filtered:
@@ -81,13 +85,10 @@ def filtered(series: Series, rho: Array) -> Filtered:
     for t in range(T):
         if t:
             x, P = _predict(x, P, series.dt[t], rho)
-        e, s, K = (
-            series.value[t] - x[0],
-            P[0] + 1.0,
-            np.where(series.valid[t], P[:3] / (P[0] + 1.0), 0),
-        )
+        e, s = series.value[t] - x[0], P[0] + series.noise[t]
+        K = np.where(series.valid[t], P[:3] / s, 0)
         x = x + K * e
-        P = _update(P, K, s)
+        P = _update(P, K, s / series.noise[t])
         mean[t], covariance[t], gain[t], innovation[t], variance[t] = x, P, K, e, s
     return Filtered(np.moveaxis(mean, 1, -1), covariance, gain, innovation, variance)
 
@@ -112,13 +113,13 @@ def _predict(x: Array, P: Array, dt: Array, rho: Array) -> tuple[Array, Array]:
     return x, np.stack([n + rho * m for n, m in zip(new, noise, strict=True)])
 
 
-def _update(P: Array, K: Array, s: Array) -> Array:
-    # P - K s K', position entries in the form that cannot cancel
+def _update(P: Array, K: Array, times: Array) -> Array:
+    # P - K s K', position entries in the form that cannot cancel: they become so many times smaller
     a, b, c, d, e, f = P
     kept = 1.0 - K[0]
-    first = np.where(K[0] > 0, a / s, a)
+    first = np.where(K[0] > 0, a / times, a)
     return np.stack(
-        [first, np.where(K[0] > 0, b / s, b * kept), np.where(K[0] > 0, c / s, c * kept)]
+        [first, np.where(K[0] > 0, b / times, b * kept), np.where(K[0] > 0, c / times, c * kept)]
         + [d - K[1] * b, e - K[1] * c, f - K[2] * c]
     )
 

@@ -14,7 +14,7 @@ from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 from frictionid.problem import Problem, euler_problem, integral_problem, sliding
 from frictionid.recordings import Dataset
-from frictionid.signals import Signal
+from frictionid.signals import Signal, taken
 from frictionid.states import RTS, Backward, Estimator, States, thin
 
 SCHEMES = ("euler", "integral")
@@ -66,7 +66,7 @@ def states_of(
 
 def _thinned(angle: Signal, sample_time: float) -> Signal:
     s = thin(States(angle.time, angle.value, angle.value), sample_time)
-    return angle._replace(time=s.time, value=s.q)
+    return taken(angle, np.searchsorted(angle.time, s.time))
 
 
 def problem_of(

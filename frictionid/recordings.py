@@ -202,16 +202,19 @@ def _check_signal(where: str, signal: Signal) -> None:
     if fault:
         raise InputError(f"{where}, sample {fault[0]} (the first is 0): {fault[1]}")
     if signal.sigma is not None:
-        _check_sigma(where, np.asarray(signal.sigma, float), value.shape[1])
+        _check_sigma(where, np.asarray(signal.sigma, float), value.shape)
 
 
-def _check_sigma(where: str, sigma: Array, columns: int) -> None:
-    if sigma.shape != (columns,):
+def _check_sigma(where: str, sigma: Array, shape: tuple[int, ...]) -> None:
+    if sigma.shape not in (shape, shape[1:]):
         raise InputError(
-            f"{where}: sigma must have one entry per column, shape ({columns},), not {sigma.shape}"
+            f"{where}: sigma must have one entry per column, shape {shape[1:]}, or per sample, "
+            f"shape {shape}, not {sigma.shape}"
         )
-    if not np.all(np.isfinite(sigma) & (sigma > 0)):
-        raise InputError(f"{where}: sigma must be positive and finite, not {sigma.tolist()}")
+    wrong = ~(np.isfinite(sigma) & (sigma > 0))
+    if wrong.any():
+        at = f", sample {np.argwhere(wrong)[0][0]} (the first is 0)" if sigma.ndim == 2 else ""
+        raise InputError(f"{where}{at}: sigma must be positive and finite, not {sigma[wrong][0]:g}")
 
 
 # A torque may begin late or end early by some gaps of its own, and by this share of the motion: a

@@ -22,8 +22,8 @@ class Signal(NamedTuple):
     hold : str
         What happens between two samples: "linear" joins them by a line, "previous" keeps the
         earlier one (a drive that holds its command).
-    sigma : array, shape (n,), or None
-        Standard deviation of the noise of each column, None where it is unknown.
+    sigma : array, shape (n,) or (T, n), or None
+        Standard deviation of the noise of each column, or of each sample; None where it is unknown.
     """
 
     time: Array
@@ -121,7 +121,34 @@ def cut(signal: Signal, start: float, stop: float) -> Signal:
             f"no sample lies between {start:g} and {stop:g} s: the signal spans {span}; "
             "choose a span inside it"
         )
-    return signal._replace(time=time[inside], value=np.asarray(signal.value, float)[inside])
+    return taken(signal, inside)
+
+
+def taken(signal: Signal, rows: ArrayLike) -> Signal:
+    """Signal with only some of its samples, by a mask (T,) or by increasing indices.
+
+    >>> taken(Signal(np.arange(3.0), np.ones((3, 1))), np.array([0, 2])).time
+    array([0., 2.])
+    """
+    rows = np.asarray(rows)
+    time, value = np.asarray(signal.time, float)[rows], np.asarray(signal.value, float)[rows]
+    each = signal.sigma is not None and np.ndim(signal.sigma) == 2
+    sigma = np.asarray(signal.sigma)[rows] if each else signal.sigma
+    return Signal(time, value, signal.hold, sigma)
+
+
+def unevenness(signal: Signal) -> Array:
+    """Noise of each sample relative to its column's usual one, shape (T, n).
+
+    >>> unevenness(Signal(np.arange(3.0), np.zeros((3, 1)), sigma=np.array([[1.0], [1.0], [3.0]])))
+    array([[1.],
+           [1.],
+           [3.]])
+    """
+    if signal.sigma is None or np.ndim(signal.sigma) == 1:
+        return np.ones_like(np.asarray(signal.value, float))
+    sigma = np.asarray(signal.sigma, float)
+    return np.asarray(sigma / np.median(sigma, axis=0))
 
 
 def _integral(signal: Signal, offset: Array, time: Array) -> Array:

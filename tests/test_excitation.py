@@ -208,7 +208,13 @@ def test_without_noise_repetitions_differ_by_nothing() -> None:
 def test_the_smoothers_gains_are_those_of_the_whole_recording() -> None:
     samples, dt, decade = 200, 1 / 60, 9.0
     noise = np.random.default_rng(0).normal(size=(samples, 3))
-    series = Series(np.full((samples, 3), dt), noise, np.ones((samples, 3), dtype=bool), ())
+    series = Series(
+        np.full((samples, 3), dt),
+        noise,
+        np.ones((samples, 3)),
+        np.ones((samples, 3), dtype=bool),
+        (),
+    )
     whole = smoothed(series, np.full(3, 10.0**decade))
     angle, velocity = gains(samples, dt, decade)
     assert np.allclose(angle @ noise, whole[:, :, 0], atol=1e-6)

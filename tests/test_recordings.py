@@ -293,7 +293,7 @@ IMPOSSIBLE = {
     "truth": ({"truth": Motion(still(), still(joints=3))}, "true velocity has 3 columns"),
     "covariate": ({"covariates": {"temp": still()._replace(hold="?")}}, "covariate 'temp': hold"),
     "sigma": ({"angle": still()._replace(sigma=np.zeros(2))}, "sigma must be positive"),
-    "sigma shape": ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(2,\), not \(3,\)"),
+    "sigma shape": ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
     "parameter": ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
     "late": ({"torque": late(still())}, "share no moment"),
     "early": ({"angle": late(still())}, "share no moment"),

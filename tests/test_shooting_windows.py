@@ -69,7 +69,8 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
     rng = np.random.default_rng(2)
     K = 2 * N
     before, after = rng.normal(size=(2, K, JOINTS))
-    track = SimpleNamespace(n=JOINTS, before=before, after=after)
+    trust = {name: np.ones((K, JOINTS)) for name in ("trust_before", "trust_after")}
+    track = SimpleNamespace(n=JOINTS, before=before, after=after, **trust)
     nodes = rng.normal(size=(K, STATE))
     lines = Lines(
         end=rng.normal(size=(K, STATE)),

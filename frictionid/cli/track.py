@@ -58,7 +58,9 @@ def track(
 
         from frictionid.acquire.camera.overlay import contact_sheet
 
-        picture = cv2.imencode(".png", contact_sheet(source.frames(), angles))[1].tobytes()
+        picture = cv2.imencode(".png", contact_sheet(source.frames(), angles, source.size))[
+            1
+        ].tobytes()
         _written(sheet, lambda: write_bytes(sheet, picture))
         print(f"contact sheet in {sheet}")
     if overlay is not None:

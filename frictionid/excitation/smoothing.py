@@ -21,7 +21,9 @@ def jerk_ratio(q: Array, noise: Array, dt: float) -> Array:
     to a quarter.
     """
     value = (q + noise).reshape(len(q), -1)
-    series = Series(np.full(value.shape, dt), value, np.ones(value.shape, dtype=bool), ())
+    series = Series(
+        np.full(value.shape, dt), value, np.ones(value.shape), np.ones(value.shape, dtype=bool), ()
+    )
     decades = np.log10(likeliest(series))
     return (np.round(_DECADES * decades) / _DECADES).reshape(q.shape[1:])
 
@@ -29,7 +31,9 @@ def jerk_ratio(q: Array, noise: Array, dt: float) -> Array:
 def seen(q: Array, decades: Array, dt: float) -> tuple[Array, Array]:
     """Angles and velocities that the smoother makes of noise-free angles q (T, ...)."""
     flat = q.reshape(len(q), -1)
-    series = Series(np.full(flat.shape, dt), flat, np.ones(flat.shape, dtype=bool), ())
+    series = Series(
+        np.full(flat.shape, dt), flat, np.ones(flat.shape), np.ones(flat.shape, dtype=bool), ()
+    )
     out = smoothed(series, 10.0 ** decades.ravel())
     return out[:, :, 0].reshape(q.shape), out[:, :, 1].reshape(q.shape)
 
@@ -45,7 +49,9 @@ def gains(samples: int, dt: float, decade: float) -> tuple[csr_array, csr_array]
     """
     size = min(samples, 2 * _SUPPORT + 1)
     shape = (size, size)
-    series = Series(np.full(shape, dt), np.eye(size), np.ones(shape, dtype=bool), ())
+    series = Series(
+        np.full(shape, dt), np.eye(size), np.ones(shape), np.ones(shape, dtype=bool), ()
+    )
     response = smoothed(series, np.full(size, 10.0**decade))
     return _banded(response[:, :, 0], samples), _banded(response[:, :, 1], samples)
 

@@ -169,6 +169,9 @@ def _from_table(content: bytes, folder: Path, name: str, layout: Layout) -> Reco
     columns = layout.columns
     assert columns is not None
     table = read_table(content, str(folder / name), columns.names())
+    whole = table
+    if columns.missing == "drop":
+        table = _seen(table, columns)
     signals = partial(_signal, table, layout, columns)
     truth = None
     if columns.truth:
@@ -178,13 +181,29 @@ def _from_table(content: bytes, folder: Path, name: str, layout: Layout) -> Reco
         )
     return Recording(
         name=table_name(name),
-        angle=signals("angle", columns.angle),
-        torque=signals("torque", columns.torque),
+        angle=_with_deviations(signals("angle", columns.angle), table, layout, columns),
+        torque=_signal(whole, layout, columns, "torque", columns.torque),
         velocity=signals("velocity", columns.velocity) if columns.velocity else None,
         parameters=layout.recordings.parameters.get(name, {}),
         covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
         truth=truth,
     )
+
+
+def _seen(table: Table, columns: ColumnNames) -> Table:
+    """The rows on the angles' clock whose angles are there."""
+    cells = np.stack([table.columns[name] for name in columns.angle])
+    keep = ~np.isnan(cells).any(axis=0)
+    if not keep.any():
+        raise InputError(f"{table.file}: no row has all angles; name other columns")
+    return Table(table.file, table.rows[keep], {k: v[keep] for k, v in table.columns.items()})
+
+
+def _with_deviations(angle: Signal, table: Table, layout: Layout, columns: ColumnNames) -> Signal:
+    """The angles with the standard deviation of each sample, where a table has them."""
+    if columns.sigma is None:
+        return angle
+    return angle._replace(sigma=_signal(table, layout, columns, "angle", columns.sigma).value)
 
 
 def _with_sigma(recording: Recording, layout: Layout) -> Recording:

@@ -70,12 +70,19 @@ class TruthColumns(Strict):
 
 
 class ColumnNames(Strict):
-    """Which column holds what; one entry per joint, "" in ``torque`` where there is no motor."""
+    """Which column holds what; one entry per joint, "" in ``torque`` where there is no motor.
+
+    sigma : columns with the standard deviation of each angle, in the unit of the angles
+    missing : what to do with rows whose angles are empty, as a tracker leaves what it has not seen:
+        "refuse" them or "drop" them from all signals on the angles' clock
+    """
 
     time: Annotated[Clocks, BeforeValidator(_both_clocks)]
     angle: Columns
     torque: Columns
     velocity: Columns | None = None
+    sigma: Columns | None = None
+    missing: Literal["refuse", "drop"] = "refuse"
     truth: TruthColumns | None = None
     covariates: dict[str, Column] = {}
 
@@ -112,6 +119,8 @@ class ColumnNames(Strict):
         yield "torque", self.torque
         if self.velocity is not None:
             yield "velocity", self.velocity
+        if self.sigma is not None:
+            yield "sigma", self.sigma
         if self.truth is not None:
             yield "truth.angle", self.truth.angle
             yield "truth.velocity", self.truth.velocity

@@ -14,7 +14,7 @@ from frictionid.recipe import states_of
 from frictionid.recordings import Dataset
 from frictionid.rig import Rig
 from frictionid.shooting.drive import Pieces, Series, pieces_of, series_of
-from frictionid.signals import sample
+from frictionid.signals import sample, unevenness
 from frictionid.states import RTS, States
 
 
@@ -24,6 +24,7 @@ class Track:
 
     time, dt : (K,) [s] begin and length; recording, index : (K,), of the sample at its begin
     before, after : (K, n) [rad] measured at begin and end
+    trust_before, trust_after : (K, n), by how much less they are off than usual
     q, w : (K, n) smoothed states at the begin
     joined : (K,), whether an interval begins where the one before it ends
     """
@@ -36,6 +37,8 @@ class Track:
     index: Array
     before: Array
     after: Array
+    trust_before: Array
+    trust_after: Array
     q: Array
     w: Array
     joined: Array
@@ -74,6 +77,7 @@ def track_of(
         dt = np.diff(s.time)
         whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
         measured = sample(recording.angle, s.time)
+        trust = 1.0 / sample(recording.angle._replace(value=unevenness(recording.angle)), s.time)
         joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
         columns = (
             s.time[:-1],
@@ -82,6 +86,8 @@ def track_of(
             np.arange(len(dt)),
             measured[:-1],
             measured[1:],
+            trust[:-1],
+            trust[1:],
         )
         parts.append([x[whole] for x in (*columns, s.q[:-1], s.w[:-1], joined)])
     series = [np.concatenate(column) for column in zip(*parts, strict=True)]

@@ -17,7 +17,8 @@ _FAR = 1e3  # [rad]
 class Chain(NamedTuple):
     """What W windows of at most N intervals predict, linear in starts and parameters.
 
-    error (W, N + 1, n) [rad]: measured minus predicted angle; slope (W, N + 1, n, 2n + D): of the
+    error (W, N + 1, n) [rad]: measured minus predicted angle, as if all samples had the usual
+    noise; slope (W, N + 1, n, 2n + D): of the
     predicted angle, in the window's start state and the parameters; share (W, N + 1): how much a
     sample counts, half where it belongs to two windows, nothing where there is none.
     moved (W, N, s): how far nodes are from where their window's own prediction passes;
@@ -51,6 +52,7 @@ def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Ar
     error, share = np.zeros((W, N + 1, n)), np.zeros((W, N + 1))
     slope = np.zeros((W, N + 1, n, 2 * n + D))
     moved, carried = np.zeros((W, N, s)), np.zeros((W, N, s, 2 * n + D))
+    trust = np.ones((W, N + 1, n))
     g, T = np.zeros((W, s)), np.zeros((W, s, 2 * n + D))
     T[:, : 2 * n, : 2 * n] = np.eye(2 * n)
     for k in range(N):
@@ -58,6 +60,7 @@ def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Ar
         moved[:, k], carried[:, k] = g, T
         error[use, k] = (track.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
         slope[use, k] = T[use, :n]
+        trust[use, k] = track.trust_before[i][use]
         share[use, k] = 1.0 if k else 0.5
         P = lines.by_start[i]
         follows = np.where(end, i, index[:, min(k + 1, N - 1)])
@@ -68,8 +71,11 @@ def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Ar
         at = lines.end[i, :n] + g[:, :n]
         error[end, k + 1] = (track.after[i] - offset - at)[end]
         slope[end, k + 1] = T[end, :n]
+        trust[end, k + 1] = track.trust_after[i][end]
         share[end, k + 1] = 0.5
     slope[..., 2 * n :] += lines.angle.T * (share > 0)[..., None, None]
+    if (trust != 1.0).any():
+        error, slope = error * trust, slope * trust[..., None]
     return _tamed(Chain(error, slope, share, moved, carried))
 
 

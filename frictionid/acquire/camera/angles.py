@@ -107,7 +107,9 @@ def _deviation(link: Array, sigma: Array) -> Array:
     """Standard deviations (T, n) [rad] of joint angles: each marker turns the links beside it."""
     T, n = link.shape[:2]
     length = np.linalg.norm(link, axis=-1)
-    across = np.stack([link[..., 1], -link[..., 0]], axis=-1) / length[..., None] ** 2
+    across = (
+        np.stack([link[..., 1], -link[..., 0]], axis=-1) / np.maximum(length, 1e-9)[..., None] ** 2
+    )
     slope = np.zeros((T, n, n + 1, 2))  # of the joint angles by the markers
     for i in range(n):
         slope[:, i, i + 1] += across[:, i]

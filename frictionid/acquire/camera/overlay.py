@@ -12,13 +12,15 @@ from frictionid.acquire.camera.angles import FOUND, LOST, Angles
 from frictionid.acquire.camera.source import Frame, Image, Source
 from frictionid.errors import InputError
 
-_COLOURS = {FOUND: (0, 190, 0), "predicted": (0, 150, 255), LOST: (40, 40, 230)}
+_COLOURS = {FOUND: (90, 255, 90), "predicted": (60, 190, 255), LOST: (90, 90, 255)}
 _SHEET, _ACROSS = 12, 4  # pictures of the contact sheet
 _WIDTH = 480  # [px] of each
 
 
-def drawn(image: Image, angles: Angles, k: int) -> Image:
-    """The k-th frame with its markers, its state and its angles."""
+def drawn(
+    image: Image, angles: Angles, k: int, window: tuple[int, int, int, int] | None = None
+) -> Image:
+    """The k-th frame, or a window (x0, y0, x1, y1) of it, with markers, state and angles."""
     out = image.copy()
     state = angles.state[k]
     places = angles.markers[k]
@@ -31,11 +33,14 @@ def drawn(image: Image, angles: Angles, k: int) -> Image:
     degrees = [f"{np.degrees(q):.1f} deg" if np.isfinite(q) else "?" for q in angles.q[k]]
     shown = [f"q{j} = {text}" for j, text in enumerate(degrees, start=1)]
     text = f"{angles.time[k]:.3f} s   {'   '.join(shown)}   {state}"
-    size = max(image.shape[1] / 1600, 0.4)
-    at = (int(12 * size), int(30 * size))
-    for colour, width in (((255, 255, 255), 4), (_COLOURS[state], 1)):
-        cv2.putText(out, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, width, cv2.LINE_AA)
-    return out
+    if window is not None:
+        x0, y0, x1, y1 = window
+        out = cv2.resize(out[y0:y1, x0:x1], (_WIDTH, round(_WIDTH * (y1 - y0) / (x1 - x0))))
+    size = max(out.shape[1] / 1100, 0.42)
+    at = (int(16 * size), int(32 * size))
+    out[: int(44 * size)] = out[: int(44 * size)] // 4
+    cv2.putText(out, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _COLOURS[state], 1, cv2.LINE_AA)
+    return np.asarray(out, dtype=np.uint8)
 
 
 def write_overlay(source: Source, angles: Angles, path: Path) -> None:
@@ -56,19 +61,24 @@ def write_overlay(source: Source, angles: Angles, path: Path) -> None:
     writer.release()
 
 
-def contact_sheet(frames: Iterable[Frame], angles: Angles) -> Image:
+def contact_sheet(frames: Iterable[Frame], angles: Angles, size: tuple[int, int]) -> Image:
     """Frames side by side: half of them evenly spaced, half where something was not found."""
-    chosen = set(_chosen(angles))
-    tiles = []
+    chosen, tiles, window = set(_chosen(angles)), [], _window(angles, size)
     for k, frame in enumerate(frames):
         if k in chosen:
-            picture = drawn(frame.image, angles, k)
-            height = round(_WIDTH * picture.shape[0] / picture.shape[1])
-            tiles.append(cv2.resize(picture, (_WIDTH, height), interpolation=cv2.INTER_AREA))
+            tiles.append(drawn(frame.image, angles, k, window))
     blank = np.full_like(tiles[0], 255)
     tiles += [blank] * (-len(tiles) % _ACROSS)
     rows = [np.hstack(tiles[i : i + _ACROSS]) for i in range(0, len(tiles), _ACROSS)]
     return np.asarray(np.vstack(rows), dtype=np.uint8)
+
+
+def _window(angles: Angles, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """The part of the pictures in which markers are, with some room."""
+    low, high = np.nanmin(angles.markers, axis=(0, 1)), np.nanmax(angles.markers, axis=(0, 1))
+    room = 20 + 0.1 * (high - low).max()
+    (x0, y0), (x1, y1) = np.clip([low - room, high + room], 0, size).astype(int).tolist()
+    return x0, y0, x1, y1
 
 
 def _chosen(angles: Angles) -> list[int]:
