@@ -68,31 +68,47 @@ def stiffness(plant: Plant, friction: Friction, beyond: float = 0.0) -> float:
     """Fastest rate [1/s] at which friction slows a joint: largest eigenvalue of M^-1 dTf/dw.
 
     The worst case over a grid of configurations and over the batches of plant and friction, at
-    speeds `beyond` some [rad/s].
+    speeds `beyond` some [rad/s]; where friction grows with the load or the motor torque, under
+    those that hold the joints still.
     """
     grid = np.linspace(-np.pi, np.pi, 9)
     q = np.stack(np.meshgrid(*[grid] * plant.n, indexing="ij"), axis=-1).reshape(-1, plant.n)
     p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
     A = inverse(plant.mechanism.inertia(p[:, None], q))
-    root = np.sqrt(slopes(friction, beyond))
+    root = np.sqrt(slopes(friction, beyond, *_holding(plant, friction, p, q)))
     return float(np.linalg.eigvalsh(root[:, None] * A * root).max())
 
 
-def slopes(friction: Friction, beyond: float = 0.0) -> Array:
+def _holding(plant: Plant, friction: Friction, p: Array, q: Array) -> tuple[Array, Array]:
+    """Largest motor torque (n,) that holds machines p (B, nb) at angles q (C, n), and its load."""
+    u = np.abs(plant.mechanism.dynamics(p[:, None], q, 0.0 * q)[1]).max(axis=(0, 1))
+    if not friction.law.uses_load:
+        return u, 0.0 * u
+    batch = plant.p.ndim - 1
+    some = plant[(0,) * batch] if batch else plant
+    return u, plain(some.load(q, 0.0 * q, 0.0 * q)).max(axis=0)
+
+
+def slopes(
+    friction: Friction, beyond: float = 0.0, u: Array | float = 0.0, load: Array | float = 0.0
+) -> Array:
     """Largest slope dTf/dw of each joint over all batches, or zero, shape (n,) [N m s/rad].
 
-    At speeds `beyond` some [rad/s].
+    At speeds `beyond` some [rad/s], with motor torques 0, u, -u, and a load, (n,) each.
     """
     w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])
     w = w[w >= beyond]
     theta = friction.theta[..., None, :, :]
+    xp, width = namespace(theta), 1e-5
     grid = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
-    columns = namespace(theta).asarray(grid, dtype=theta.dtype)
-    width = 1e-5
 
-    def torque(w: Array) -> Array:
-        x = at_rest(w)
+    def torque(w: Array, u: Array) -> Array:
+        columns, pushed = (xp.asarray(v, dtype=theta.dtype) for v in (w, u + 0.0 * w))
+        x = at_rest(columns)._replace(u=pushed, load=xp.asarray(load + 0.0 * w, dtype=theta.dtype))
         return plain(friction.law.torque(theta, x, friction.law.start(theta, x)))
 
-    rise = (torque(columns + width) - torque(columns - width)) / (2 * width)
-    return np.maximum(rise.reshape(-1, friction.n).max(axis=0), 0.0)
+    most = np.zeros(friction.n)
+    for push in (0.0, u, -u) if np.any(u) else (0.0,):
+        rise = (torque(grid + width, push) - torque(grid - width, push)) / (2 * width)
+        most = np.maximum(most, rise.reshape(-1, friction.n).max(axis=0))
+    return most

@@ -33,6 +33,7 @@ from frictionid.laws import CoulombViscous, MotorLoad
 from frictionid.mechanics import plant_of
 from frictionid.recipe import INTEGRAL
 from frictionid.recordings import Dataset, Recording
+from frictionid.rig import Rig
 from frictionid.rollout import rollout
 from frictionid.signals import Signal
 from frictionid.states import Causal, States
@@ -121,6 +122,52 @@ def test_another_friction_or_another_motor_does_not(logs):
     for other, friction in ((data, heavy), (weak, TRUTH)):
         q, course = run_of(other, states, friction)
         assert np.nanmean(np.abs(q - course.measured)) > 20 * good
+
+
+def servoed(data, change):
+    changed = (replace(r, servo=change(r.servo)) for r in data.recordings)
+    return replace(data, recordings=tuple(changed))
+
+
+def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs):
+    data, states = logs
+    weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
+    rig = replace(Rig.ideal(1), gain=np.array([1.25]))
+    told, _ = run_of(weak, states, replace(TRUTH, rig=rig))
+    np.testing.assert_allclose(told, run_of(data, states)[0], atol=1e-9)
+
+
+def test_a_bias_of_the_rig_is_a_constant_torque(logs):
+    data, states = subset(logs[0], 0), logs[1][:1]
+    bias = 0.05
+    rig = replace(Rig.ideal(1), bias=np.array([bias]))
+    goal = bias * R / KT / (data.recordings[0].servo.gain * data.recordings[0].servo.supply)
+
+    def raised(servo):  # by what makes the same torque
+        value = servo.goal.value + goal
+        return replace(servo, goal=servo.goal._replace(value=value), limit=1e9)
+
+    free = servoed(data, lambda servo: replace(servo, limit=1e9))
+    told, _ = run_of(free, states, replace(TRUTH, rig=rig))
+    np.testing.assert_allclose(told, run_of(servoed(data, raised), states)[0], atol=1e-9)
+    assert np.abs(told - run_of(free, states)[0]).max() > 1e-3
+
+
+def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
+    data, states, d = subset(logs[0], 0), logs[1][:1], 0.004
+    servo = data.recordings[0].servo
+    free = servoed(data, lambda servo: replace(servo, limit=1e9))
+    told, _ = run_of(free, states, replace(TRUTH, rig=replace(Rig.ideal(1), delay=np.array(d))))
+
+    def later(servo):
+        goal, on = (x._replace(time=x.time + d) for x in (servo.goal, servo.enabled))
+        return replace(servo, goal=goal, enabled=on, limit=1e9)
+
+    less = VISCOUS - KT / R * servo.supply * servo.gain * d
+    other = Friction(CoulombViscous(), np.array([[0.0, less]]))
+    shifted, _ = run_of(servoed(data, later), states, other)
+    change = np.abs(told - run_of(free, states)[0]).max()
+    assert change > 1e-3 and np.abs(told - shifted).max() < 0.1 * change
 
 
 def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs):

@@ -252,6 +252,33 @@ def test_sampled_memory_waits_for_the_next_sample():
 # ---------------------------------------------------------------- how many substeps
 
 
+class Squeezed(CoulombViscous):
+    """Viscous friction that grows with the bearing load, or with the motor torque."""
+
+    uses_load = True
+    by = "load"
+
+    def torque(self, theta, x, memory):
+        return theta[..., 1] * abs(getattr(x, self.by)) * x.w
+
+    def gradient(self, theta, x):
+        raise NotImplementedError
+
+
+class Pressed(Squeezed):
+    uses_load = False
+    by = "u"
+
+
+@pytest.mark.parametrize(("law", "size"), [(Squeezed(), 1.0), (Pressed(), 0.2)])
+def test_the_substeps_follow_friction_that_grows_with_load_or_motor_torque(law, size):
+    mass, length = 1.0, 0.2
+    plant = Plant.of(pendulum(), {"mass": mass, "length": length})
+    friction = Friction(law, np.array([[0.0, 3.0]]))
+    most = 3.0 * mass * 9.81 * size / (mass * length**2)  # held still against gravity
+    assert most <= stiffness(plant, friction) * 1.01 < 1.3 * most
+
+
 def test_the_substeps_follow_the_fastest_rate():
     plant = Plant.of(pendulum(), {"mass": 1.0, "length": 0.1})  # 0.01 kg m^2
     steep = Friction(CoulombViscous(width=0.001), np.array([[0.1, 0.0]]))

@@ -22,6 +22,7 @@ from frictionid.evaluation.rows import Row
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 from frictionid.recordings import Dataset, Recording
+from frictionid.rig import Rig
 from frictionid.rollout import rollout
 from frictionid.signals import averages, sample
 from frictionid.states import States
@@ -128,7 +129,8 @@ def _side_by_side(series: Sequence[Array], length: int, fill: float) -> Array:
 def free_run(plant: Plant, friction: Friction, course: Course) -> Array:
     """Angles (T + 1, R, n) [rad] of all recordings, simulated from their start only.
 
-    plant, friction : with one batch entry for each recording, or one for all
+    plant, friction : with one batch entry for each recording, or one for all; what the friction's
+        rig does to a servo's torque is done here, the rest is in the recordings already
     """
     start = State(course.q, course.w)
     if not course.servos:
@@ -138,27 +140,36 @@ def free_run(plant: Plant, friction: Friction, course: Course) -> Array:
 
 
 class _Drive(NamedTuple):
-    """The servos of R recordings, their constants (R, 1)."""
+    """The servos of R recordings: constants (R, 1), and what the rig makes of their torque.
+
+    gain, bias (R, n) or (n,); delay [s], (R,) or one: so much later the voltage acts.
+    """
 
     servos: tuple[Servo, ...]
     kt: Array
     R: Array
+    gain: Array
+    bias: Array
+    delay: Array
 
     def torque(self, time: Array, q: Array, w: Array) -> Array:
         """Torque (R, n) [N m] of each recording's servo at its own time (R,) and state (R, n)."""
+        later = self.delay + 0.0 * time
+        time, q = time - later, q - later[:, None] * w
         each = [s.voltage(t[None], a[None]) for s, t, a in zip(self.servos, time, q, strict=True)]
         connected = [s.connected(t[None]) for s, t in zip(self.servos, time, strict=True)]
         u = motor_torque(np.concatenate(each), w, self.kt, self.R)
-        return u * np.concatenate(connected)
+        return self.gain * u * np.concatenate(connected) + self.bias
 
 
-def _drive_of(course: Course) -> _Drive:
-    constants = [np.array([[getattr(s, name)] for s in course.servos]) for name in ("kt", "R")]
-    return _Drive(course.servos, *constants)
+def _drive_of(course: Course, rig: Rig | None) -> _Drive:
+    kt, R = (np.array([[getattr(s, name)] for s in course.servos]) for name in ("kt", "R"))
+    rig = rig or Rig.ideal(course.q.shape[-1])
+    return _Drive(course.servos, kt, R, rig.gain, rig.bias, rig.delay)
 
 
 def _run(plant: Plant, friction: Friction, start: State, course: Course) -> Array:
-    drive = _drive_of(course)
+    drive = _drive_of(course, friction.rig)
     longest = course.dt.max(axis=1)
     pieces = np.maximum(np.ceil(longest / _PIECE - 1e-9), 1.0).astype(int)
     count = substeps(plant, friction, float((longest / pieces).max()))

@@ -274,7 +274,7 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
             f"{tuple(friction.theta.shape)}: it must be ({n}, {len(friction.law.names)})"
         )
     prepared = with_rig(prepared, friction.rig)
-    friction = replace(friction, rig=None)
+    rig, friction = friction.rig, replace(friction, rig=None)
     rows: list[Row] = []
     batch = friction[None]
     for score, problem in _problems(prepared):
@@ -292,7 +292,7 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
         rows += _pooled(true_start_rows(ideal, prepared.true, everywhere, _angle_unit(prepared)))
     if prepared.course is not None:
         all_ = np.zeros(len(prepared.course.names), dtype=int)
-        q = free_run(prepared.plant, batch[all_], prepared.course)
+        q = free_run(prepared.plant, replace(batch[all_], rig=rig), prepared.course)
         rows += _pooled(free_run_rows(q, prepared.course, all_))
     rows += _pooled(curve_scores(batch, friction, prepared))
     rows.append(_count(friction))

@@ -21,7 +21,7 @@ from frictionid.shooting.track import Track
 from frictionid.shooting.wrapped import smoothing_of
 
 _FEW = 16  # numbers of a joint: more are free in combinations only
-_MOST = 12  # combinations of a joint
+_MOST = 20  # combinations of a joint
 _REACH = 1.0  # of the size of a joint's numbers: standard deviation of how far they move
 
 
