@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bench_shooting
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -132,6 +133,7 @@ def main() -> None:
         rows = fits(clean) + rollouts(clean)
         rows += accuracy("acrobot_clean", clean) + accuracy("noise-free twin", twin)
         rows += accuracy("acrobot_sim", load_dataset(DATA / "acrobot_sim"))
+    rows += list(bench_shooting.rows(seeds=5, jobs=2))
     table = Table("what", "figure", title="frictionid, one thread")
     for row in rows:
         table.add_row(*row)

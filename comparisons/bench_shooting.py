@@ -1,0 +1,209 @@
+"""Shooting's part of `make bench`: how right and how fast it is.
+
+python comparisons/bench_shooting.py [--seeds 5] [--jobs 2]
+
+Simulated rigs with set-valued friction, the recordings of data/acrobot_sim and acrobot_clean with
+torques and noise of their own for each seed; the worst of the seeds is told. Predictions are judged
+on a set that was not fitted, of another seed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+from rich.console import Console
+from rich.table import Table
+from threadpoolctl import threadpool_limits
+
+from frictionid.compare import Contest, run
+from frictionid.evaluation import (
+    Protocol,
+    Split,
+    curve_error,
+    curves,
+    judge,
+    make_folds,
+    prepare,
+    steady_state,
+    velocity_grid,
+)
+from frictionid.identifiers import LeastSquares
+from frictionid.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
+from frictionid.mechanics import plant_of
+from frictionid.readers.dataset import load_dataset
+from frictionid.recipe import INTEGRAL, training_problem
+from frictionid.recordings import Dataset
+from frictionid.shooting import Refined, Shooting, refine
+from frictionid.shooting.blocks import Block, DelayBlock, FrictionBlock, GainBlock, InertiaBlock
+from frictionid.simulate import Curve, Rig, load_rig, simulate
+from frictionid.simulate import Stribeck as TrueStribeck
+from frictionid.simulate.rig import world_of
+
+DATA = Path(__file__).parent.parent / "data"
+ALL = (FrictionBlock(), InertiaBlock(), DelayBlock())
+LAWS = (CoulombViscous(), Stribeck(), AsymmetricStribeck(), Spline())
+COULOMB = Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008))
+ONE = 1.0  # [s] ahead
+UNSEEN = 100  # added to the seeds of sets that only test
+Lines = list[tuple[str, str]]
+
+
+def fitted(dataset: Dataset, law: object, blocks: tuple[Block, ...] = ALL) -> Refined:
+    """What `frictionid fit --by shooting` finds."""
+    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+    start = LeastSquares(law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
+    return refine(start, dataset, blocks)
+
+
+def off(found: Refined, dataset: Dataset) -> np.ndarray:
+    """Curve error (n,) of each joint."""
+    moved = np.concatenate([r.truth.velocity.value for r in dataset.recordings])
+    grid = velocity_grid(moved)
+    return curve_error(
+        curves(found.friction, grid), curves(steady_state(dataset.truth), grid), grid
+    )
+
+
+def ahead(found: Refined, dataset: Dataset) -> np.ndarray:
+    """Median and 90 % quantile (2,) [rad] after 1 s, from starts that the model finds itself."""
+    protocol = Protocol(horizons=(ONE,), starts="model")
+    rows, _ = judge(found.friction, prepare(dataset, protocol))
+    keys = {(r.statistic): r.value for r in rows if r.score == "rollout_angle_truth"}
+    return np.array([keys["median"], keys["q90"]])
+
+
+def machine(seed: int) -> tuple[np.ndarray, ...]:
+    """Curve error, delay error [s], relative base parameters' errors, and errors after 1 s."""
+    rig = load_rig(DATA / "acrobot_sim" / "rig.toml")
+    with threadpool_limits(1):
+        dataset = simulate(rig, seed)
+        found = fitted(dataset, AsymmetricStribeck())
+        base = np.asarray(found.rig.base) / world_of(rig).p - 1.0
+        late = np.abs(found.rig.delay - rig.drive.delay)
+        later = ahead(found, simulate(rig, UNSEEN + seed))
+        return off(found, dataset), late, np.abs(base).max(), later
+
+
+def rights(seeds: int, jobs: int) -> Lines:
+    """Friction, inertia and delay free, the right law."""
+    results = Parallel(n_jobs=jobs)(delayed(machine)(seed) for seed in range(1, seeds + 1))
+    error, late, base, later = (np.max(column, axis=0) for column in zip(*results, strict=True))
+    return [
+        (f"curve error, worst of {seeds} seeds (joint 1 / 2; at most 1 %)", percent(error)),
+        ("  error of the delay (at most 0.3 ms)", f"{1e3 * late:.2f} ms"),
+        ("  error of the inertias (at most 0.5 %)", f"{100 * base:.2f} %"),
+        ("  after 1 s, median / 90 % (at most 0.012 / 0.05 rad)", radians(later)),
+    ]
+
+
+def plainer(rig: Rig) -> Lines:
+    """Stribeck friction against Coulomb and viscous truth: what is too much is called so."""
+    dataset = simulate(replace(rig, friction=TrueStribeck(COULOMB)))
+    c = fitted(dataset, Stribeck()).covariance
+    extra = [k for k, e in enumerate(c.entries) if e.name.startswith(("peak", "stribeck"))]
+    named = ", ".join(c.entries[k].name for k in extra if c.identified[k])
+    said = f"{sum(not c.identified[k] for k in extra)} of {len(extra)}"
+    return [
+        (
+            "stribeck, Coulomb-viscous truth: extra parameters not identified",
+            f"{said}; identified: {named}" if named else said,
+        )
+    ]
+
+
+def gained(rig: Rig) -> Lines:
+    """A torque that is 5 % larger than logged, one base parameter known."""
+    dataset = simulate(replace(rig, drive=replace(rig.drive, gain=1.05)))
+    blocks = (FrictionBlock(), InertiaBlock(fixed=("gravity_2",)), GainBlock())
+    gain = float(fitted(dataset, AsymmetricStribeck(), blocks).rig.gain[1])
+    return [("gain 1.05, gravity_2 fixed: found (to 1 %)", f"{gain:.4f}")]
+
+
+def weighed(rig: Rig) -> Lines:
+    """Link 2 is 10 % heavier than told."""
+    mass = 1.1 * plant_of(simulate(shortest(rig))).parameters["m3"][0]
+    heavy = replace(rig, true_parameters={"m3": float(mass)})
+    dataset, true = simulate(heavy), world_of(heavy).p
+    free, told = (
+        fitted(dataset, AsymmetricStribeck(), blocks)
+        for blocks in ((FrictionBlock(), InertiaBlock()), (FrictionBlock(),))
+    )
+    base = np.abs(np.asarray(free.rig.base) / true - 1.0).max()
+    return [
+        ("m3 10 % wrong, inertia free: error of the base parameters", f"{100 * base:.2f} %"),
+        ("  curve error (joint 1 / 2)", percent(off(free, dataset))),
+        ("  curve error where inertia is not free", percent(off(told, dataset))),
+    ]
+
+
+def shortest(rig: Rig) -> Rig:
+    """One recording of two samples."""
+    return replace(rig, recordings=rig.recordings[:1], camera=replace(rig.camera, samples=2))
+
+
+def folds(jobs: int) -> Lines:
+    """Four laws, ten folds, acrobot_clean, in a fresh process."""
+    begin = time.perf_counter()
+    command = [sys.executable, __file__, "--folds", "--jobs", str(jobs)]
+    cpu = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    wall = time.perf_counter() - begin
+    said = f"{wall:.0f} s, {cpu} s of processors"
+    return [(f"four laws, ten folds, {jobs} processes, fresh (at most 90 s)", said)]
+
+
+def one_law(law: object) -> float:
+    """Processor time [s] of one law in all folds, without scores."""
+    begin = time.process_time()
+    dataset = load_dataset(DATA / "acrobot_clean")
+    contest = Contest(dataset, make_folds(dataset.recordings, Split(count=10)), Protocol((0.1,)))
+    with threadpool_limits(1):
+        run(contest, LeastSquares(law), Shooting(blocks=ALL))
+    return time.process_time() - begin
+
+
+def percent(error: np.ndarray) -> str:
+    """Errors of the joints in per cent."""
+    return " / ".join(f"{100 * e:.2f} %" for e in error)
+
+
+def radians(error: np.ndarray) -> str:
+    """Angles side by side."""
+    return " / ".join(f"{e:.4f}" for e in error)
+
+
+def rows(seeds: int, jobs: int) -> Iterator[tuple[str, str]]:
+    """All figures."""
+    yield from rights(seeds, jobs)
+    rig = load_rig(DATA / "acrobot_clean" / "rig.toml")
+    for part in (plainer, gained, weighed):
+        yield from part(rig)
+    yield from folds(jobs)
+
+
+def main() -> None:
+    """Measure and print."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--seeds", type=int, default=5, help="simulated data sets")
+    options.add_argument("--jobs", type=int, default=2, help="processes side by side")
+    options.add_argument("--folds", action="store_true", help="the four laws only, for their time")
+    given = options.parse_args()
+    if given.folds:
+        times = Parallel(n_jobs=given.jobs)(delayed(one_law)(law) for law in LAWS)
+        print(f"{sum(times):.0f}")
+        return
+    table = Table("what", "figure", title="shooting")
+    for row in rows(given.seeds, given.jobs):
+        table.add_row(*row)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
