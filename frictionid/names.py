@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from frictionid.black_box_settings import blackbox_lstm, blackbox_mlp, sindy_dynamics
 from frictionid.evaluation import Split
 from frictionid.evaluation.loops import Loops
 from frictionid.identifiers import (
-    BlackBox,
     Identifier,
     LeastSquares,
     Linear,
@@ -19,7 +19,6 @@ from frictionid.identifiers import (
     Published,
     Regressor,
     SINDy,
-    SparseDynamics,
 )
 from frictionid.identifiers.estimators import estimator_named
 from frictionid.laws import (
@@ -46,6 +45,8 @@ from frictionid.laws import (
     Ripple,
     Spline,
     StateLibrary,
+    StateLSTM,
+    StateMLP,
     Stribeck,
     Table,
     WindowMLP,
@@ -97,6 +98,8 @@ LAWS: Mapping[str, type] = {
     "mlp": MLP,
     "window_mlp": WindowMLP,
     "lstm": LSTM,
+    "state_mlp": StateMLP,
+    "state_lstm": StateLSTM,
 }
 
 
@@ -220,19 +223,6 @@ def lugre(symmetric: bool = True, width: Positive = 0.02, shape: Shape = "tanh")
     return LeastSquares((LuGre if symmetric else AsymmetricLuGre)(width, shape))
 
 
-def sindy_dynamics(
-    degree: Annotated[int, Field(ge=1)] = SparseDynamics.degree,
-    turning: bool = True,
-    width: Positive = SparseDynamics.width,
-    thresholds: Annotated[list[Positive], Field(min_length=1)] | None = None,
-    ridge: Annotated[float, Field(ge=0)] = SparseDynamics.ridge,
-    sure: Annotated[float, Field(ge=0)] = SparseDynamics.sure,
-) -> Identifier:
-    """Acceleration as a sparse sum of monomials of q, w and u, without any physics."""
-    limits = tuple(thresholds or SparseDynamics.thresholds)
-    return BlackBox(SparseDynamics(degree, turning, width, limits, ridge, sure))
-
-
 def published(file: str) -> Identifier:
     """The friction of a model file, with its own mechanism parameters."""
     return Published(load_model(Path(file), LAWS))
@@ -294,6 +284,8 @@ IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {
     "mlp": mlp,
     "window_mlp": window_mlp,
     "lstm": lstm,
+    "blackbox_mlp": blackbox_mlp,
+    "blackbox_lstm": blackbox_lstm,
     "published": published,
 }
 ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {

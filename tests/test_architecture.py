@@ -30,7 +30,8 @@ LAYERS = (
     *("store", "equations", "compare", "tasks", "results"),
     *("simulate", "acquire"),
     *("report", "export", "use"),
-    *("network_settings", "names", "search", "suite_recipes", "suite", "tune", "cli"),
+    *("network_settings", "black_box_settings"),
+    *("names", "search", "suite_recipes", "suite", "tune", "cli"),
 )
 # The simulator must not share the physics step or the laws with what is fitted: inverse crime.
 ONLY = {"simulate": {*LAYERS[: LAYERS.index("mechanics") + 1], "simulate"}}

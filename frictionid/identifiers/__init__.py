@@ -11,6 +11,7 @@ from frictionid.identifiers.published import Published
 from frictionid.identifiers.regressor import Regressor
 from frictionid.identifiers.sindy import SINDy
 from frictionid.identifiers.sparse_dynamics import SparseDynamics
+from frictionid.identifiers.state_network import StateNetwork
 
 __all__ = [
     "BlackBox",
@@ -24,5 +25,6 @@ __all__ = [
     "Regressor",
     "SINDy",
     "SparseDynamics",
+    "StateNetwork",
     "check_identifier",
 ]

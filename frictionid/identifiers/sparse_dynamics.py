@@ -110,9 +110,16 @@ class SparseDynamics:
 
 
 def _columns(law: StateLibrary, problem: Problem) -> Array:
-    """Monomials and measured accelerations [f, dw/dt] of all rows, (K, P + n), as they count.
+    """Monomials and measured accelerations [f, dw/dt] of all rows, (K, P + n), as they count."""
+    y, scale = accelerations(problem)
+    f = problem.mean(law.features(problem.nodes.inputs))
+    return np.concatenate([f, -y], axis=-1) * scale[:, None]
 
-    With G = s I the residual is s (y - Tf), y (K, n) [rad/s^2].
+
+def accelerations(problem: Problem) -> tuple[Array, Array]:
+    """Negative accelerations y (K, n) [rad/s^2] of all rows, and how much a row counts (K,) [s].
+
+    With G = s I the residual is s (y - Tf).
 
     Raises
     ------
@@ -123,6 +130,4 @@ def _columns(law: StateLibrary, problem: Problem) -> Array:
     scale = np.sqrt(np.mean(problem.G**2, axis=(1, 2)) * n)
     if not (np.abs(np.linalg.det(problem.G)) > 1e-9 * scale**n).all():
         raise InputError("a model without physics needs all rows: use a recipe with rest = 0")
-    y = np.linalg.solve(problem.G, problem.r[..., None])[..., 0]
-    f = problem.mean(law.features(problem.nodes.inputs))
-    return np.concatenate([f, -y], axis=-1) * scale[:, None]
+    return np.linalg.solve(problem.G, problem.r[..., None])[..., 0], scale

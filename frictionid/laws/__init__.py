@@ -17,6 +17,8 @@ from frictionid.laws.quadratic import Quadratic
 from frictionid.laws.ripple import Ripple
 from frictionid.laws.spline import AsymmetricSpline, Spline
 from frictionid.laws.state_library import StateLibrary
+from frictionid.laws.state_lstm import StateLSTM
+from frictionid.laws.state_mlp import StateMLP
 from frictionid.laws.stribeck import AsymmetricStribeck, Stribeck
 from frictionid.laws.table import Table
 from frictionid.laws.torch_module import TorchModule
@@ -45,7 +47,9 @@ __all__ = [
     "Quadratic",
     "Ripple",
     "Spline",
+    "StateLSTM",
     "StateLibrary",
+    "StateMLP",
     "Stribeck",
     "Table",
     "TorchModule",
