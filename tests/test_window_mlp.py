@@ -11,6 +11,7 @@ from exact import cost, everything, explained_by
 from frictionid.errors import InputError
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.identifiers import CompressedNetwork, LeastSquares, Network, check_identifier
+from frictionid.identifiers.adam import Adam
 from frictionid.identifiers.batches import batches
 from frictionid.identifiers.lessons import Rows, window
 from frictionid.identifiers.practice import practice_problem, practice_weights
@@ -94,6 +95,19 @@ def test_batches_of_a_fold_go_through_all_its_rows_and_do_not_depend_on_the_othe
     assert sorted(first[:7]) == sorted(first[7:14]) == list(range(7))
     alone = batches(counted[1:], 4, [[0]])
     np.testing.assert_array_equal([b[1] for b in both], [next(alone)[0] for _ in range(5)])
+
+
+def test_its_steps_are_those_of_pytorchs_own():
+    theta = torch.tensor(np.random.default_rng(0).normal(size=(2, 3)), requires_grad=True)
+    theirs = theta.detach().clone().requires_grad_()
+    ours, other = Adam(theta.detach()), torch.optim.Adam([theirs], 0.05, betas=(0.9, 0.99))
+    for _ in range(20):
+        for leaf in (theta, theirs):
+            leaf.grad = None
+            ((leaf - 1.0) ** 4).sum().backward()
+        ours.step(theta.detach(), theta.grad, 0.05)
+        other.step()
+    np.testing.assert_allclose(theta.detach(), theirs.detach(), rtol=1e-9)
 
 
 def test_it_finds_what_a_static_law_cannot():

@@ -17,6 +17,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
+from frictionid.identifiers.adam import Adam
 from frictionid.identifiers.batches import batches, side_by_side
 from frictionid.identifiers.holdout import check_share, held_out
 from frictionid.identifiers.members import member_seeds
@@ -27,7 +28,6 @@ from frictionid.laws.learned import is_learned
 from frictionid.laws.mlp import MLP
 from frictionid.problem import Problem
 
-_MOMENTA = (0.9, 0.99)
 _LONGEST = 1.0  # gradient of a cost that is one without friction
 
 
@@ -119,16 +119,14 @@ class Network:
         held = learn.tensor(side_by_side(judge.counted(parts[1]), judge.items))
         free = learn.tensor(is_learned(law))
         theta = learn.tensor(start).requires_grad_()
-        adam = torch.optim.Adam([theta], betas=_MOMENTA)
-        best = Best(theta.detach())
+        adam, best = Adam(theta.detach()), Best(theta.detach())
         cost = torch.compile(learn.cost) if self.compile else learn.cost
         for epoch in range(self.epochs):
             for step in range(steps):
-                adam.param_groups[0]["lr"] = self.rate * _share(epoch + step / steps, self.epochs)
                 theta.grad = None
                 cost(theta, learn.tensor(next(draws))).sum().backward()
-                theta.grad = _shortened(theta.grad * free)
-                adam.step()
+                rate = self.rate * _share(epoch + step / steps, self.epochs)
+                adam.step(theta.detach(), _shortened(theta.grad * free), rate)
             with torch.no_grad():
                 if best.ended(theta, judge.cost(theta, held), self.patience):
                     break
