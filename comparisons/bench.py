@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from rich.table import Table
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
+from frictionid import simulate as simulated
 from frictionid.evaluation import (
     Protocol,
     Split,
@@ -28,12 +30,12 @@ from frictionid.evaluation import (
     steady_state,
 )
 from frictionid.friction import Friction, along
-from frictionid.identifiers import LeastSquares
-from frictionid.laws import AsymmetricStribeck, Stribeck
+from frictionid.identifiers import LeastSquares, Linear, SINDy
+from frictionid.laws import AsymmetricStribeck, Spline, Stribeck
 from frictionid.mechanics import plant_of
 from frictionid.readers.dataset import load_dataset
 from frictionid.recipe import INTEGRAL, STUDY, training_problem
-from frictionid.simulate import load_rig, noise_free, simulate
+from frictionid.simulate import Curve, load_rig, noise_free, simulate
 
 DATA = Path(__file__).parent.parent / "data"
 
@@ -125,12 +127,67 @@ def accuracy(name: str, dataset: Any) -> list[tuple[str, str]]:
     return [*rows, ("  integral over study", ratio)]
 
 
+def linear(dataset: Any) -> list[tuple[str, str]]:
+    """Ten folds of the identifiers that only need Gram matrices, without the import of pysindy."""
+    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+    folds = make_folds(dataset.recordings, Split(count=10))
+    weights = folds.training(problem.recording, problem.time)
+    SINDy().fit(problem, weights[:1], 0)
+    sindy, _ = best(lambda: SINDy().fit(problem, weights, 0))
+    spline, ours = best(lambda: Linear(Spline()).fit(problem, weights, 0))
+    steps, theirs = best(lambda: LeastSquares(Spline()).fit(problem, weights, 0))
+    return [
+        ("sindy, ten folds", f"{sindy:.2f} s"),
+        ("spline, ten folds", f"{spline:.3f} s"),
+        ("  against least squares by steps", f"{steps / spline:.0f} x faster"),
+        ("  largest difference of a parameter", f"{np.abs(ours.theta - theirs.theta).max():.0e}"),
+    ]
+
+
+TRUTHS = {
+    "Coulomb-viscous": Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008)),
+    "Stribeck": Curve(
+        *((0.165, 0.0525), (0.165, 0.0525), (0.004, 0.0008)),
+        *((0.0, 0.032), (0.0, 0.032), (1.0, 2.0)),
+    ),
+}
+TERMS = {
+    "Coulomb-viscous": [["sign", "viscous"], ["sign", "viscous"]],
+    "Stribeck": [["sign", "viscous"], ["sign", "viscous", "peak_2.3"]],  # 2 is no candidate
+}
+
+
+def supports(rig: Any, seeds: int = 10) -> list[tuple[str, str]]:
+    """How often SINDy finds the true terms and no others, each time with new camera noise."""
+    rows = []
+    for name, curve in TRUTHS.items():
+        made = simulate(replace(rig, friction=simulated.Stribeck(curve)))
+        right = 0
+        for seed in range(seeds):
+            random = np.random.default_rng(seed)
+            noisy = tuple(_seen(r, rig.camera.angle_noise, random) for r in made.recordings)
+            dataset = replace(made, recordings=noisy)
+            problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+            friction = SINDy().fit(problem, np.ones((1, len(problem.r))), 0)[0]
+            names = np.array(friction.law.names)
+            right += [names[row != 0].tolist() for row in friction.theta] == TERMS[name]
+        rows.append((f"sindy, {name} truth: seeds with the true terms only", f"{right} of {seeds}"))
+    return rows
+
+
+def _seen(recording: Any, noise: float, random: np.random.Generator) -> Any:
+    angle = recording.truth.angle
+    value = angle.value + noise * random.standard_normal(angle.value.shape)
+    return replace(recording, angle=angle._replace(value=value))
+
+
 def main() -> None:
     """Measure and print."""
     clean = load_dataset(DATA / "acrobot_clean")
     twin = simulate(noise_free(load_rig(DATA / "acrobot_clean" / "rig.toml")))
     with threadpool_limits(1):
-        rows = fits(clean) + rollouts(clean)
+        rows = fits(clean) + rollouts(clean) + linear(clean)
+        rows += supports(load_rig(DATA / "acrobot_clean" / "rig.toml"))
         rows += accuracy("acrobot_clean", clean) + accuracy("noise-free twin", twin)
         rows += accuracy("acrobot_sim", load_dataset(DATA / "acrobot_sim"))
     rows += list(bench_shooting.rows(seeds=5, jobs=2))

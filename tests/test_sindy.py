@@ -1,5 +1,6 @@
 """The identifier `sindy`: which candidates friction has, and their coefficients."""
 
+import sys
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -9,6 +10,8 @@ import pytest
 from exact import cost, everything, explained_by
 from pysindy import STLSQ, FourierLibrary, PolynomialLibrary
 
+from frictionid import simulate as simulated
+from frictionid.cli import main
 from frictionid.equations import equations
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along, at_rest
@@ -22,9 +25,13 @@ from frictionid.mechanics import plant_of
 from frictionid.names import LAWS
 from frictionid.readers.dataset import load_dataset
 from frictionid.recipe import INTEGRAL, training_problem
+from frictionid.shooting import Settings, Shooting
 from frictionid.shooting.blocks import FrictionBlock
 from frictionid.shooting.blocks.friction import on_support
-from frictionid.store import load_model, save_model
+from frictionid.shooting.recipe import refine_folds
+from frictionid.shooting.track import track_of
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write
+from frictionid.store import load_model, read_json, save_model
 from frictionid.suite import identifier_named
 
 DATA = Path(__file__).parents[1] / "data"
@@ -237,6 +244,48 @@ def test_shooting_frees_its_terms_only():
     assert list(block.support) == [*places, (1, LAW.names.index("viscous"))]
     whole = Friction(CoulombViscous(), 0.0 * COULOMB)
     assert on_support((FrictionBlock(),), whole) == (FrictionBlock(),)
+
+
+def recorded():
+    """A pendulum with Coulomb and viscous friction."""
+    runs = tuple(
+        Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
+        for k in range(4)
+    )
+    curve = Curve((0.02,), (0.02,), (0.002,))
+    told = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
+    camera = Camera(samples=80, angle_noise=0.0016)
+    return simulate(Rig("pendulum", told, simulated.Stribeck(curve), camera, runs), 5)
+
+
+def test_each_fold_is_refined_on_the_terms_that_it_has():
+    dataset = recorded()
+    law = Library(velocities=(1.0,), widths=(), powers=(1, 2))
+    own = ({"sign": 0.03, "viscous": 0.001}, {"sign": 0.03, "drag": 1e-4}, {"sign": 0.03})
+    start = Friction(law, np.stack([theta_of(law, one) for one in own]))
+    track = track_of(dataset)
+    training = np.ones((3, len(track.dt)))
+    training[:2] = track.recording[None] != np.arange(2)[:, None]
+    recipe = Shooting(settings=Settings(windows=(0.2, 0.33)))
+    friction, whole = refine_folds(start, track, recipe, training)
+    np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
+    assert [e.name for e in whole.covariance.entries] == ["sign of joint 1"]
+    np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
+    (line,) = equations(friction[-1], None, None, whole)["equation"]
+    assert line.startswith("Tf1 = (0.02") and "+-" in line
+
+
+def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
+    write(recorded(), tmp_path / "data")
+    model = tmp_path / "model.json"
+    words = ["fit", tmp_path / "data", "--identifier", "sindy", "--out", model]
+    monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])
+    assert main() == 0
+    lines = capsys.readouterr().out.splitlines()
+    place = lines.index("with 95 % intervals:")
+    assert lines[place + 1].startswith("  Tf1 = (0.0") and "s(w" in lines[place + 1]
+    assert read_json(model)["provenance"]["equation"] == [lines[place + 1].strip()]
+    assert not any(" 0 N m" in line for line in lines)
 
 
 def test_it_writes_its_equation_with_units_and_intervals():

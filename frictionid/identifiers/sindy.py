@@ -66,7 +66,7 @@ class SINDy:
     thresholds: tuple[float, ...] = (0.01, 0.04, 0.15)
     ridge: float = 1e-3
     search: bool = True
-    sure: float = 2.0
+    sure: float = 2.5
     ensemble: int = 0
 
     def __post_init__(self) -> None:
