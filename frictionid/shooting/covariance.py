@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.shooting.blocks.block import Entry
+from frictionid.shooting.idle import idle
 from frictionid.shooting.intervals import Intervals, values_of
 from frictionid.shooting.solve import Shot
 
@@ -30,6 +31,7 @@ class Covariance:
     undetermined : combinations of parameters that the data do not tell, in words
     bound : (D,) true where a parameter lies at a bound
     clusters : number of recordings, or stretches of time, whose scatter was taken
+    idle : (D,) true for parameters that mean nothing where others, not identified, are zero
     """
 
     entries: tuple[Entry, ...]
@@ -40,6 +42,7 @@ class Covariance:
     undetermined: tuple[str, ...]
     bound: Array
     clusters: int
+    idle: Array
 
     @property
     def error(self) -> Array:
@@ -66,11 +69,9 @@ class Covariance:
 
         Not at a bound, and with a 95 % interval no wider, to either side, than the value: of a
         delay, a bias or an offset, whose value may well be zero, the interval must only be finite.
+        Nor does a parameter count that means nothing where others may be zero.
         """
-        reach = stdtrit(self.freedom, 0.975) * self.error
-        zero = np.array([e.block in ("delay", "bias", "offset") for e in self.entries], dtype=bool)
-        small = reach <= np.abs(self.values)
-        return np.asarray(np.isfinite(reach) & ~self.bound & (small | zero), dtype=bool)
+        return _known(self) & ~self.idle
 
     def draws(self, seed: int = 0, count: int = _DRAWS) -> Array:
         """Parameters (count, D) drawn from their t distribution; those without an error stay."""
@@ -115,7 +116,28 @@ def covariance_of(intervals: Intervals, shot: Shot) -> Covariance:
     unknown = ~free | lost
     matrix[unknown], matrix[:, unknown] = 0.0, 0.0
     matrix[unknown, unknown] = np.inf
-    return Covariance(entries, values, matrix, max(C - 1, 1), singular, words, ~free, C)
+    out = Covariance(
+        *(entries, values, matrix, max(C - 1, 1), singular, words, ~free, C),
+        idle=np.zeros(D, dtype=bool),
+    )
+    hanging = idle(shot.guess.friction, entries, ~_known(out))
+    words += tuple(_hangs(entries, k, on) for k, on in hanging.items())
+    return replace(out, undetermined=words, idle=np.isin(np.arange(D), list(hanging)))
+
+
+def _known(covariance: Covariance) -> Array:
+    """True (D,) for parameters with an interval that tells them from zero, where that matters."""
+    c = covariance
+    reach = stdtrit(c.freedom, 0.975) * c.error
+    zero = np.array([e.block in ("delay", "bias", "offset") for e in c.entries], dtype=bool)
+    small = reach <= np.abs(c.values)
+    return np.asarray(np.isfinite(reach) & ~c.bound & (small | zero), dtype=bool)
+
+
+def _hangs(entries: tuple[Entry, ...], k: int, on: tuple[int, ...]) -> str:
+    others = [entries[i].name for i in on]
+    names = others[0] if len(others) == 1 else f"{', '.join(others[:-1])} and {others[-1]}"
+    return f"{entries[k].name} means nothing where {names} may be zero"
 
 
 def _scatter(H: Array, parts: Array, score: Array, groups: Array, keep: Array) -> Array:
