@@ -9,15 +9,19 @@ DEV := .venv/frictionid.dev
 # Each worker computes on one thread: two workers with two threads each are slower on two cores.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
 
-.PHONY: help compare test check format bench clean ALWAYS
+.PHONY: help compare compare-all test check format bench clean ALWAYS
 .DEFAULT_GOAL := help
 
 help: ## this list
-	@grep -E '^[a-z]+:.*## ' Makefile | sed -E 's/:.*## /|/' | while IFS='|' read -r name text; do \
-	  printf '  make %-9s %s\n' "$$name" "$$text"; done
+	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /|/' | while IFS='|' read -r name text; do \
+	  printf '  make %-12s %s\n' "$$name" "$$text"; done
 
 compare: $(CORE) ## set up .venv, then compare friction models on the simulated acrobot (about 2 minutes)
 	@$(BIN)/frictionid compare comparisons/acrobot.toml $(ARGS)
+
+compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on two cores); goes on where it stopped
+	@for suite in acrobot acrobot_all acrobot_study; do \
+	  $(BIN)/frictionid compare comparisons/$$suite.toml --resume $(ARGS) || exit; done
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
 	@$(ONE_THREAD) $(BIN)/pytest -n 2 $(ARGS)
