@@ -9,25 +9,32 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from frictionid.evaluation import Protocol, judge, prepare, under
 from frictionid.friction import Friction
+from frictionid.identifiers import Nothing, Published
 from frictionid.mechanics import plant_of
+from frictionid.readers.dataset import load_dataset
 from frictionid.recipe import STUDY, training_problem
 from frictionid.shooting import Refined, Shooting, refine
-from frictionid.suite import load_suite, tasks_of
+from frictionid.suite import friction_of, load_suite, tasks_of
 
 pytestmark = pytest.mark.real
 
-COMPARISONS = Path(__file__).parents[1] / "comparisons"
+ROOT = Path(__file__).parents[1]
+COMPARISONS = ROOT / "comparisons"
+Given = Nothing | Published
 
 
 def fitted(
-    name: str, data: Path, which: Sequence[int] | None = None
+    name: str, data: Path, which: Sequence[int] | None = None, only: str | None = None
 ) -> dict[str, tuple[Friction, Refined]]:
     """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
     file = COMPARISONS / f"{name}_shooting.toml"
     out = {}
     for task in tasks_of(load_suite(file), file, data):
-        if not isinstance(task.recipe, Shooting) or task.name == "none":
+        if not isinstance(task.recipe, Shooting) or isinstance(task.identifier, Given):
+            continue
+        if only not in (None, task.name):
             continue
         dataset, apart = task.contest.dataset, task.contest.protocol.sample_time
         if which is not None:
@@ -70,3 +77,24 @@ def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data)
     viscous = study.law.names.index("viscous")
     assert not study.theta[:, viscous].any()
     assert "viscous of joint 2" in identified(shot)
+
+
+def test_swing_ups_never_seen_are_predicted_twice_as_well_as_by_the_published_model(real_data):
+    data = real_data / "dfki_double_pendulum"
+    _, found = fitted("dfki_c1", data, only="motor_load")["motor_load"]
+    published = friction_of(ROOT / "data" / "dfki_c1" / "model_1.0.json")
+    swings = load_dataset(ROOT / "data" / "dfki_c1_swingup", data)
+    prepared = prepare(swings, Protocol(horizons=(0.5, 1.0), sample_time=0.01))
+    own, _ = judge(found.friction, prepared)
+    other, _ = judge(published, under(prepared, published.parameters))
+    for horizon, most in ((0.5, 0.45), (1.0, 0.55)):
+        mine, theirs = (
+            next(
+                row.value
+                for row in rows
+                if (row.score, row.statistic, row.horizon_s, row.joint)
+                == ("rollout_angle", "median", horizon, "all")
+            )
+            for rows in (own, other)
+        )
+        assert mine < most * theirs
