@@ -138,6 +138,7 @@ def _times(film: Film, motion: Motion, rng: np.random.Generator) -> Array:
         time = time[keep]
     if film.jitter:
         time = np.clip(time, start, stop)
+        time[0] = start
     # stamps are whole ticks, and pictures are taken when they say
     return np.asarray(time[0] + np.round((time - time[0]) * CLOCK) / CLOCK)
 

@@ -22,7 +22,8 @@ from frictionid.arrays import Array
 _MARGIN, _FIRST = 9.0, 1.6  # [px], and px per sample of a link's length while speeds are unknown
 _GROWS = 5.0  # [px] for each frame in which a dot was missing
 _SEARCH = 4  # frames in a row without a dot, after which the whole picture is searched
-_SHARE = 0.08  # by which a dot's area may differ from what it was before
+_SHARE = 0.1  # by which a dot's area may differ from what it usually is
+_FEW = 5  # dots that tell what is usual
 _LENGTH, _PIXELS = 0.06, 3.0  # of a link's length and [px], by which tilt and lens may change it
 _MANY = 8  # parts of a picture that are tried as a dot
 _MEMORY = 0.12  # [s]: longer ago a motion predicts nothing
@@ -61,11 +62,10 @@ class Dot:
         self.axis = axis_of(marker.hue, marker.saturation, marker.value)
         self.radius, self.full = marker.radius, np.pi * marker.radius**2
         self.like = like  # markers whose dots have the same colour
-        self.areas: deque[float] = deque(maxlen=3)
-        self.changes: deque[float] = deque(maxlen=60)
+        self.areas: deque[float] = deque(maxlen=31)
         self.noises: deque[float] = deque(maxlen=200)
         self.amplitude, self.missing = 1.0, 0
-        self.noise, self.usual = 0.02, 0.25  # as `centroid` wants it; change of the area
+        self.noise, self.usual = 0.02, self.full  # as `centroid` wants it; usual area [px^2]
 
     def around(self, noise: float) -> None:
         """Learn from the noise around the dot."""
@@ -73,22 +73,17 @@ class Dot:
             self.noises.append(noise)
             self.noise = float(np.median(self.noises))
 
-    def whole(self, area: float) -> bool:
-        """Whether a dot of this area is as large as it was before, so that nothing hides a part."""
-        if not self.areas or self.missing > _SEARCH:
-            return 0.4 * self.full < area * self.amplitude < 2.5 * self.full
-        allowed = min(max(self.usual, _SHARE), 0.3) * (1 + 0.5 * self.missing)
-        return abs(area * self.amplitude / (sum(self.areas) / len(self.areas)) - 1) < allowed
+    def whole(self, spot: Spot) -> bool:
+        """Whether the dot is as large as it was before, so that nothing hides a part of it."""
+        if len(self.areas) < _FEW:
+            return 0.4 * self.full < spot.area < 2.5 * self.full
+        return abs(spot.area / self.usual - 1) < _SHARE
 
     def seen(self, spot: Spot) -> None:
         """Learn from a whole dot."""
-        now = spot.area * self.amplitude
-        if self.areas and not self.missing:
-            self.changes.append(abs(now / self.areas[-1] - 1))
-            if len(self.changes) > 20:
-                self.usual = 4 * float(np.median(self.changes))
-        self.areas.append(now)
-        self.amplitude, self.missing = float(np.mean(self.areas)) / self.full, 0
+        self.areas.append(spot.area)
+        self.usual = float(np.median(self.areas))
+        self.amplitude, self.missing = spot.amplitude, 0
 
 
 class Follower:
@@ -206,7 +201,7 @@ class Follower:
         dot = self.dots[i]
         assert dot is not None
         spot = centroid(found, near, streak, dot.radius, dot.amplitude, dot.noise)
-        if spot is None or not dot.whole(spot.area):
+        if spot is None or not dot.whole(spot):
             return None
         return spot
 
@@ -237,7 +232,7 @@ class Follower:
         candidates: list[list[Spot]] = []
         for i, dot in enumerate(self.dots):
             if dot is None:
-                candidates.append([Spot(np.array(self.marks.markers[i].at), 0.0, 0.0)])
+                candidates.append([Spot(np.array(self.marks.markers[i].at), 0.0, 0.0, 0.0)])
                 continue
             found = patch(image, dot.axis, *whole)
             assert found is not None

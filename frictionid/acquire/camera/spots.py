@@ -17,15 +17,21 @@ from frictionid.arrays import Array
 
 _LEVEL = 0.4  # share of the colour from which on a pixel may belong to a dot
 _EDGE = 2.5  # [px] around the dot that still count
+_INNER = 0.5  # share of the radius within which a dot's colour is read
 _BLOCK = 4  # [px] of blocks whose means tell the noise that a centroid feels
 _FLOOR = 0.015  # [px]: what compression and the grid of pixels leave
 
 
 class Spot(NamedTuple):
-    """A dot: place (2,) [px], its standard deviation [px], and its area [px^2] in full colour."""
+    """A dot.
+
+    at : (2,) [px]; sigma : its standard deviation [px]; amplitude : share of the colour in its
+    middle; area : [px^2] that it would have in this colour throughout, whatever the light
+    """
 
     at: Array
     sigma: float
+    amplitude: float
     area: float
 
 
@@ -108,7 +114,18 @@ def centroid(
             break
     spread = np.pi * reach**4 / 4 + 2 * reach * np.hypot(*half) * reach**2 / 3
     sigma = float(np.hypot(np.sqrt(noise * spread) / m["m00"], _FLOOR))
-    return Spot(at + found.corner, sigma, m["m00"] / amplitude)
+    mask[:] = 0
+    _stadium(mask, at, 0.0 * half, _INNER * radius, 1)
+    inner = (cv2.mean(share, mask)[0] - back) / _filled(2 * float(np.hypot(*half)) / radius)
+    if inner < 0.3 * amplitude:
+        return None
+    return Spot(at + found.corner, sigma, inner, m["m00"] / inner)
+
+
+def _filled(streak: float) -> float:
+    """Share of the exposure for which the inner part of a dot is covered; streak in radii."""
+    away = np.abs(np.linspace(-0.5, 0.5, 33)) * streak
+    return float(np.clip((1.0 + _INNER - away) / (2 * _INNER), 0.0, 1.0).mean())
 
 
 def _stadium(mask: Image, at: Array, half: Array, reach: float, value: int) -> None:
