@@ -1,9 +1,9 @@
 """The search for signals: a pool of random ones, an exchange of recordings, and refinement.
 
 Maximised is the smallest eigenvalue of the expected information, the inverse of the covariance of
-all parameters, each in units of the best that one recording can do for it (E-optimality
-[Walter1997], standardised [Dette1997]); friction, which is asked for, counts more than the base
-parameters, which have to be known with it. Recordings add up in it, so that the best set is found
+all parameters, each in units of what a plain sine can do for it (E-optimality [Walter1997],
+standardised [Dette1997]); friction, which is asked for, counts more than the base parameters, which
+have to be known with it. Recordings add up in it, so that the best set is found
 among motions that are simulated once, by exchange [Fedorov1972]. New signals come from the best and
 from those that would nearly do in their place, by small changes and by differences between two of
 them [Storn1997].
@@ -24,8 +24,10 @@ from frictionid.excitation.information import Expected, covariances, expected
 from frictionid.excitation.motion import moved
 from frictionid.excitation.waves import Waves
 
-# A base parameter may be this many times farther from the best that could be done before it binds.
+# A base parameter may be this many times farther from the best that could be done before it binds,
+# and friction of which plain sines hardly tell this many times.
 LOOSE = 10.0
+POOR = 4.0
 _SWEEPS = 5
 _SINES = 10  # one of so many signals of the first pool is a plain sine
 _NEAR = 6  # signals kept as parents for each recording
@@ -77,8 +79,9 @@ def best(
         Where no signal of the pool keeps the limits.
     """
     random = np.random.default_rng(search.seed)
-    pool = _first(waves, search, random)
-    scale, recordings = scales(waves.experiment, pool.expected), waves.experiment.recordings
+    sines, pool = _first(waves, search, random)
+    recordings = waves.experiment.recordings
+    scale = scales(waves.experiment, pool.expected, pool.expected.pick(slice(sines)))
     chosen, value = choose(pool.expected, scale, recordings)
     values = [value]
     done(f"{len(pool.x)} signals keep the limits")
@@ -101,14 +104,15 @@ def simulated(waves: Waves, x: Array, seed: int) -> Pool | None:
     return Pool(x[kept], expected(waves.experiment, motions.pick(kept), seed))
 
 
-def _first(waves: Waves, search: Search, random: np.random.Generator) -> Pool:
-    # plain sines at a resonance are hard to find by chance, and hard to beat
+def _first(waves: Waves, search: Search, random: np.random.Generator) -> tuple[int, Pool]:
+    """The first pool, and how many plain sines it begins with."""
+    # at a resonance they are hard to find by chance, and hard to beat
     sines = waves.sines(search.pool // _SINES)
     for _ in range(_TRIES):
         x = random.uniform(size=(search.pool - len(sines), waves.size))
         pool = simulated(waves, np.concatenate([sines, x]), search.seed)
         if pool is not None:
-            return pool
+            return int((pool.x[:, None] == sines).all(-1).any(-1).sum()), pool
     limits = waves.experiment.limits
     raise InputError(
         f"none of {_TRIES * search.pool} signals keeps the limits, velocity "
@@ -180,14 +184,23 @@ def information(sums: Expected, scale: Array) -> Array:
     return np.where(blind, 0.0, 1.0 / np.maximum(largest, 1e-300)).min(axis=0)
 
 
-def scales(experiment: Experiment, pool: Expected) -> Array:
-    """Least standard error (P,) that one recording of the pool gives each parameter, LOOSE for p.
+def scales(experiment: Experiment, pool: Expected, sines: Expected) -> Array:
+    """Standard errors (P,) that count as one.
 
-    So each parameter counts by how far it is from the best that could be done for it alone, not by
-    a guess of its size [Dette1997]. Where all are blind, its size has to do.
+    Friction's are the least that one plain sine gives, if it tells of them at all, base parameters'
+    the least of one recording of the pool, LOOSE for them. So each parameter counts by how far it
+    is from what can be done for it alone, not by a guess of its size [Dette1997]. Where all are
+    blind, its size has to do.
     """
-    variances = np.diagonal(covariances(pool), axis1=-2, axis2=-1).max(axis=0).min(axis=0)
     p = np.abs(experiment.plant.p)
     sizes = np.concatenate([experiment.friction.theta.ravel(), np.where(p > 0, p, p.max())])
-    scale = np.where(np.isfinite(variances), np.sqrt(variances), sizes)
-    return scale * np.where(np.arange(len(scale)) < len(scale) - len(p), 1.0, LOOSE)
+    best, plain = (_least(each) for each in (pool, sines))
+    best = np.where(np.isfinite(best), best, sizes)
+    friction = np.arange(len(sizes)) < len(sizes) - len(p)
+    return np.where(friction, np.minimum(plain, POOR * best), LOOSE * best)
+
+
+def _least(each: Expected) -> Array:
+    """Least standard error (P,) by one recording, infinite where there is none that tells."""
+    variances = np.diagonal(covariances(each), axis1=-2, axis2=-1).max(axis=0)
+    return np.asarray(np.sqrt(variances.min(axis=0, initial=np.inf)))

@@ -22,7 +22,8 @@ def friction_curves(
 
     Fixed numbers and the truth stand in every panel. All panels of a joint have the same axes.
     """
-    fitted = section.of_role("fitted")
+    # models without physics have no friction curve
+    fitted = [e for e in section.of_role("fitted") if np.isfinite(e.curves).any()]
     names = list(dict.fromkeys(entry.label for entry in fitted))
     own = [[e for e in fitted if e.label == name] for name in names]
     fixed = section.of_role("given")

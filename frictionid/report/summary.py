@@ -18,6 +18,7 @@ from frictionid.report.findings import (
 )
 from frictionid.report.found import Found
 from frictionid.report.loops import loop_findings
+from frictionid.report.question import Question, question
 from frictionid.report.tables import Table, code, escape_markdown, markdown
 from frictionid.report.why import memory_findings
 
@@ -93,6 +94,7 @@ def _section(
         "words": foretold(told),
         "findings": held_out_findings(told) + lead + _memory(told, evidence.about[name]),
         "table": markdown(own.table),
+        "question": _question(question(section, evidence.horizons, evidence.about)),
         "pictures": [_shown(picture) for picture in own.pictures],
         "details": [
             *({"title": t, "table": markdown(table)} for t, table in own.details),
@@ -101,6 +103,10 @@ def _section(
         "found": own.found and _found(own.found),
         "tests": [_test(evidence, section, test, parts[name, test]) for test in section.tests],
     }
+
+
+def _question(asked: Question | None) -> dict[str, Any] | None:
+    return asked and {"words": asked.words, "table": markdown(asked.table)}
 
 
 def _equations(section: Section) -> list[dict[str, str]]:
