@@ -1,6 +1,7 @@
 """The identifier `sindy`: which candidates friction has, and their coefficients."""
 
 import sys
+import time
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -15,12 +16,12 @@ from frictionid.cli import main
 from frictionid.equations import equations
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along, at_rest
-from frictionid.identifiers import LeastSquares, SINDy, check_identifier, supports
+from frictionid.identifiers import LeastSquares, Linear, SINDy, check_identifier, supports
 from frictionid.identifiers.grams import clusters, columns, grams
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.identifiers.scatter import half_widths
 from frictionid.identifiers.supports import Rules, lawful, least, left_out, path, plain
-from frictionid.laws import CoulombViscous, Library, Stribeck, check_law
+from frictionid.laws import CoulombViscous, Library, Spline, Stribeck, check_law
 from frictionid.mechanics import plant_of
 from frictionid.names import LAWS
 from frictionid.readers.dataset import load_dataset
@@ -94,10 +95,28 @@ def test_candidates_on_request_are_found_where_they_are_true():
     np.testing.assert_allclose(found.theta[0], truth, atol=1e-3)
 
 
-def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms():
-    """Set-valued truth, noise and a camera; the peaks at 2 rad/s, between 1.5 and 2.3."""
+@pytest.fixture(scope="module")
+def acrobot():
+    """One-step problem of simulated recordings: set-valued truth, noise and a camera."""
     dataset = load_dataset(DATA / "acrobot_clean")
-    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+    return training_problem(dataset, plant_of(dataset), INTEGRAL)
+
+
+@pytest.mark.parametrize(("identifier", "seconds"), [(SINDy(), 0.5), (Linear(Spline()), 0.1)])
+def test_ten_folds_take_less_processor_time_than_promised(acrobot, identifier, seconds):
+    weights = (acrobot.recording % 10 != np.arange(10)[:, None]) * 1.0
+    identifier.fit(acrobot, weights[:1], 0)  # imports
+    times = []
+    for _ in range(3):
+        begin = time.process_time()
+        identifier.fit(acrobot, weights, 0)
+        times.append(time.process_time() - begin)
+    assert min(times) < seconds
+
+
+def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms(acrobot):
+    """The true peaks are at 2 rad/s, between 1.5 and 2.3."""
+    problem = acrobot
     friction = fit(problem)[0]
     assert terms(friction) == [["sign", "viscous"], ["sign", "viscous", "peak_2.3"]]
     sided = fit(problem, library=Library(direction=True))[0]
