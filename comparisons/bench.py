@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bench_networks
 import bench_shooting
 import numpy as np
 from rich.console import Console
@@ -187,6 +188,7 @@ def main() -> None:
     twin = simulate(noise_free(load_rig(DATA / "acrobot_clean" / "rig.toml")))
     with threadpool_limits(1):
         rows = fits(clean) + rollouts(clean) + linear(clean)
+        rows += bench_networks.networks(clean)
         rows += supports(load_rig(DATA / "acrobot_clean" / "rig.toml"))
         rows += accuracy("acrobot_clean", clean) + accuracy("noise-free twin", twin)
         rows += accuracy("acrobot_sim", load_dataset(DATA / "acrobot_sim"))
