@@ -22,6 +22,7 @@ from frictionid.recipe import INTEGRAL, training_problem
 from frictionid.recordings import Dataset, Recording
 from frictionid.shooting import refine
 from frictionid.signals import Signal
+from frictionid.states import RTS
 
 LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": AsymmetricStribeck()}
 
@@ -39,9 +40,10 @@ def dataset_of(task: Task) -> Dataset:
 def main(source: str, target: str, law: str) -> None:
     """Read a task, fit, write theta (2, parameters of the law)."""
     dataset = dataset_of(load(Path(source)))
-    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+    states = RTS()([r.angle for r in dataset.recordings])
+    problem = training_problem(dataset, plant_of(dataset), INTEGRAL, states=states)
     start = LeastSquares(LAWS[law]).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
-    np.savez(target, theta=refine(start, dataset).friction.theta)
+    np.savez(target, theta=refine(start, dataset, states=states).friction.theta)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import Shot, settle
 from frictionid.shooting.sound import complain, doubts
 from frictionid.shooting.track import Track, track_of
+from frictionid.states import States
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 
@@ -119,6 +120,7 @@ def refine(
     settings: Settings | None = None,
     *,
     sample_time: float | None = None,
+    states: tuple[States, ...] | None = None,
 ) -> Refined:
     """Friction, and whatever else the blocks free, from the measured angles themselves.
 
@@ -127,6 +129,8 @@ def refine(
     of the angle noise [Bock1983]. The given friction, its rig and the data set's mechanism are
     where it starts.
 
+    states : of the recordings by the RTS smoother, where they have been asked for before
+
     Raises
     ------
     InputError
@@ -134,7 +138,7 @@ def refine(
         angles, and friction of joints that never move.
     """
     settings = settings or Settings()
-    track = track_of(dataset, sample_time)
+    track = track_of(dataset, sample_time, states)
     intervals, guess = begin(friction, track, on_support(blocks, friction), settings)
     shot = settle(intervals, guess, np.ones(len(track.dt), dtype=bool))
     return refined(intervals, shot, friction)
