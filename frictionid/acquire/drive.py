@@ -46,10 +46,11 @@ class Faults:
 class Drive:
     """A simulated drive.
 
-    torque : what it plays, one column per motor, held [N m]; rate : lines per second [Hz]
-    offset : [s], drift : [1], of its clock
+    torque : what it plays, one column per motor [N m]: the torque that acts, and is measured
+    rate : lines per second [Hz]; offset : [s], drift : [1], of its clock
     gain, bias [N m], lag [s], noise [N m] : measured torque = gain command(t - lag) + bias, cut off
-        at the motors' limits, with that standard deviation
+        at the motors' limits, with that standard deviation; when it plays, commands follow from
+        the torque
     """
 
     setup: Setup
@@ -88,8 +89,8 @@ class Speaker:
     def __init__(self, drive: Drive) -> None:
         self.drive, self._form = drive, drive.setup.wire.format()
         self._time = drive.torque.time[0] + np.arange(drive.lines) / drive.rate
-        self._played = sample(drive.torque, self._time)
-        self._felt = self.measured(sample(drive.torque, self._time - drive.lag))
+        self._felt = sample(drive.torque, self._time)
+        self._played = (sample(drive.torque, self._time + drive.lag) - drive.bias) / drive.gain
         generator = np.random.default_rng(drive.faults.seed)
         self._felt += drive.noise * generator.standard_normal(self._felt.shape)
         self._generator = generator

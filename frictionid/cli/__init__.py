@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.align import align
 from frictionid.cli.check import check
 from frictionid.cli.compare import compare
 from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
+from frictionid.cli.excite import excite
 from frictionid.cli.fit import fit
 from frictionid.cli.log import log
 from frictionid.cli.render import render
@@ -28,7 +30,19 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (check, compare, fit, evaluate, report, simulate, suggest, log, simulate_drive):
+for command in (
+    check,
+    compare,
+    fit,
+    evaluate,
+    report,
+    simulate,
+    suggest,
+    log,
+    excite,
+    align,
+    simulate_drive,
+):
     app.command()(command)
 app.command()(tune)
 app.command()(track)

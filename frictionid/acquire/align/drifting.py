@@ -1,0 +1,94 @@
+"""Shooting with two clocks: beside the delay of the torque its drift is a parameter.
+
+The torque logged at time t of its clock acts at t + delay + drift (t - middle). Within a sample
+interval that is a delay, so that all that the drift changes follows from what the delay changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.rig import Rig
+from frictionid.shooting.blocks import Block, DelayBlock
+from frictionid.shooting.blocks.block import Entry, Guess
+from frictionid.shooting.intervals import Intervals, Lines, intervals_of, parts_of
+from frictionid.shooting.settings import Settings
+from frictionid.shooting.track import Track
+
+MOST = 0.01  # of the drift: clocks further apart are broken
+QUARTZ = 5e-4  # standard deviation of the drift that is known beforehand
+
+
+@dataclass(frozen=True)
+class ClockRig(Rig):
+    """A rig whose torque clock drifts: `drift` () [1], positive where it goes too slowly."""
+
+    drift: float = 0.0
+
+
+@dataclass(frozen=True)
+class DriftBlock:
+    """How much too slowly the torque's clock goes; `prior` is a standard deviation."""
+
+    prior: float = QUARTZ
+    name: str = "drift"
+    enters: str = "torque"
+
+    def entries(self, guess: Guess) -> tuple[Entry, ...]:
+        drift = guess.rig.drift if isinstance(guess.rig, ClockRig) else 0.0
+        return (Entry(self.name, "clock drift", "1", drift, -MOST, MOST, self.prior),)
+
+    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
+        own = {f: getattr(guess.rig, f) for f in Rig.__dataclass_fields__}
+        return guess._replace(rig=ClockRig(**own, drift=float(values[0])))
+
+
+@dataclass(frozen=True, eq=False)
+class Drifting(Intervals):
+    """Intervals whose torque has a clock of its own; `middle` [s]: where its drift is nothing."""
+
+    inner: Intervals
+    middle: float
+
+    def lines(self, guess: Guess, nodes: Array, rows: Array) -> Lines:
+        """Ends and derivatives of some intervals that begin at nodes (K, s)."""
+        drift = guess.rig.drift if isinstance(guess.rig, ClockRig) else 0.0
+        own = replace(self.inner, track=drifted(self.track, drift, self.middle))
+        found = own.lines(guess, nodes, rows)
+        places = {e: k for k, e in enumerate(_names(self.inner))}
+        by = np.zeros((*found.by.shape[:-1], self.count))
+        angle = np.zeros((self.count, self.track.n))
+        since = (self.track.time + self.track.dt / 2 - self.middle)[:, None]
+        for k, name in enumerate(_names(self)):
+            if name[0] == "drift":
+                by[..., k] = since * found.by[..., places["delay", "torque delay"]]
+            else:
+                by[..., k], angle[k] = found.by[..., places[name]], found.angle[places[name]]
+        return Lines(found.end, found.by_start, by, angle)
+
+
+def drifting(
+    track: Track, guess: Guess, blocks: Sequence[Block], settings: Settings, middle: float
+) -> Drifting:
+    """Intervals of a track with delay, drift and other blocks free."""
+    delay = DelayBlock()
+    inner = intervals_of(track, guess, (*blocks, delay), settings)
+    parts = parts_of((*blocks, delay, DriftBlock()), guess)
+    return Drifting(track, parts, settings, inner.seen, inner, middle)
+
+
+def drifted(track: Track, drift: float, middle: float) -> Track:
+    """The track with the torque where its clock's drift puts it."""
+    recordings = tuple(
+        replace(r, torque=r.torque._replace(time=r.torque.time + drift * (r.torque.time - middle)))
+        for r in track.dataset.recordings
+    )
+    return replace(track, dataset=replace(track.dataset, recordings=recordings))
+
+
+def _names(intervals: Intervals) -> list[tuple[str, str]]:
+    return [(e.block, e.name) for part in intervals.parts for e in part.entries]

@@ -1,0 +1,182 @@
+"""Angles as they are read for an alignment, and aligned recordings as a data set."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+import tomli_w
+from pydantic import Field
+
+from frictionid.errors import InputError
+from frictionid.mechanics import Mechanism
+from frictionid.readers.columns import signal_of
+from frictionid.readers.layout import UNITS
+from frictionid.readers.strict import Strict, checked
+from frictionid.readers.table import content_of, read_table, table_name
+from frictionid.signals import Array, Signal
+from frictionid.store import write_text
+
+ORIGIN = "aligned by frictionid align"
+_TIMES = ("time", "time_camera", "time_angle")
+_DECIMALS = 9
+
+
+class AngleColumns(Strict):
+    """The [angles] table of rig.toml: which columns of a table of angles hold what.
+
+    time : [s]; columns : one per joint; unit : of the angles
+    """
+
+    time: str = ""
+    columns: Annotated[list[str], Field(min_length=1)] | None = None
+    unit: Literal["rad", "mrad", "deg", "rev", "m", "mm"] = "rad"
+
+
+class Angles(NamedTuple):
+    """Angles of a file, by the camera's clock, and another of its columns where one was asked."""
+
+    angle: Signal
+    marker: Array | None
+    sha256: str
+
+
+def read_angles(
+    path: Path, settings: Mapping[str, Any], mechanism: Mechanism, marker: str = ""
+) -> Angles:
+    """Angles of all joints; rows without any angle (a lost dot, another clock) are left out.
+
+    Raises
+    ------
+    InputError
+        Where columns are missing, or times do not increase.
+    """
+    own = checked(AngleColumns, settings, "[angles]")
+    content, file = content_of(path), str(path)
+    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+    time = own.time or next((t for t in _TIMES if t in header), _TIMES[0])
+    names = own.columns or [f"q{j + 1}" for j in range(mechanism.n)]
+    if len(names) != mechanism.n:
+        raise InputError(
+            f"[angles] columns = {names} must name one column for each of {mechanism.n} joints"
+        )
+    table = read_table(content, file, [time, *names, *([marker] if marker else [])])
+    seen = np.isfinite(np.stack([table.columns[n] for n in (time, *names)])).all(axis=0)
+    if int(seen.sum()) < 10:
+        raise InputError(
+            f"{file} has {int(seen.sum())} rows with all of {', '.join((time, *names))}; "
+            "an alignment needs some seconds of motion"
+        )
+    kept = table._replace(
+        rows=table.rows[seen], columns={k: v[seen] for k, v in table.columns.items()}
+    )
+    angle = signal_of(kept, time, names, unit=UNITS["angle"][own.unit])
+    return Angles(
+        angle, kept.columns[marker] if marker else None, hashlib.sha256(content).hexdigest()
+    )
+
+
+def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool) -> None:
+    """Complain now about what could not be written after the alignment.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds other data, or a recording of this name already.
+    """
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+        raise InputError(
+            f"--name {name!r} must have letters, digits, - and _ only: it names a file"
+        )
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; name a folder with --out")
+    described = folder / "dataset.toml"
+    if not described.exists():
+        if folder.is_dir() and any(folder.glob("*.csv")):
+            raise InputError(f"{folder} holds tables without a dataset.toml; name a new folder")
+        return
+    document = _document(described)
+    if document.get("origin") != ORIGIN:
+        raise InputError(f"{folder} holds another data set; name a new folder with --out")
+    for key, value in head.items():
+        if document.get(key) != value:
+            raise InputError(
+                f"{folder} has recordings with another [{key}]; name a new folder with --out"
+            )
+    if (folder / f"{name}.csv").exists() and not replace:
+        raise InputError(f"{folder} has a recording {name!r}: choose another --name, or --replace")
+
+
+def head_of(
+    mechanism_table: Mapping[str, Any], driven: Sequence[bool], hold: str
+) -> dict[str, Any]:
+    """What all recordings of a data set must share in its dataset.toml."""
+    joints = range(1, len(driven) + 1)
+    return {
+        "mechanism": dict(mechanism_table),
+        "columns": {
+            "time": {"angle": "time_camera", "torque": "time_drive"},
+            "angle": [f"q{j}" for j in joints],
+            "torque": [f"u{j}" if motor else "" for j, motor in zip(joints, driven, strict=True)],
+        },
+        "hold": {"torque": hold},
+    }
+
+
+def add_recording(
+    folder: Path, name: str, head: Mapping[str, Any], angle: Signal, torque: Signal
+) -> None:
+    """Add a recording to a data set; torque (n columns) is on the angles' clock by now."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = _table(head, angle, torque)
+    described = folder / "dataset.toml"
+    before = _document(described).get("sha256", {}) if described.exists() else {}
+    hashes = {**before, f"{name}.csv": hashlib.sha256(text.encode()).hexdigest()}
+    document = {
+        "name": re.sub(r"\W+", "_", folder.resolve().name) or "aligned",
+        "origin": ORIGIN,
+        **head,
+        "recordings": {"patterns": sorted(hashes)},
+        "sha256": dict(sorted(hashes.items())),
+    }
+    # in this order: a table that is not yet named in dataset.toml does no harm
+    write_text(folder / f"{name}.csv", text)
+    write_text(described, tomli_w.dumps(document))
+
+
+def recording_name(path: Path) -> str:
+    """Name of a recording after the file of its angles."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", table_name(path.name)) or "recording"
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(content_of(path).decode("utf-8"))
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path} is no TOML ({error}); name a new folder with --out") from None
+
+
+def _table(head: Mapping[str, Any], angle: Signal, torque: Signal) -> str:
+    """CSV text: rows of the camera's clock, then those of the drive's."""
+    motors = [j for j, column in enumerate(head["columns"]["torque"]) if column]
+    angles = head["columns"]["angle"]
+    names = ["time_camera", *angles, "time_drive", *(f"u{j + 1}" for j in motors)]
+    lines = [",".join(names)]
+    for time, row in zip(angle.time, angle.value, strict=True):
+        cells = [_cell(v) for v in (time, *row)]
+        lines.append(",".join([*cells, *[""] * (1 + len(motors))]))
+    for time, row in zip(torque.time, torque.value[:, motors], strict=True):
+        cells = [_cell(v) for v in (time, *row)]
+        lines.append(",".join([*[""] * (1 + len(angles)), *cells]))
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: float) -> str:
+    return f"{value:.{_DECIMALS}f}".rstrip("0").rstrip(".")
