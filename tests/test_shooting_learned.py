@@ -105,7 +105,9 @@ def test_predictions_change_with_combinations_start_and_memory_as_their_slopes_s
             guess._replace(friction=replace(guess.friction, theta=s * step)) for s in (1, -1)
         )
         rise = intervals.lines(up, nodes, rows).end - intervals.lines(down, nodes, rows).end
-        np.testing.assert_allclose(rise[rows] / 2e-5, lines.by[rows, :, k], atol=1e-2 * unit[k])
+        np.testing.assert_allclose(
+            rise[rows] / 2e-5, lines.by[rows, :, k], atol=1e-2 * unit[k] + 1e-4 * unit[:-1].max()
+        )
     for i in range(nodes.shape[1]):
         step = 1e-5 * np.eye(nodes.shape[1])[i]
         up, down = (intervals.lines(guess, nodes + s * step, rows).end for s in (1, -1))

@@ -25,7 +25,7 @@ def idle(friction: Friction, entries: Sequence[Entry], weak: Array) -> dict[int,
     for k in own:
         joint = entries[k].place[0]
         others = [i for i in own if weak[i] and entries[i].place[0] == joint and i != k]
-        if weak[k] or _shows(friction, entries, k, others):
+        if weak[k] or _shows(friction, entries, k, others) or not _shows(friction, entries, k, []):
             continue
         alone = [i for i in others if not _shows(friction, entries, k, [i])]
         out[k] = tuple(alone or others)
@@ -45,11 +45,12 @@ def _shows(friction: Friction, entries: Sequence[Entry], k: int, zero: Sequence[
 
 
 def _torque(friction: Friction, theta: Array) -> Array:
-    """Torque (K, n) at inputs of all kinds, of a memory after a sample of the same."""
+    """Torque (K, n) at inputs of all kinds, of a memory that has just met them."""
     law = friction.law
     rng = np.random.default_rng(0)
     x = Inputs(*(_SPEED * rng.standard_normal((4, _POINTS, friction.n))))
     x = x._replace(load=np.abs(x.load))
     dt = np.full((_POINTS, 1), law.sample_time or 0.005)
-    memory = law.advance(theta, x, law.start(theta, x), dt)
+    before = Inputs(*(value[::-1] for value in x))
+    memory = law.advance(theta, x, law.start(theta, before), dt)
     return np.asarray(law.torque(theta, x, memory) + 0.0 * x.w)

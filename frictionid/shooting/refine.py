@@ -101,15 +101,18 @@ class Refined:
         covariance = self.covariance
         out = np.zeros((*w.shape, len(covariance.entries)))
         theta = np.asarray(self.fitted.theta, dtype=float)
-        for k, entry in enumerate(covariance.entries):
-            if entry.block != "friction":
+        own = [k for k, e in enumerate(covariance.entries) if e.block == "friction"]
+        for j in range(len(theta)):
+            some = [k for k in own if covariance.entries[k].place[0] == j]
+            if not some:
                 continue
-            step = np.zeros_like(theta)
-            step[entry.place] = 1e-6 * max(1e-3, abs(theta[entry.place]))
-            up, down = (replace(self.fitted, theta=theta + s * step) for s in (1.0, -1.0))
-            j = entry.place[0]
-            rise = up.curve(w[:, j])[:, j] - down.curve(w[:, j])[:, j]
-            out[:, j, k] = rise / (2 * step[entry.place])
+            step = np.zeros((len(some), *theta.shape))
+            for i, k in enumerate(some):
+                place = covariance.entries[k].place
+                step[i][place] = 1e-6 * max(1e-3, abs(theta[place]))
+            both = (replace(self.fitted, theta=theta + s * step, rig=None) for s in (1.0, -1.0))
+            up, down = (friction.curve(w[:, j])[..., j] for friction in both)
+            out[:, j, some] = ((up - down) / (2 * step.sum(axis=(1, 2))[:, None])).T
         return out
 
 
