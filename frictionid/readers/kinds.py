@@ -16,6 +16,7 @@ from frictionid.readers.emps import read_emps
 from frictionid.readers.ibm import read_ibm
 from frictionid.readers.markers import read_markers
 from frictionid.readers.phy180 import read_phy180
+from frictionid.readers.ros import read_ros
 from frictionid.readers.strict import nearest
 from frictionid.recordings import Recording
 
@@ -30,6 +31,7 @@ READERS: Mapping[str, Reader] = {
     "ibm": read_ibm,
     "markers": read_markers,
     "phy180": read_phy180,
+    "ros": read_ros,
 }
 
 

@@ -18,7 +18,7 @@ from frictionid.signals import Array
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
 # Formats that only readers of their own understand.
-OTHERS = (".json", ".json.gz", ".txt", ".txt.gz")
+OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", ".mcap", ".db3")
 
 
 class Table(NamedTuple):
