@@ -4,7 +4,8 @@ dz/dt = w - s0 |w| z / g(w),   Tf = s0 z + s1(w) dz/dt + Fv w   [CanudasDeWit199
 g(w) = Fc + Fp exp(-(w/ws)^2)
 
 With a constant s1 this can drive. Here s1(w) = damping exp(-(w/damping_velocity)^2), and never more
-than 4 g(w)/|w|: with x = s0 z, what friction takes less what the bristles store is
+than 4 g(w)/|w|, nor than 4 g(w)/width: with x = s0 z, what friction takes less what the bristles
+store is
 
 w Tf - d(s0 z^2/2)/dt = |w| x^2/g + (s1 |w|/g) x dz/dt + s1 (dz/dt)^2 + Fv w^2
 
@@ -72,7 +73,7 @@ class LuGre:
         return (bend * smooth_sign(x.w, self.width, self.shape),)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return _torque(theta[..., 3:], x.w, memory[0], *_levels(theta, x.w))
+        return _torque(theta[..., 3:], x.w, memory[0], *_levels(theta, x.w), self.width)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         bend = _bend(theta[..., 4], *_levels(theta, x.w))
@@ -125,7 +126,7 @@ class AsymmetricLuGre:
         return (bend * smooth_sign(x.w, self.width, self.shape),)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return _torque(theta[..., 5:], x.w, memory[0], *_sided_levels(theta, x.w))
+        return _torque(theta[..., 5:], x.w, memory[0], *_sided_levels(theta, x.w), self.width)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         bend = _bend(theta[..., 6], *_sided_levels(theta, x.w))
@@ -153,10 +154,14 @@ def _bend(presliding: Array, here: Array, top: Array) -> Array:
     return presliding * xp.maximum(share, _TINY + 0.0 * share)
 
 
-def _torque(theta: Array, w: Array, z: Array, here: Array, top: Array) -> Array:
-    """Torque [N m]; theta holds viscous, presliding, damping, damping_velocity."""
+def _torque(theta: Array, w: Array, z: Array, here: Array, top: Array, slow: float) -> Array:
+    """Torque [N m]; theta holds viscous, presliding, damping, damping_velocity.
+
+    Below `slow` [rad/s] the damping's limit grows no further: a law without one is too steep to be
+    resolved, and data that do not tell the damping would lead there.
+    """
     xp = namespace(theta, w)
     fading = theta[..., 2] * dip(w, theta[..., 3])
-    damping = xp.minimum(fading, 4.0 * here / (xp.abs(w) + _TINY))
+    damping = xp.minimum(fading, 4.0 * here / xp.maximum(xp.abs(w), slow + 0.0 * w))
     bending = rate(z, w, _bend(theta[..., 1], here, top))
     return top / theta[..., 1] * z + damping * bending + theta[..., 0] * w
