@@ -157,3 +157,13 @@ def test_more_joints_than_it_knows_change_nothing() -> None:
     one = law.features(Inputs(q[:, :1], w[:, :1], u[:, :1], u[:, :1]))
     two = law.torque(theta, Inputs(q, w, u, u), ())
     assert np.allclose(two, -one @ theta.T)
+
+
+def test_the_equation_has_an_interval_behind_each_coefficient() -> None:
+    law = StateLibrary(joints=1, degree=1)
+    theta, half = np.array([[3.0, -20.0, 0.0, -0.5, 0.0, 8.0]]), np.full((1, 6), 0.25)
+    half[0, 3] = np.inf
+    (line,) = law.equation(theta, half)
+    assert line == "dw1/dt = (3 +- 0.25) - (20 +- 0.25) sin1 - 0.5 w1 + (8 +- 0.25) u1"
+    assert law.equation(-theta)[0] == "dw1/dt = -3 + 20 sin1 + 0.5 w1 - 8 u1"
+    assert law.equation(0 * theta) == ["dw1/dt = 0"]

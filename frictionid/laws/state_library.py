@@ -127,18 +127,17 @@ class StateLibrary:
     def equation(
         self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
     ) -> list[str]:
-        """One line for each joint: its acceleration in SI units as a sum of what it has."""
-        lines = []
-        for j, row in enumerate(np.asarray(theta)):
-            parts = [
-                f"{'-' if value < 0 else '+'} {abs(value):.4g} {name}"
-                for value, name in zip(row, self.names, strict=True)
-                if value != 0
-            ]
-            text = " ".join(parts) or "+ 0"
-            sign = "-" if text.startswith("-") else ""
-            lines.append(f"dw{j + 1}/dt = {sign}{text[2:]}")
-        return lines
+        """One line for each joint: its acceleration in SI units as a sum of what it has.
+
+        `half` (n, P) is half the width of an interval of each coefficient, written behind it where
+        it is finite.
+        """
+        rows = np.asarray(theta)
+        known = np.full(rows.shape, np.nan) if half is None else half
+        return [
+            f"dw{j + 1}/dt = {_sum(self.names, row, wide)}"
+            for j, (row, wide) in enumerate(zip(rows, known, strict=True))
+        ]
 
 
 @lru_cache(maxsize=16)
@@ -189,6 +188,17 @@ def _values(law: StateLibrary, x: Inputs) -> list[Array]:
             known["s"] = smooth_sign(w, law.width, "tanh")
         out.append(known[v.what] + zero)
     return out
+
+
+def _sum(names: tuple[str, ...], row: Array, half: Array) -> str:
+    parts = []
+    for name, value, wide in zip(names, row, half, strict=True):
+        if value != 0:
+            number = f"{abs(value):.4g}"
+            number = f"({number} +- {wide:.2g})" if np.isfinite(wide) else number
+            parts.append(f"{'-' if value < 0 else '+'} {number} {'' if name == '1' else name}")
+    text = " ".join(part.rstrip() for part in parts) or "+ 0"
+    return text.removeprefix("+ ").replace("- ", "-", 1) if text[0] == "-" else text[2:]
 
 
 def _name(law: StateLibrary, m: tuple[int, ...]) -> str:
