@@ -238,7 +238,23 @@ def _fit_corrected(
             f"{identifier!r} finds another law in each fold: give it a recipe without rig"
         )
     theta = np.stack([np.asarray(part.theta) for part in known])
-    return replace(known[-1], theta=theta, rig=rig), problem
+    fitted = replace(known[-1], theta=theta, rig=rig)
+    return with_provenance(fitted, _lessons(known)), problem
+
+
+def _lessons(parts: Sequence[Friction]) -> dict[str, Any]:
+    """What frictions fitted one by one tell of their learning, as one table; NaN after an end."""
+    told = [part.provenance.get("learning") for part in parts]
+    if not told or any(own is None or len(own["training"]) != 1 for own in told):
+        return {}
+    out = {}
+    for key in ("training", "held_out"):
+        lines = [np.asarray(own[key][0]) for own in told if own is not None]
+        longest = max(map(len, lines))
+        out[key] = np.stack(
+            [np.pad(x, (0, longest - len(x)), constant_values=np.nan) for x in lines]
+        )
+    return {"learning": out}
 
 
 def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Loop, ...]:

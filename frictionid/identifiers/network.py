@@ -98,8 +98,17 @@ class Network:
         inner = np.concatenate([held_out(problem, weights, self.share, s) for s in seeds])
         every = np.tile(weights, (self.members, 1))
         queues = [s for s in seeds for _ in weights]
-        theta = self.trained(law, problem, start, (every * ~inner, every * inner), queues)
-        return together(law, np.split(theta, self.members))
+        told: list[tuple[Array, Array]] = []
+        parts = every * ~inner, every * inner
+        theta = self.trained(law, problem, start, parts, queues, told)
+        friction = together(law, np.split(theta, self.members))
+        return replace(friction, provenance={**friction.provenance, "learning": self._told(told)})
+
+    def _told(self, told: Sequence[tuple[Array, Array]]) -> dict[str, Array]:
+        """Costs (F, E) of each epoch, without friction 1: in training, and held out in the fold."""
+        training, held = (np.stack(each, axis=-1) for each in zip(*told, strict=True))
+        mean = [np.mean(np.split(c, self.members), axis=0).round(5) for c in (training, held)]
+        return {"training": mean[0], "held_out": mean[1]}
 
     def trained(
         self,
@@ -108,8 +117,12 @@ class Network:
         start: Array,
         parts: tuple[Array, Array],
         seeds: Sequence[Sequence[int]],
+        told: list[tuple[Array, Array]] | None = None,
     ) -> Array:
-        """Weights (F, n, P) that were best on the held-out part of each fold."""
+        """Weights (F, n, P) that were best on the held-out part of each fold.
+
+        told : takes the costs (F,) of each epoch, in training and on the held-out part
+        """
         import torch  # late: who trains no network need not wait for it
 
         learn, judge = (self._lessons(law, problem, start, part) for part in parts)
@@ -122,14 +135,20 @@ class Network:
         adam, best = Adam(theta.detach()), Best(theta.detach())
         cost = torch.compile(learn.cost) if self.compile else learn.cost
         for epoch in range(self.epochs):
+            seen = theta.detach()[:, 0, 0] * 0.0
             for step in range(steps):
                 theta.grad = None
-                cost(theta, learn.tensor(next(draws))).sum().backward()
+                costs = cost(theta, learn.tensor(next(draws)))
+                costs.sum().backward()
+                seen += costs.detach() / steps
                 rate = self.rate * _share(epoch + step / steps, self.epochs)
                 adam.step(theta.detach(), _shortened(theta.grad * free), rate)
             with torch.no_grad():
-                if best.ended(theta, judge.cost(theta, held), self.patience):
-                    break
+                now = judge.cost(theta, held)
+            if told is not None:
+                told.append((seen.cpu().numpy(), now.cpu().numpy()))
+            if best.ended(theta.detach(), now, self.patience):
+                break
         found: Array = best.theta.cpu().numpy()
         return found
 
