@@ -144,7 +144,10 @@ def _true(
     for entry in truth:
         own = loops_of(entry, joint, kind)
         if own:
-            axis.plot(*_closed(middle(own).velocity, middle(own).torque[-1]), **style)
+            w, torque = middle(own).velocity, middle(own).torque[-1]
+            order = np.argsort(w)  # there and back on one line, dashes would fill each other
+            line = _closed(w, torque) if remembers(entry) else (w[order], torque[order])
+            axis.plot(*line, **style)
             return
     if about["truth"] is not None:
         low, high = axis.get_xlim()
