@@ -7,6 +7,7 @@ blur keeps its centroid.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -19,6 +20,7 @@ _LEVEL = 0.4  # share of the colour from which on a pixel may belong to a dot
 _EDGE = 2.5  # [px] around the dot that still count
 _INNER = 0.5  # share of the radius within which a dot's colour is read
 _BLOCK = 4  # [px] of blocks whose means tell the noise that a centroid feels
+_TINT = 0.08  # share of the dot's own colour that backgrounds may have
 _FLOOR = 0.015  # [px]: what compression and the grid of pixels leave
 
 
@@ -45,8 +47,8 @@ class Patch(NamedTuple):
 def axis_of(hue: float, saturation: float, value: float) -> Array:
     """Weights (1, 3) of blue, green and red that give the share of a colour.
 
-    >>> axis_of(0.0, 1.0, 1.0) @ [0.0, 0.0, 255.0], axis_of(0.0, 1.0, 1.0) @ [9.0, 9.0, 9.0]
-    (array([1.]), array([0.]))
+    >>> (axis_of(0.0, 1.0, 1.0) @ [[0.0, 9.0], [0.0, 9.0], [255.0, 9.0]]).round(6)
+    array([[1., 0.]])
     """
     pixel = np.array([[[hue, saturation, value]]], dtype=np.float32)
     bgr = 255.0 * cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0].astype(float)
@@ -103,23 +105,55 @@ def centroid(
         _stadium(mask, at, half, reach + 2.5, 2)
         _stadium(mask, at, half, reach, 1)
         ring = share[mask == 2]
-        back = float(np.partition(ring, len(ring) // 2)[len(ring) // 2]) if len(ring) > 8 else 0.0
-        weight = np.where(mask == 1, np.maximum(share - back, -0.3 * amplitude), 0.0)
-        m = cv2.moments(weight.astype(np.float32))
+        back, grain = _background(ring)
+        whole = np.where(mask == 1, np.maximum(share - back, -0.3 * amplitude), 0.0)
+        # what is a little coloured is background of another tint, not dot
+        m = cv2.moments(np.maximum(whole - _TINT * amplitude, 0.0).astype(np.float32))
         if m["m00"] < 0.15 * amplitude * np.pi * radius**2:
             return None
         new = np.array([m["m10"], m["m01"]]) / m["m00"]
         moved, at = float(np.abs(new - at).max()), new
         if moved < 0.25:
             break
-    spread = np.pi * reach**4 / 4 + 2 * reach * np.hypot(*half) * reach**2 / 3
+    length, left = 2 * float(np.hypot(*half)), _passed(_TINT * amplitude / max(grain, 1e-9))
+    own = _spread(radius, length)
+    spread = own + left * (_spread(reach, length) - own)
     sigma = float(np.hypot(np.sqrt(noise * spread) / m["m00"], _FLOOR))
     mask[:] = 0
     _stadium(mask, at, 0.0 * half, _INNER * radius, 1)
-    inner = (cv2.mean(share, mask)[0] - back) / _filled(2 * float(np.hypot(*half)) / radius)
+    inner = (cv2.mean(share, mask)[0] - back) / _filled(length / radius)
     if inner < 0.3 * amplitude:
         return None
-    return Spot(at + found.corner, sigma, inner, m["m00"] / inner)
+    return Spot(at + found.corner, sigma, inner, float(whole.sum()) / inner)
+
+
+def _background(ring: Array) -> tuple[float, float]:
+    """Share of the colour around a dot, and its standard deviation from pixel to pixel."""
+    if len(ring) < 9:
+        return 0.0, 0.0
+    low, middle = len(ring) // 6, len(ring) // 2
+    part = np.partition(ring, (low, middle))
+    return float(part[middle]), float(part[middle] - part[low])
+
+
+def _passed(level: float) -> float:
+    """Share of a pixel's noise variance above a level (in standard deviations) that is taken off.
+
+    >>> round(_passed(0.0), 3), round(_passed(3.0), 3)
+    (0.341, 0.0)
+    """
+    if level > 8:
+        return 0.0
+    tail = 0.5 * math.erfc(level / math.sqrt(2))
+    bell = math.exp(-(level**2) / 2) / math.sqrt(2 * math.pi)
+    mean = bell - level * tail
+    return (1 + level**2) * tail - level * bell - mean**2
+
+
+def _spread(radius: float, length: float) -> float:
+    """Mean of x^2 and y^2, integrated over a disc drawn out to a streak [px^4]."""
+    disc = np.pi * radius**2 * (radius**2 / 2 + length**2 / 4)
+    return float((disc + 2 * radius * length * (length**2 / 12 + radius**2 / 3)) / 2)
 
 
 def _filled(streak: float) -> float:
