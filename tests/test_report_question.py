@@ -6,8 +6,11 @@ import made_results as made
 import numpy as np
 import pytest
 
+from frictionid.report.cautions import loose
+from frictionid.report.curves import friction_curves
 from frictionid.report.evidence import gather
 from frictionid.report.question import family, question
+from frictionid.report.style import looks
 from frictionid.report.summary import Part, summary
 from frictionid.report.tables import Table
 
@@ -98,3 +101,13 @@ def test_the_page_asks_and_answers(tmp_path):
     page = summary(evidence, {("made", "made"): empty, ("made", "far"): empty})
     assert "### Do hybrids beat physics alone, and models without physics?" in page
     assert all(sentence in page for sentence in found.words)
+
+
+def test_a_black_box_has_neither_a_curve_nor_loose_parameters(tmp_path):
+    evidence, _ = asked(tmp_path, 0.01)
+    section = evidence.sections[0]
+    blind = next(entry for entry in section.entries if entry.label == "blind")
+    assert loose(blind) == 0 and not np.isfinite(blind.curves).any()
+    pictures = friction_curves(section, evidence.about["made"], looks(section.entries))
+    shown = [axis.get_title() for axis in pictures[0].axes]
+    assert "learned" in shown and "blind" not in shown

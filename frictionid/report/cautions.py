@@ -139,8 +139,11 @@ def _loose(matters: Sequence[Matter]) -> str:
 
 
 def loose(entry: Entry) -> int:
-    """How many parameters scatter over the folds by more than half their mean."""
-    if len(entry.theta) < 2:
+    """How many parameters scatter over the folds by more than half their mean.
+
+    Those of networks and of models without physics do, whatever they are worth: they count as none.
+    """
+    if len(entry.theta) < 2 or "joints" not in entry.model or entry.model.get("mechanism"):
         return 0
     sd, mean = entry.theta.std(axis=0, ddof=1), np.abs(entry.theta.mean(axis=0))
     return int((sd > LOOSE * mean).sum())

@@ -253,6 +253,8 @@ def _closest(m: Matter, lowest: Entry) -> str:
     closest = min(finite, key=lambda e: known[e])
     if closest is lowest:
         return f", and so do the closest curves ({_off(m, lowest)} off)"
+    if lowest not in finite:
+        return f"; the closest curves ({_off(m, closest)} off) are those of {m.name(closest)}"
     return (
         f"; its curves are {_off(m, lowest)} off, the closest ({_off(m, closest)}) are those of "
         f"{m.name(closest)}"
