@@ -1,7 +1,9 @@
 """The simulated drive at its pseudo-terminal, and signals played to it."""
 
+import os
 import subprocess
 import sys
+import termios
 import threading
 import tomllib
 from functools import partial
@@ -23,7 +25,7 @@ from frictionid.acquire.drive import (
     command_line,
     torque_of,
 )
-from frictionid.acquire.excite import Playing, excite, load_signal
+from frictionid.acquire.excite import Playing, excite, keys, load_signal
 from frictionid.acquire.logfile import read_log
 from frictionid.acquire.playing import play
 from frictionid.acquire.protocol import read
@@ -203,6 +205,19 @@ def test_the_emergency_stop_ends_everything_at_once(rig):
     )
     assert reason == "emergency stop by the key ' '"
     until(lambda: log.pump(0.05) and float(log.counts.last[1]) == 0.0)
+
+
+def test_a_pressed_key_is_seen_and_the_terminal_left_as_it_was(monkeypatch):
+    master, slave = os.openpty()
+    before = termios.tcgetattr(slave)
+    with os.fdopen(slave) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        with keys() as key:
+            assert key() == ""
+            os.write(master, b"x")
+            until(lambda: key() == "x")
+        assert termios.tcgetattr(slave) == before
+    os.close(master)
 
 
 def test_a_request_to_end_ramps_down(rig):

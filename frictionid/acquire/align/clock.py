@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,15 +26,17 @@ from frictionid.rig import Rig
 from frictionid.shooting.blocks import Block, FrictionBlock, InertiaBlock
 from frictionid.shooting.blocks.block import Guess
 from frictionid.shooting.covariance import Covariance, covariance_of
+from frictionid.shooting.intervals import values_of
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.solve import Shot, settle
 from frictionid.shooting.track import Track, track_of
 from frictionid.signals import Signal, cut
 
 LAW = AsymmetricStribeck()
-# Longer windows tell more where joints slide all the time; where one sticks and slips they have
-# kinks, and lead the clock astray by more than their intervals (simulated acrobots, 30 s each).
+# Longer windows tell more. Where a joint sticks and slips they have kinks, the fit does not settle,
+# and is led astray by more than its interval (simulated acrobots): then the shorter ones count.
 WINDOWS = Settings(windows=(5 / 60, 10 / 60), iterations=25)
+LONG = Settings(windows=(20 / 60,), iterations=25)
 _ROUNDS = 3
 _CLOSE = 0.005  # [s]: a delay that is left and needs another round
 _PIECE = 30.0  # [s] of motion that tell the drift's first value, two of them at least
@@ -152,7 +154,7 @@ def align(
         if max(abs(d) for _, d in delays) < _CLOSE:
             break
     data = _together(dataset, angle, torque, clock)
-    return _fine(data, clock, coarse, settings or WINDOWS)
+    return _fine(data, clock, coarse, settings)
 
 
 def _silent(angle: Signal) -> Signal:
@@ -208,7 +210,7 @@ def _improved(clock: Clock, delays: list[tuple[float, float]]) -> Clock:
     return clock.later(float(np.median(delay - drift * (middle - at))), drift)
 
 
-def _fine(data: Dataset, clock: Clock, coarse: Match, settings: Settings) -> Alignment:
+def _fine(data: Dataset, clock: Clock, coarse: Match, settings: Settings | None) -> Alignment:
     """Shooting of delay and drift together with friction and base parameters."""
     plant, n = plant_of(data), plant_of(data).mechanism.n
     states = states_of(data, INTEGRAL.states, None)
@@ -219,8 +221,13 @@ def _fine(data: Dataset, clock: Clock, coarse: Match, settings: Settings) -> Ali
     blocks: tuple[Block, ...] = (FrictionBlock(), InertiaBlock(prior=LOOSE))
     track = track_of(data, states=states)
     middle = float(clock.to_angles(np.array(clock.at)))
-    intervals = drifting(track, guess, blocks, settings, middle)
-    shot = settle(intervals, guess, _used(track))
+    intervals, use = drifting(track, guess, blocks, settings or WINDOWS, middle), _used(track)
+    shot = settle(intervals, guess, use)
+    if settings is None:
+        longer = replace(intervals, settings=LONG)
+        mean = values_of(guess, intervals.parts)
+        refined = settle(longer, shot.guess, use, shot.nodes, mean=mean)
+        intervals, shot = (longer, refined) if refined.settled else (intervals, shot)
     covariance = covariance_of(intervals, shot)
     names = [e.block for e in covariance.entries]
     k, m = names.index("delay"), names.index("drift")

@@ -11,6 +11,7 @@ from frictionid.acquire.align.markers import Marked
 from frictionid.acquire.align.response import Response
 from frictionid.mechanics import Mechanism
 
+_WIDE = 1e-3  # [s], half of an interval: such an offset is not good enough
 _LARGE = 0.1  # of a viscous coefficient: what the clock's interval leaves open matters
 
 
@@ -43,8 +44,14 @@ def _clock(found: Alignment) -> Iterator[str]:
             f"match    leaves {100 * found.coarse.left:.2g} % of the torque unexplained, the next "
             f"best one {_share(found.coarse.second[1])}"
         )
+    half = max(reach * found.error_at(t) for t in (begin, end))
+    if half > _WIDE:
+        yield (
+            f"caution  the offset is known to {1e3 * half:.1f} ms only: record longer, or livelier "
+            "motion in which the driven joints slide most of the time"
+        )
     if not found.settled:
-        yield "caution  the fit did not settle: record longer, or livelier motion"
+        yield "caution  the fit did not settle: trust its intervals less"
 
 
 def _share(left: float) -> str:
