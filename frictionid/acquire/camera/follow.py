@@ -71,7 +71,7 @@ class Dot:
         """Learn from the noise around the dot."""
         if np.isfinite(noise):
             self.noises.append(noise)
-            self.noise = float(np.median(self.noises))
+            self.noise = _middle(self.noises)
 
     def whole(self, spot: Spot) -> bool:
         """Whether the dot is as large as it was before, so that nothing hides a part of it."""
@@ -82,7 +82,7 @@ class Dot:
     def seen(self, spot: Spot) -> None:
         """Learn from a whole dot."""
         self.areas.append(spot.area)
-        self.usual = float(np.median(self.areas))
+        self.usual = _middle(self.areas)
         self.amplitude, self.missing = spot.amplitude, 0
 
 
@@ -331,13 +331,21 @@ def _extrapolated(times: Array, angles: Array, time: float) -> tuple[Array, Arra
     """Angles (n,) and rates at a time, by the polynomial through the samples (k, n), k up to 3."""
     if len(times) == 1:
         return angles[0].copy(), np.zeros(angles.shape[1])
-    s = times - times[-1]
-    powers = np.vander(s, increasing=True)
-    c = np.linalg.solve(powers, angles)
     d = time - times[-1]
-    at = sum(c[k] * d**k for k in range(len(s)))
-    rate = sum(k * c[k] * d ** (k - 1) for k in range(1, len(s)))
-    return np.asarray(at), np.asarray(rate)
+    speed = (angles[-1] - angles[-2]) / (times[-1] - times[-2])  # divided differences
+    if len(times) == 2:
+        return np.asarray(angles[-1] + d * speed), np.asarray(speed)
+    before = (angles[-2] - angles[-3]) / (times[-2] - times[-3])
+    bend = (speed - before) / (times[-1] - times[-3])
+    step = time - times[-2]
+    return np.asarray(angles[-1] + d * speed + d * step * bend), np.asarray(
+        speed + (d + step) * bend
+    )
+
+
+def _middle(values: deque[float]) -> float:
+    """Median, as quickly as a few dozen numbers allow."""
+    return sorted(values)[len(values) // 2]
 
 
 def _cut(found: Patch, at: Array, dot: Dot) -> Patch:

@@ -163,8 +163,9 @@ def _filled(streak: float) -> float:
 
 
 def _stadium(mask: Image, at: Array, half: Array, reach: float, value: int) -> None:
-    ends = [tuple(int(v) for v in np.round((at + s * half) * 16)) for s in (-1, 1)]
-    cv2.line(mask, ends[0], ends[1], value, max(int(round(2 * reach)), 1), cv2.LINE_8, 4)
+    x, y, dx, dy = (16 * float(v) for v in (*at, *half))
+    ends = (round(x - dx), round(y - dy)), (round(x + dx), round(y + dy))
+    cv2.line(mask, *ends, value, max(round(2 * reach), 1), cv2.LINE_8, 4)
 
 
 def noise_of(found: Patch, at: Array, reach: float) -> float:
