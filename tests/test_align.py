@@ -111,6 +111,7 @@ def test_a_motion_that_repeats_itself_needs_a_marker(motion):
     assert known.clock.offset == pytest.approx(0.0, abs=2e-3)
 
 
+@settings(deadline=None)
 @given(st.floats(-1e4, 1e4), st.floats(-1e-3, 1e-3), st.floats(0, 1e4), st.floats(-0.01, 0.01))
 def test_clocks_go_both_ways(offset, drift, at, delay):
     clock = Clock(offset, drift, at)

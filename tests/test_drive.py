@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from wires import logger, setup, until
 
@@ -55,6 +55,7 @@ def values(drive, speaker, k):
 # --- What it says --------------------------------------------------------------------------------
 
 
+@settings(deadline=None)
 @given(st.floats(-100.0, 0.0), st.floats(-1e-3, 1e-3), st.floats(0.5, 1.5), st.floats(0.0, 0.02))
 def test_it_tells_the_torque_that_acts_by_its_own_clock(offset, drift, gain, lag):
     torque = sine()
@@ -115,6 +116,7 @@ def test_a_restart_sets_the_clock_back_once():
     assert np.delete(np.diff(time), back) == pytest.approx(1e-3)
 
 
+@settings(deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_damaged_line_is_another_one(seed):
     line = b"$1000,0.050000,0.200000*DBC5\n"
@@ -259,10 +261,10 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
         ("time,u2\n1,0.1\n1,0.2\n", made, "row 3: time must increase"),
         ("time,u2\n0,0.1\n1,\n", made, "row 3: 'u2' is empty"),
     )
-    for text, settings, said in cases:
+    for text, given_rig, said in cases:
         path.write_text(text)
         with pytest.raises(InputError, match=".") as complaint:
-            load_signal(path, settings)
+            load_signal(path, given_rig)
         assert said in str(complaint.value)
     with pytest.raises(InputError, match="ramp = 0 must be positive"):
         Playing(ramp=0)

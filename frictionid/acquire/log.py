@@ -121,7 +121,10 @@ class Logger:
         self._bad.extend(rejected)
         before = counts.last
         for cells in rows:
-            counts.restarts += bool(before) and float(cells[self._at]) < float(before[self._at])
+            if before:
+                back = float(before[self._at]) - float(cells[self._at])
+                # a counter that begins anew is none
+                counts.restarts += 0 < back < self._form.wrap / 2
             before = cells
         counts.last = before
         counts.rows += len(rows)

@@ -15,7 +15,7 @@ from pathlib import Path
 from frictionid.errors import InputError
 
 _QUIET, _AGAIN = 3, 0.02  # times that nothing was waiting to be read, [s] between them
-_LONG = 30.0  # [s], how long a reader may take
+_LONG = 10.0  # [s], how long a reader may take
 _STEP = 0.01
 
 
@@ -84,6 +84,8 @@ class Terminal:
 
     def drain(self) -> None:
         """Wait until all that was sent has been read, or nobody reads."""
+        if not self.attended():
+            return
         slave = os.open(os.path.realpath(self.link), os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             quiet, end = 0, time.monotonic() + _LONG
