@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from wires import MOTOR, Rows, logger, setup, until
 
-from frictionid.acquire.logfile import Appender, Layout, read_log
+from frictionid.acquire.logfile import Appender, Layout, Log, read_log
 from frictionid.acquire.port import Port
 from frictionid.acquire.protocol import parsed, read, written
 from frictionid.acquire.terminal import Terminal
@@ -119,6 +119,18 @@ def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows
     file.append([layout.row("99.000000", (b"99000000", b"0.1", b"0.25"))])
     file.close()
     assert read_log(path).columns["time"].tolist() == [*range(whole), 99.0]
+
+
+def test_all_runs_of_a_log_are_on_one_clock_that_only_goes_on():
+    host = 1e9 + np.array([0.0, 1.0, 2.0, 2.5, 3.5, 4.5])
+    # the second run came sooner after it was sent, so that its first row falls before the last
+    time = np.array([7.0, 8.0, 9.0, 0.0, 1.0, 2.0])
+    host[:3] += 0.8
+    log = Log("log.csv", {"host": host, "time": time, "torque": np.arange(6.0)})
+    rows, runs, _ = log.on_one_clock(4294.967296)
+    assert runs.number.tolist() == [0, 0, 0, 1, 1, 1]
+    assert np.all(np.diff(rows.columns["time"]) > 0)
+    assert set(rows.columns["torque"]) >= {0.0, 1.0, 2.0, 4.0, 5.0}
 
 
 def test_a_log_is_never_overwritten(tmp_path):

@@ -174,8 +174,9 @@ class Log(NamedTuple):
         runs = runs_of(self.columns["time"], self.columns["host"], wrap)
         time, unsure = one_clock(runs, self.columns["host"])
         kept = runs.kept.copy()
-        # a run that began before the one before it ended by the host's clock
-        kept &= time >= np.maximum.accumulate(np.where(kept, time, -np.inf))
+        # the host's clock may be unsure of where one run ends and the next begins
+        latest = np.maximum.accumulate(np.where(kept, time, -np.inf))
+        kept[1:] &= time[1:] > latest[:-1]
         columns = {k: (time if k == "time" else v)[kept] for k, v in self.columns.items()}
         return Log(self.file, columns), runs, unsure
 

@@ -117,10 +117,13 @@ def _correlated(
     clock = np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP)
     if len(clock) < 2:
         return np.zeros(0), np.zeros(0), 0.0
+    # nothing is known of what happened in a gap
+    after = np.clip(np.searchsorted(middle, grid), 1, len(middle) - 1)
+    near = (middle[after] - middle[after - 1] < WIDTH).astype(float)
     size, all_of_it, moving = len(grid) + len(clock) - 1, 0.0, 0.0
     cross, energy, covered = (np.zeros(size) for _ in range(3))
     for j in np.flatnonzero(driven):
-        seen = (np.interp(grid, middle, rows.free[:, j].astype(float)) > 0.999).astype(float)
+        seen = (np.interp(grid, middle, rows.free[:, j].astype(float)) > 0.999) * near
         y = seen * np.interp(grid, middle, asked[:, j])
         shapes = [seen * np.interp(grid, middle, f) for f in rows.friction[:, j].T]
         Q = _basis(np.stack(shapes, axis=1))

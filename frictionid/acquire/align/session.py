@@ -97,7 +97,7 @@ def aligned(angles: Path, log: Path, rig: Path, wanted: Wanted) -> Aligned:
         None if command is None else command._replace(time=found.clock.to_angles(command.time)),
         found,
         marker,
-        _drives(rows, setup, measured),
+        _drives(rows, setup, measured, found.span),
         sources,
         tuple(_remarks(seen.angle, angle, runs, unsure)),
     )
@@ -154,9 +154,13 @@ def _command(rows: Log, setup: Setup) -> Signal | None:
     return Signal(rows.columns["time"], value, "previous")
 
 
-def _drives(rows: Log, setup: Setup, measured: list[str]) -> list[Response | None]:
-    """Each motor's response, of those whose command is logged."""
+def _drives(
+    rows: Log, setup: Setup, measured: list[str], span: tuple[float, float]
+) -> list[Response | None]:
+    """Each motor's response during the motion, of those whose command is logged."""
     out = []
+    moves = (rows.columns["time"] >= span[0]) & (rows.columns["time"] <= span[1])
+    rows = Log(rows.file, {k: v[moves] for k, v in rows.columns.items()})
     for motor, name in zip(setup.motors, measured, strict=True):
         if motor.command in rows.columns:
             command = rows.columns[motor.command] * motor.per_command
