@@ -32,7 +32,7 @@ from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
 from frictionid.errors import InputError
 from frictionid.recordings import Motion
-from frictionid.signals import Signal, cut
+from frictionid.signals import Signal
 from frictionid.simulate.film import Film, write_film
 from frictionid.simulate.scene import Look
 from frictionid.simulate.view import View
@@ -58,8 +58,9 @@ def swinging(seed: int, frames: int) -> Motion:
     truth = recordings[int(rng.integers(len(recordings)))].truth
     assert truth is not None
     at = int(rng.integers(0, len(truth.angle.time) - frames + 1))
-    span = truth.angle.time[at], truth.angle.time[at + frames - 1]
-    return Motion(cut(truth.angle, *span), cut(truth.velocity, *span))
+    time = np.arange(frames) / 60  # films begin at nought
+    parts = (signal.value[at : at + frames] for signal in (truth.angle, truth.velocity))
+    return Motion(*(Signal(time, np.asarray(value)) for value in parts))
 
 
 def fast(seconds: float) -> Motion:
