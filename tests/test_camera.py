@@ -189,6 +189,16 @@ def test_a_proposal_finds_dots_pivot_and_links(seed):
     np.testing.assert_allclose([m.radius for m in marks.markers[1:]], look.radius, rtol=0.2)
 
 
+def test_a_proposal_gives_dots_of_one_colour_one_hue():
+    film = replace(EASY, look=Look(dots=((), RED, RED)))
+    movement = motion(150, seed=2)
+    shots = taken(film, movement)
+    marks = propose(Pictures(frames(shots)[::3], SMALL.size, 20.0))
+    assert marks.markers[1].hue == marks.markers[2].hue
+    e = errors(tracked(film, shots, marks), movement)
+    assert np.abs(e - np.median(e, axis=0)).max() < 0.3
+
+
 def test_a_proposal_tracks_what_it_was_made_from(easy):
     movement, shots = easy
     marks = propose(Pictures(frames(shots)[::2], SMALL.size, 30.0))

@@ -17,7 +17,7 @@ from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import content_of
 
 TABLES = ("markers", "links", "camera")
-_APART = 40.0  # [deg] of hue: nearer colours cannot be told apart
+APART = 40.0  # [deg] of hue: nearer colours cannot be told apart
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -100,10 +100,10 @@ class Marks(Strict):
                 raise ValueError(f"two markers are called {name!r}; rename one")
         for a, b in combinations([m for m in markers if m.hue is not None], 2):
             apart = hue_distance(a.hue or 0.0, b.hue or 0.0)
-            if 0 < apart < _APART:
+            if 0 < apart < APART:
                 raise ValueError(
                     f"the hues of {a.name!r} and {b.name!r} are {apart:g} deg apart and cannot be "
-                    f"told from each other; use colours {_APART:g} deg apart, or the same hue"
+                    f"told from each other; use colours {APART:g} deg apart, or the same hue"
                 )
         return markers
 

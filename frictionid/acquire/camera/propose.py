@@ -13,7 +13,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from frictionid.acquire.camera.marks import Camera, Links, Marker, Marks, hue_distance
+from frictionid.acquire.camera.marks import APART, Camera, Links, Marker, Marks, hue_distance
 from frictionid.acquire.camera.source import Frame, Image, Source
 from frictionid.arrays import Array
 from frictionid.errors import InputError
@@ -77,7 +77,18 @@ def propose(source: Source) -> Marks:
         names = ["tip"]
     markers = [_pivot(first.middle, groups)]
     markers += [_marker(name, dots) for name, dots in zip(names, chain, strict=True)]
+    markers = _alike(markers)
     return Marks(markers=markers, links=Links(pixels=pixels), camera=Camera())
+
+
+def _alike(markers: Sequence[Marker]) -> list[Marker]:
+    """The markers, those of nearly the same hue with the same one."""
+    out: list[Marker] = []
+    for marker in markers:
+        hues = [m.hue for m in out if m.hue is not None and marker.hue is not None]
+        same = [h for h in hues if hue_distance(h, marker.hue or 0.0) < APART]
+        out.append(marker.model_copy(update={"hue": same[0]}) if same else marker)
+    return out
 
 
 def _sampled(source: Source) -> list[Image]:
