@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 from frictionid.acquire.camera.angles import Angles, angles_of
@@ -54,7 +55,7 @@ def track(
 def _frames(source: Source) -> Iterator[Frame]:
     """The frames, whose times must increase."""
     last = float("-inf")
-    for k, frame in enumerate(source.frames()):
+    for k, frame in enumerate(_ahead(source.frames())):
         if frame.time <= last:
             raise InputError(
                 f"{source.name}, frame {k + 1}: its time stamp {frame.time:g} s does not come "
@@ -62,6 +63,15 @@ def _frames(source: Source) -> Iterator[Frame]:
             )
         last = frame.time
         yield frame
+
+
+def _ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The frames, the next one decoded while one is looked at."""
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(next, frames, None)
+        while (frame := coming.result()) is not None:
+            coming = pool.submit(next, frames, None)
+            yield frame
 
 
 def _check_places(source: Source, marks: Marks) -> None:
