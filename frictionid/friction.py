@@ -160,6 +160,7 @@ class Friction:
             step = self.law.sample_time or 0.005
             dt = xp.asarray([[step]], dtype=theta.dtype)
             for _ in range(int(np.ceil(settle / step))):
+                x = x._replace(q=x.q + step * x.w)
                 memory = self.law.advance(theta, x, memory, dt)
         return self.law.torque(theta, x, memory)
 

@@ -51,6 +51,7 @@ def mlp(
 
 def window_mlp(
     samples: Count = WindowMLP.samples,
+    presliding: Annotated[float, Field(ge=0)] = WindowMLP.presliding,
     hidden: Hidden = None,
     odd: bool = WindowMLP.odd,
     dissipative: bool = WindowMLP.dissipative,
@@ -65,9 +66,12 @@ def window_mlp(
     width: Positive = 0.02,
     shape: Shape = "tanh",
 ) -> Identifier:
-    """Friction by a network of the velocity and its newest samples."""
+    """Friction by a network of the velocity and its newest samples.
+
+    presliding : [rad], where positive it reads how far the joint has moved since these samples
+    """
     units = tuple(hidden or WindowMLP.hidden)
-    options = (odd, dissipative, monotone_tail, width, shape)
+    options = (odd, dissipative, monotone_tail, width, shape, presliding)
     law = WindowMLP(samples, WindowMLP.sample_time, units, *options)
     own = Network(law, epochs, batch, rate, patience=patience, device=device, compile=compile)
     return replace(own, members=members)

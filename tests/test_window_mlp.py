@@ -1,6 +1,7 @@
 """The identifier `window_mlp`, ensembles, and networks of one's own."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import torch
 from exact import cost, everything, explained_by
 
 from frictionid.errors import InputError
-from frictionid.friction import Friction, along, at_rest, memory_along
+from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
 from frictionid.identifiers import CompressedNetwork, LeastSquares, Network, check_identifier
 from frictionid.identifiers.adam import Adam
 from frictionid.identifiers.batches import batches
@@ -44,18 +45,40 @@ def drawn(law, folds=3, n=2, seed=0):
 
 @pytest.mark.parametrize("odd", [False, True])
 @pytest.mark.parametrize("free", [False, True])
-def test_it_keeps_to_the_contract_of_laws(odd, free):
+@pytest.mark.parametrize("presliding", [0.0, 0.01])
+def test_it_keeps_to_the_contract_of_laws(odd, free, presliding):
     law = WindowMLP(2, hidden=(3,), odd=odd, dissipative=not free, monotone_tail=not free)
-    check_law(law)
+    check_law(replace(law, presliding=presliding))
 
 
 @pytest.mark.parametrize("odd", [False, True])
-def test_options_hold_along_a_motion(odd):
+@pytest.mark.parametrize("presliding", [0.0, 0.01])
+def test_its_slopes_are_those_of_differences(odd, presliding):
+    rng = np.random.default_rng(1)
+    law = WindowMLP(3, hidden=(4, 3), odd=odd, dissipative=odd, presliding=presliding)
+    theta = drawn(law)[0]
+    x = Inputs(*(3.0 * rng.normal(size=(6, 2)) for _ in range(4)))
+    memory = tuple(z + 0.1 * rng.normal(size=z.shape) for z in law.start(theta, x))
+    by_theta, by_memory = law.slopes(theta, x, memory)
+    for k, step in enumerate(1e-6 * np.eye(theta.shape[1])):
+        rise = law.torque(theta + step, x, memory) - law.torque(theta - step, x, memory)
+        np.testing.assert_allclose(by_theta[..., k], rise / 2e-6, atol=1e-8)
+    for i, entry in enumerate(memory):
+        more, less = ((*memory[:i], entry + s, *memory[i + 1 :]) for s in (1e-7, -1e-7))
+        rise = law.torque(theta, x, more) - law.torque(theta, x, less)
+        np.testing.assert_allclose(by_memory[i], rise / 2e-7, atol=1e-6, rtol=1e-4)
+
+
+@pytest.mark.parametrize("odd", [False, True])
+@pytest.mark.parametrize("presliding", [0.0, 0.01])
+def test_options_hold_along_a_motion(odd, presliding):
     law, nodes = WindowMLP(4, hidden=(5,), odd=odd), practice_problem(2).nodes
+    law = replace(law, presliding=presliding)
     friction = Friction(law, drawn(law))
     torque = along(friction, nodes)
     assert (torque * nodes.inputs.w >= 0).all()
-    mirrored = nodes._replace(inputs=nodes.inputs._replace(w=-nodes.inputs.w))
+    turned = nodes.inputs._replace(q=-nodes.inputs.q, w=-nodes.inputs.w)
+    mirrored = nodes._replace(inputs=turned)
     assert (np.abs(torque + along(friction, mirrored)).max() < 1e-12) == odd
     assert (np.diff(friction.curve(np.linspace(5.0, 60.0, 30)), axis=1) >= -1e-12).all()
 
@@ -72,7 +95,36 @@ def test_its_memory_is_the_newest_samples():
         np.testing.assert_array_equal(seen[age][0], w[0])
 
 
-@pytest.mark.parametrize("law", [WindowMLP(3, hidden=(4,)), MLP((4,), others=1), OwnLaw()])
+def test_its_memory_of_the_way_is_the_newest_angles():
+    law, nodes = WindowMLP(3, hidden=(2,), presliding=0.01), practice_problem(1).nodes
+    law = replace(law, sample_time=float(nodes.time[2] - nodes.time[0]))
+    steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
+    seen = window(law, nodes)
+    for t in (0, 1, 2, 3, 8, 21):
+        for i in range(4):
+            np.testing.assert_allclose(seen[i][t], steps[t][i][0], atol=1e-12)
+    np.testing.assert_array_equal(seen[2][21], nodes.inputs.q[18])
+
+
+def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
+    law, w = WindowMLP(3, hidden=(4,), presliding=0.01), np.full((1, 2), 0.4)
+    theta = drawn(law)[0]
+    here = Inputs(0.0 * w, w, 0.0 * w, 0.0 * w)
+    there, memory = here._replace(q=here.q + 1.0), law.start(theta, here)
+    torque = law.torque(theta, here, memory)
+    np.testing.assert_allclose(law.torque(theta, there, law.start(theta, there)), torque)
+    assert (np.abs(law.torque(theta, there, memory) - torque) > 1e-4).all()
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        WindowMLP(3, hidden=(4,)),
+        WindowMLP(3, hidden=(4,), presliding=0.01),
+        MLP((4,), others=1),
+        OwnLaw(),
+    ],
+)
 def test_cost_in_training_is_that_of_the_rows(law):
     problem = practice_problem(2)
     weights, theta = practice_weights(problem), drawn(law)
@@ -183,6 +235,8 @@ def test_their_settings_choose_the_law():
     assert identifier_named("window_mlp", {}) == Network(WindowMLP())
     made = identifier_named("window_mlp", {"samples": 4, "members": 2, "rate": 0.02})
     assert made == Network(WindowMLP(4), rate=0.02, members=2)
+    made = identifier_named("window_mlp", {"presliding": 0.005, "dissipative": False})
+    assert made == Network(WindowMLP(presliding=0.005, dissipative=False))
     made = identifier_named("mlp", {"inputs": "all", "hidden": [8]})
     assert made == Network(MLP((8,)), inputs="all")
     assert identifier_named("mlp", {"solver": "adam"}) == Network(MLP())
@@ -208,6 +262,7 @@ def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
     [
         lambda: WindowMLP(samples=0),
         lambda: WindowMLP(sample_time=-1.0),
+        lambda: WindowMLP(presliding=-0.01),
         lambda: Ensemble(members=1),
         lambda: Network(WindowMLP(), inputs="all"),
         lambda: Network(WindowMLP(), epochs=0),

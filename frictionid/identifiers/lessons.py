@@ -104,4 +104,11 @@ def window(law: Any, nodes: Nodes) -> tuple[Array, ...]:
     place = np.arange(len(nodes.time)) - first
     newest = place // nodes.per_sample
     ages = [np.maximum(newest - age, 0) for age in range(law.samples)]
-    return tuple(nodes.inputs.w[first + age * nodes.per_sample] for age in ages)
+    places = [first + age * nodes.per_sample for age in ages]
+    q, w = nodes.inputs.q, nodes.inputs.w
+    if not getattr(law, "presliding", 0.0):
+        return tuple(w[at] for at in places)
+    # before a recording's begin, as the law's memory starts: as if the velocity had been constant
+    missing = [np.maximum(age - newest, 0)[:, None] for age in range(law.samples)]
+    pairs = zip(places, missing, strict=True)
+    return (w[places[0]], *(q[at] - law.sample_time * k * w[first] for at, k in pairs))

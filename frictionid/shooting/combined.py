@@ -54,6 +54,11 @@ class Combined(Wrapped):
         own = self.inner.gradient(numbers, x, memory) if memory else self.inner.gradient(numbers, x)
         return np.swapaxes(np.swapaxes(own, 0, 1) @ self.directions, 0, 1)
 
+    def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
+        """Derivatives of the torque at inputs (K, n): (K, n, r), and in each entry of memory."""
+        own, by_memory = self.inner.slopes(self.numbers(theta), x, memory)
+        return np.swapaxes(np.swapaxes(own, 0, 1) @ self.directions, 0, 1), by_memory
+
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         later: Memory = self.inner.advance(self.numbers(theta), x, memory, dt)
         return later

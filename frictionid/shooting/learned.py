@@ -36,7 +36,8 @@ def on_arrays(friction: Friction) -> Friction:
     """The friction on NumPy arrays, with slopes by reverse mode where its law has none to give."""
     law, theta = friction.law, friction.theta
     if not hasattr(theta, "detach"):
-        if not is_network(friction) or (hasattr(law, "gradient") and not remembers(friction)):
+        known = getattr(law, "window", False) or not remembers(friction)
+        if not is_network(friction) or (hasattr(law, "gradient") and known):
             return friction
         from torch import as_tensor  # late: who has no such law need not wait for torch
 

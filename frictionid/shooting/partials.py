@@ -54,10 +54,10 @@ class Seen(NamedTuple):
 
 def seen_by(law: Law, theta: Array, x: Inputs) -> Seen:
     """What the torque of a law depends on at inputs (K, n)."""
+    memory = law.start(theta, x)  # of the motion before, whatever is changed now
+    dt = np.full((1,), law.sample_time or 0.01)
 
     def torque(x: Inputs) -> Array:
-        memory = law.start(theta, x)
-        dt = np.full((1,), law.sample_time or 0.01)
         return law.torque(theta, x, law.advance(theta, x, memory, dt))
 
     here = torque(x)
@@ -96,17 +96,18 @@ def slopes(
         by_q = _diagonal(law, theta, x, memory, "q") if seen.q else None
         by_w = (_columns if seen.others else _diagonal)(law, theta, x, memory, "w") * moves
         by_u = _diagonal(law, theta, x, memory, "u") if seen.u else None
+    gradient, of_memory = _own_slopes(law, theta, x, memory)
     return Slopes(
         here,
         by_q,
         by_w,
         by_u,
-        by_memory(lambda m: law.torque(theta, x, m), memory),
+        of_memory,
         by_theta(
             theta,
             free,
             lambda t: law.torque(t, x, memory),
-            _gradient(law, theta, x, memory),
+            gradient,
             0.0 * x.w,
         ),
     )
@@ -129,12 +130,13 @@ def _columns(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Ar
     return np.stack(out, axis=-1)
 
 
-def _gradient(law: Law, theta: Array, x: Inputs, memory: Memory) -> Array | None:
-    """Derivatives (K, n, P) of the torque by theta, of laws that know them."""
+def _own_slopes(law: Law, theta: Array, x: Inputs, memory: Memory) -> tuple[Array | None, Memory]:
+    """Derivatives of the torque by theta (K, n, P), of laws that know them, and by the memory."""
+    known: Any = law
     if isinstance(law, Wrapped):
-        known: Any = law
-        return known.gradient(theta, x, memory)
-    return law.gradient(theta, x) if hasattr(law, "gradient") and not memory else None
+        return known.slopes(theta, x, memory) if memory else (known.gradient(theta, x), ())
+    gradient = known.gradient(theta, x) if hasattr(law, "gradient") and not memory else None
+    return gradient, by_memory(lambda m: law.torque(theta, x, m), memory)
 
 
 def _through_load(

@@ -43,6 +43,10 @@ class Points:
         if len(self.path) == 1:
             return np.asarray(law.gradient(theta, self.path[0]))
         z = law.start(theta, self.path[0])
+        if getattr(law, "window", False):
+            for x in self.path[1:]:
+                z = law.advance(theta, x, z, self.dt)
+            return np.asarray(law.gradient(theta, self.path[-1], z))
         return np.asarray(law.gradient_along(theta, self.path, z, self.dt))
 
 

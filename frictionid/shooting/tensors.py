@@ -43,6 +43,13 @@ class OnTensors(Wrapped):
         """Derivatives (K, n, P) of the torque in each joint's own numbers, theta (n, P)."""
         return self.gradient_along(theta, (x,), memory, np.zeros((len(x.w), 1)))
 
+    def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
+        """Derivatives of the torque: (K, n, P) in theta, and in each entry (K, n) of memory."""
+        zero = np.zeros((len(x.w), 1))
+        parts = [self._back(theta, (x,), memory, zero, rows) for rows in self._rows(theta, zero)]
+        by_memory = zip(*(part[1] for part in parts), strict=True)
+        return np.concatenate([part[0] for part in parts]), tuple(map(np.concatenate, by_memory))
+
     def gradient_along(
         self, theta: Array, path: Sequence[Inputs], memory: Memory, dt: Array
     ) -> Array:
@@ -51,22 +58,29 @@ class OnTensors(Wrapped):
         path : inputs (K, n) at each sample, of which the first finds the memory (K, n) as given
         dt : (K, 1) [s] between the samples
         """
+        parts = self._rows(theta, dt)
+        return np.concatenate([self._back(theta, path, memory, dt, rows)[0] for rows in parts])
+
+    def _rows(self, theta: Array, dt: Array) -> list[slice]:
         most = max(1, _ROOM // int(np.prod(theta.shape)))
-        parts = [slice(i, i + most) for i in range(0, len(dt), most)]
-        return np.concatenate([self._back(theta, path, memory, dt, rows) for rows in parts])
+        return [slice(i, i + most) for i in range(0, len(dt), most)]
 
     def _back(
         self, theta: Array, path: Sequence[Inputs], memory: Memory, dt: Array, rows: slice
-    ) -> Array:
+    ) -> tuple[Array, Memory]:
         span = self._in(dt[rows])
         # numbers of its own for every row: one pass back then gives the derivatives of all rows
         leaf = self._in(np.broadcast_to(theta, (len(dt[rows]), *theta.shape))).requires_grad_()
-        z = self._all([entry[rows] for entry in memory])
+        first = tuple(z.requires_grad_() for z in self._all([entry[rows] for entry in memory]))
+        z = first
         inner = [Inputs(*self._all([value[rows] for value in x])) for x in path]
         for x in inner[1:]:
             z = self.inner.advance(leaf, x, z, span)
         self.inner.torque(leaf, inner[-1], z).sum().backward()
-        return _numpy(leaf.grad)
+        # an entry that the torque does not read has no derivative
+        none = np.zeros_like(path[0].w[rows])
+        by_memory = tuple(none if z.grad is None else _numpy(z.grad) for z in first)
+        return _numpy(leaf.grad), by_memory
 
     def _all(self, values: Sequence[Array]) -> tuple[Array, ...]:
         return tuple(self._in(value) for value in values)

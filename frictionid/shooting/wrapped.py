@@ -47,6 +47,11 @@ class Wrapped:
         return bool(self.law.uses_load)
 
     @property
+    def window(self) -> bool:
+        """Whether the other's memory holds samples of the motion, whatever its numbers are."""
+        return bool(getattr(self.law, "window", False))
+
+    @property
     def inner(self) -> Any:
         """The other law, with the smoothing that is asked for."""
         same = not self.shape or self.width == self.law.width
