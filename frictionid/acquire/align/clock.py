@@ -37,6 +37,10 @@ LAW = AsymmetricStribeck()
 # and is led astray by more than its interval (simulated acrobots): then the shorter ones count.
 WINDOWS = Settings(windows=(5 / 60, 10 / 60), iterations=25)
 LONG = Settings(windows=(20 / 60,), iterations=25)
+# Friction's shape and joints that stick move the offset by more than stretches of the motion show:
+# calibrated on 68 simulated acrobots of 30 s.
+WIDER = 1.4
+_LOST = 0.1  # [s]: an error of the offset that says that nothing is known
 _ROUNDS = 3
 _CLOSE = 0.005  # [s]: a delay that is left and needs another round
 _PIECE = 30.0  # [s] of motion that tell the drift's first value, two of them at least
@@ -233,7 +237,8 @@ def _fine(data: Dataset, clock: Clock, coarse: Match, settings: Settings | None)
     k, m = names.index("delay"), names.index("drift")
     delay, drift = covariance.values[k], covariance.values[m]
     pair = covariance.matrix[np.ix_([k, m], [k, m])]
-    if not np.isfinite(pair).all():
+    pair = pair * np.outer([WIDER, 1.0], [WIDER, 1.0])
+    if not (np.isfinite(pair).all() and pair[0, 0] < _LOST**2):
         raise InputError(
             "the motion does not tell the offset of the clocks: record livelier motion, or longer"
         )
