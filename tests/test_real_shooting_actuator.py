@@ -23,8 +23,8 @@ SHORT = Settings(windows=(0.1, 0.33), iterations=5)
 def test_the_resistance_lies_where_published_models_have_it(request, real_data):
     folder = request.config.rootpath / "data"
     logs = load_dataset(folder / "bam_xl330_whole", real_data / "bam_xl330")
-    # lifted and dropped, which tells apart most, and one driven log
-    fitted = replace(logs, recordings=(*logs.recordings[:2], logs.recordings[4]))
+    # lifted and dropped, which tells apart most, and driven logs
+    fitted = replace(logs, recordings=(*logs.recordings[:2], *logs.recordings[3:5]))
     problem = training_problem(fitted, plant_of(fitted), INTEGRAL)
     start = LeastSquares(MotorLoad()).fit(problem, 1.0 + 0.0 * problem.dt[None], 0)[0]
     blocks = (FrictionBlock(), ActuatorBlock(fixed=("kt",)))
