@@ -111,7 +111,7 @@ def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows
     whole = max(torn.count("\n") - 1, 0)
     if whole:
         assert read_log(path).columns["time"].tolist() == list(range(whole))
-    if torn and "\n" not in torn:
+    if torn and "\n" not in torn and torn != layout.header:
         with pytest.raises(InputError, match="has other columns"):
             Appender(path, layout.header, more=True)
         return
