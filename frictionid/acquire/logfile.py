@@ -142,7 +142,9 @@ class Appender:
         if content.partition(b"\n")[0].decode("utf-8", "replace") != header:
             raise InputError(f"{self.path} has other columns than {header!r}: choose another name")
         whole = content.rfind(b"\n") + 1
-        if whole < size:
+        if not whole:  # all of the header but its line's end
+            self._write(b"\n")
+        elif whole < size:
             os.ftruncate(self._file, whole)
 
     def _write(self, content: bytes) -> None:
