@@ -30,11 +30,12 @@ _DECIMALS = 9
 class AngleColumns(Strict):
     """The [angles] table of rig.toml: which columns of a table of angles hold what.
 
-    time : [s]; columns : one per joint; unit : of the angles
+    time : [s]; columns : one per joint; sigma : standard deviation of each; unit : of both
     """
 
     time: str = ""
     columns: Annotated[list[str], Field(min_length=1)] | None = None
+    sigma: Annotated[list[str], Field(min_length=1)] | None = None
     unit: Literal["rad", "mrad", "deg", "rev", "m", "mm"] = "rad"
 
 
@@ -65,7 +66,13 @@ def read_angles(
         raise InputError(
             f"[angles] columns = {names} must name one column for each of {mechanism.n} joints"
         )
-    table = read_table(content, file, [time, *names, *([marker] if marker else [])])
+    usual = [f"sigma{j + 1}" for j in range(mechanism.n)]  # as a tracker calls them
+    sigma = own.sigma or (usual if set(usual) <= set(header) else [])
+    if sigma and len(sigma) != mechanism.n:
+        raise InputError(
+            f"[angles] sigma = {sigma} must name one column for each of {mechanism.n} joints"
+        )
+    table = read_table(content, file, [time, *names, *sigma, *([marker] if marker else [])])
     seen = np.isfinite(np.stack([table.columns[n] for n in (time, *names)])).all(axis=0)
     if int(seen.sum()) < 10:
         raise InputError(
@@ -76,6 +83,9 @@ def read_angles(
         rows=table.rows[seen], columns={k: v[seen] for k, v in table.columns.items()}
     )
     angle = signal_of(kept, time, names, unit=UNITS["angle"][own.unit])
+    if sigma:
+        each = signal_of(kept, time, sigma, unit=UNITS["angle"][own.unit]).value
+        angle = angle._replace(sigma=each)
     return Angles(
         angle, kept.columns[marker] if marker else None, hashlib.sha256(content).hexdigest()
     )
@@ -104,7 +114,10 @@ def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool)
     if document.get("origin") != ORIGIN:
         raise InputError(f"{folder} holds another data set; name a new folder with --out")
     for key, value in head.items():
-        if document.get(key) != value:
+        before = document.get(key)
+        if isinstance(before, dict):  # deviations are checked when the angles have been read
+            before = {k: v for k, v in before.items() if k != "sigma"}
+        if before != value:
             raise InputError(
                 f"{folder} has recordings with another [{key}]; name a new folder with --out"
             )
@@ -135,8 +148,17 @@ def add_recording(
     folder.mkdir(parents=True, exist_ok=True)
     text = _table(head, angle, torque)
     described = folder / "dataset.toml"
-    before = _document(described).get("sha256", {}) if described.exists() else {}
+    document = _document(described) if described.exists() else {}
+    before = document.get("sha256", {})
+    if document and ("sigma" in document["columns"]) != (angle.sigma is not None):
+        raise InputError(
+            f"{folder} has recordings {'without' if angle.sigma is not None else 'with'} standard "
+            f"deviations of the angles, {name!r} is another kind; name a new folder with --out"
+        )
     hashes = {**before, f"{name}.csv": hashlib.sha256(text.encode()).hexdigest()}
+    if angle.sigma is not None:
+        columns = {**head["columns"], "sigma": _deviations(head)}
+        head = {**head, "columns": columns}
     document = {
         "name": re.sub(r"\W+", "_", folder.resolve().name) or "aligned",
         "origin": ORIGIN,
@@ -167,15 +189,22 @@ def _table(head: Mapping[str, Any], angle: Signal, torque: Signal) -> str:
     """CSV text: rows of the camera's clock, then those of the drive's."""
     motors = [j for j, column in enumerate(head["columns"]["torque"]) if column]
     angles = head["columns"]["angle"]
-    names = ["time_camera", *angles, "time_drive", *(f"u{j + 1}" for j in motors)]
+    each = [] if angle.sigma is None else _deviations(head)
+    names = ["time_camera", *angles, *each, "time_drive", *(f"u{j + 1}" for j in motors)]
     lines = [",".join(names)]
-    for time, row in zip(angle.time, angle.value, strict=True):
+    seen = angle.value if angle.sigma is None else np.hstack([angle.value, angle.sigma])
+    for time, row in zip(angle.time, seen, strict=True):
         cells = [_cell(v) for v in (time, *row)]
         lines.append(",".join([*cells, *[""] * (1 + len(motors))]))
     for time, row in zip(torque.time, torque.value[:, motors], strict=True):
         cells = [_cell(v) for v in (time, *row)]
-        lines.append(",".join([*[""] * (1 + len(angles)), *cells]))
+        lines.append(",".join([*[""] * (1 + len(angles) + len(each)), *cells]))
     return "\n".join(lines) + "\n"
+
+
+def _deviations(head: Mapping[str, Any]) -> list[str]:
+    """Columns of the standard deviations of the angles."""
+    return [f"sigma{j + 1}" for j in range(len(head["columns"]["angle"]))]
 
 
 def _cell(value: float) -> str:

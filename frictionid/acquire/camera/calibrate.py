@@ -13,6 +13,7 @@ from frictionid.geometry import Plane, flattened
 _MOST = 600  # frames that are used
 _PRIORS = np.array([0.01, 0.01, 0.05, 0.05, 0.05])  # of stretch, slant and bulge, see Plane
 _FREE, _SLACK = 3.0, 0.3  # [px] of a pivot that someone has pointed at; of a link beyond the noise
+_ENOUGH, _HUBER = 200, 2.0
 _RATIO = 0.1  # by which the links' lengths may contradict the picture
 
 
@@ -62,28 +63,43 @@ def calibrate(
     noise = np.sqrt(np.nan_to_num(sigma[rows, 1:]) ** 2 + np.nan_to_num(sigma[rows, :-1]) ** 2)
     noise = np.hypot(noise, 0.05)
     start = np.array([np.median(link[u]) for link, u in zip(_links(seen).T, use.T, strict=True)])
+    trust = np.sqrt(min(1.0, _ENOUGH / max(int(use.sum()), 1)))
+    # one circle looks like a circle through many a perspective and lens
+    shape = np.array([1.0, 1.0, n > 1, n > 1, n > 1]) * view
     told = None if lengths is None else np.asarray(lengths) / np.asarray(lengths)[0]
 
     def parts(x: Array) -> tuple[Plane, Array, Array]:
         own = x[7 : 7 + (n if told is None else 1)]
-        return Plane(size, tuple(x[:5] * view)), x[5:7] * fixed, own if told is None else own * told
+        return (
+            Plane(size, tuple(x[:5] * shape)),
+            x[5:7] * fixed,
+            own if told is None else own * told,
+        )
 
     def residual(x: Array) -> Array:
         plane, shift, length = parts(x)
         moved = seen.copy()
         moved[:, 0] += shift
-        off = (_links(flattened(moved, plane)) - length) / noise
-        return np.concatenate([off[use], x[:5] / _PRIORS, x[5:7] / _FREE])
+        off = _calmed((_links(flattened(moved, plane)) - length) / noise)
+        # neighbouring frames err alike: no more of them count than a few dozen
+        return np.concatenate([trust * off[use], x[:5] / _PRIORS, x[5:7] / _FREE])
 
     first = start if told is None else np.array([np.mean(start / told)])
     scale = np.concatenate([_PRIORS, [1.0, 1.0], np.ones(len(first))])
     x0 = np.concatenate([np.zeros(7), first])
-    fit = least_squares(residual, x0, loss="soft_l1", f_scale=2.0, x_scale=scale)
+    fit = least_squares(residual, x0, x_scale=scale)
     plane, shift, length = parts(fit.x)
     moved = markers.copy()
     moved[:, 0] += shift
     off = np.where(both, _links(flattened(moved, plane)) - length, np.nan)
     return Calibration(plane, moved[0, 0] if fixed else None, length, off)
+
+
+def _calmed(x: Array) -> Array:
+    """Residuals whose squares grow like Huber's cost: wrong dots must not bend the view."""
+    size = np.abs(x)
+    far = np.sqrt(np.maximum(2 * _HUBER * size - _HUBER**2, 0.0))
+    return np.asarray(np.sign(x) * np.where(size > _HUBER, far, size))
 
 
 def contradiction(markers: Array, found: Array, lengths: Array) -> tuple[Array, Array] | None:
