@@ -49,6 +49,10 @@ def _picture(
         limits = _limits(shown, about, joint)
         for c, column in enumerate(columns):
             axis = axes[r, c]
+            own = [x for x in recipes if not c or fixed or x in {e.recipe for e in column}]
+            if recipe not in own:
+                axis.set_axis_off()  # nothing was fitted so
+                continue
             _axes(axis, about, joint, limits)
             for entry in fixed:
                 _fixed(axis, entry, about, joint, looks[entry.label])
@@ -56,7 +60,7 @@ def _picture(
                 if entry.recipe == recipe:
                     _folds(axis, entry, about, joint, looks[entry.label])
             _truth(axis, about, joint)
-            axis.tick_params(labelleft=c == 0, labelbottom=recipe == recipes[-1])
+            axis.tick_params(labelleft=c == 0, labelbottom=recipe == own[-1])
         beside = f", {recipe}" if len(recipes) > 1 else ""
         axes[r, 0].set_ylabel(f"{about['joints'][joint]}{plain(beside)}\n[{about['torque_unit']}]")
     for axis, column in zip(axes[0], columns, strict=True):
