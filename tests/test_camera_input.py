@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import cv2
@@ -12,7 +13,7 @@ from filmed import BLUE, LENGTHS, RED, SMALL, Film, Look, errors, marks_of, moti
 from frictionid import load_dataset
 from frictionid.acquire.camera.marks import Links, Marker, load_marks, marks_text
 from frictionid.acquire.camera.overlay import contact_sheet
-from frictionid.acquire.camera.source import open_source
+from frictionid.acquire.camera.source import Source, open_source
 from frictionid.acquire.camera.track import track
 from frictionid.cli import main
 from frictionid.simulate.film import write_film
@@ -198,3 +199,21 @@ def test_two_dots_of_colours_far_enough_apart_are_fine():
     look = Look(dots=((), RED, BLUE))
     assert [m.hue for m in marks_of(replace(FILM, look=look)).markers] == [None, 0.0, 210.0]
     assert Marker(name="a", at=[1.0, 2.0]).hue is None
+
+
+class Live(Source):
+    """A camera that somebody stops by Ctrl-C after some frames."""
+
+    def frames(self):
+        yield from itertools.islice(open_source(self.files[0]).frames(), 25)
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
+    marks = load_marks(place / "rig.toml")
+    film = str(place / "even.mov")
+    angles = track(Live("0", "live", SMALL.size, 0.0, None, (film,)), marks)
+    assert len(angles.time) == 25
+    np.testing.assert_allclose(angles.q, track(open_source(film), marks).q[:25], atol=1e-3)
+    with pytest.raises(KeyboardInterrupt):
+        track(Live("film", "video", SMALL.size, 60.0, None, (film,)), marks)

@@ -116,12 +116,17 @@ def centroid(
         if moved < 0.25:
             break
     length, left = 2 * float(np.hypot(*half)), _passed(_TINT * amplitude / max(grain, 1e-9))
-    own = _spread(radius, length)
-    spread = own + left * (_spread(reach, length) - own)
+    full = _spread(radius, length)
+    spread = full + left * (_spread(reach, length) - full)
     sigma = float(np.hypot(np.sqrt(noise * spread) / m["m00"], _FLOOR))
     mask[:] = 0
-    _stadium(mask, at, 0.0 * half, _INNER * radius, 1)
-    inner = (cv2.mean(share, mask)[0] - back) / _filled(length / radius)
+    _stadium(mask, at, 0.0 * half, radius, 1)
+    own = share[mask == 1]
+    _stadium(mask, at, 0.0 * half, _INNER * radius, 2)
+    inner = float(share[mask == 2].mean()) - back
+    # most of the dot, where something small is drawn on its middle
+    most = float(np.partition(own, len(own) // 2)[len(own) // 2]) - back
+    inner = max(inner / _filled(length / radius), most)
     if inner < 0.3 * amplitude:
         return None
     return Spot(at + found.corner, sigma, inner, float(whole.sum()) / inner)

@@ -32,7 +32,8 @@ def track(
         The study's thresholds and centroids of the whole picture, without calibration, for
         comparison.
     tell : callable
-        Called with each frame's step, to show progress or to stop a live camera.
+        Called with each frame's step, to show progress. An interrupt ends a live camera; what was
+        seen until then counts.
 
     Raises
     ------
@@ -42,11 +43,16 @@ def track(
     _check_places(source, marks)
     plain = {"camera": marks.camera.model_copy(update={"calibrate": False})}
     marks = marks if method == "follow" else marks.model_copy(update=plain)
-    steps = []
-    for step in (follow if method == "follow" else follow_as_the_study)(marks, _frames(source)):
-        steps.append(step)
-        if tell is not None:
-            tell(step)
+    steps: list[Step] = []
+    way = follow if method == "follow" else follow_as_the_study
+    try:
+        for step in way(marks, _frames(source)):
+            steps.append(step)
+            if tell is not None:
+                tell(step)
+    except KeyboardInterrupt:
+        if source.kind != "live":  # that is how a live camera is stopped
+            raise
     if not steps:
         raise InputError(f"{source.name} has no frames; name another video")
     return angles_of(gathered(steps), marks, source.size, source.name)
