@@ -203,7 +203,7 @@ def decoded(path: Path) -> int:
 
 def speed(folder: Path) -> str:
     """Frames per second, tracked and only decoded."""
-    path = write_film(replace(PLAIN, codec="mpeg4"), swinging(3, 300), folder / "film")[0]
+    path = write_film(replace(PLAIN, codec="mpeg4"), fast(20), folder / "film")[0]
     count, marks = decoded(path), marks_of(PLAIN)
     alone, ours = (
         count / seconds(work)

@@ -165,7 +165,7 @@ class Pictures(Source):
         super().__init__("film", "video", size, rate, len(taken_frames))
         object.__setattr__(self, "taken", taken_frames)
 
-    def frames(self):
+    def frames(self, buffers=0):
         return iter(self.taken)
 
 

@@ -204,7 +204,7 @@ def test_two_dots_of_colours_far_enough_apart_are_fine():
 class Live(Source):
     """A camera that somebody stops by Ctrl-C after some frames."""
 
-    def frames(self):
+    def frames(self, buffers=0):
         yield from itertools.islice(open_source(self.files[0]).frames(), 25)
         raise KeyboardInterrupt
 

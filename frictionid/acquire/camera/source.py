@@ -46,8 +46,11 @@ class Source:
     files: tuple[str, ...] = ()
     grid: bool = False
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self, buffers: int = 0) -> Iterator[Frame]:
         """The frames, one after the other.
+
+        buffers : pictures of a video that are used in turn, so that each holds only until so many
+            later ones have come; new ones each time by default. New memory takes time.
 
         Raises
         ------
@@ -56,14 +59,16 @@ class Source:
         """
         if self.kind == "pictures":
             return self._pictures()
-        return self._live() if self.kind == "live" else self._video()
+        return self._live() if self.kind == "live" else self._video(buffers)
 
-    def _video(self) -> Iterator[Frame]:
+    def _video(self, buffers: int) -> Iterator[Frame]:
         capture = cv2.VideoCapture(self.name)
+        width, height = self.size
+        pool = [np.empty((height, width, 3), dtype=np.uint8) for _ in range(buffers)]
         read = 0
         try:
             while True:
-                there, image = capture.read()
+                there, image = capture.read(pool[read % buffers]) if pool else capture.read()
                 if not there:
                     break
                 stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3

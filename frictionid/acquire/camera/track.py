@@ -61,7 +61,7 @@ def track(
 def _frames(source: Source) -> Iterator[Frame]:
     """The frames, whose times must increase."""
     last = float("-inf")
-    for k, frame in enumerate(_ahead(source.frames())):
+    for k, frame in enumerate(_ahead(source.frames(buffers=3))):
         if frame.time <= last:
             raise InputError(
                 f"{source.name}, frame {k + 1}: its time stamp {frame.time:g} s does not come "
