@@ -89,7 +89,8 @@ def rollouts(dataset: Any) -> list[tuple[str, str]]:
     starts = ready.starts
     S = len(starts.recording)
     everyone = np.zeros(S, dtype=int)
-    together, _ = best(lambda: predict(ready.plant, truth[None][everyone], starts))
+    plants = ready.plant[starts.recording]
+    together, _ = best(lambda: predict(plants, truth[None][everyone], starts))
 
     def alone(s: int) -> Any:
         one = starts._replace(
@@ -99,7 +100,7 @@ def rollouts(dataset: Any) -> list[tuple[str, str]]:
             u=starts.u[:, s : s + 1],
             dt=starts.dt[:, s : s + 1],
         )
-        return predict(ready.plant, truth[None][everyone[:1]], one)
+        return predict(ready.plant[one.recording], truth[None][everyone[:1]], one)
 
     few = range(0, S, max(S // 5, 1))
     single, _ = best(lambda: [alone(s) for s in few], 1)
