@@ -231,6 +231,7 @@ def test_garbage_behind_good_lines_does_not_end_the_log(wire, tmp_path):
     feed(wire, line + b"\xff" * 6000 + b"\n" + line)
     until(lambda: log.pump(0.1) is not None and log.counts.rows == 2)
     log.close()
+    assert len(read_log(tmp_path / "log.csv").columns["time"]) == 2
 
 
 def test_a_port_that_is_missing_or_busy_is_told_in_one_line(wire, tmp_path):

@@ -262,7 +262,7 @@ class Squeezed(CoulombViscous):
         return theta[..., 1] * abs(getattr(x, self.by)) * x.w
 
     def gradient(self, theta, x):
-        raise NotImplementedError
+        raise AssertionError("inherited, of a torque that does not depend on the load")
 
 
 class Pressed(Squeezed):
