@@ -7,6 +7,7 @@ whole picture is searched.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from itertools import product
@@ -60,7 +61,7 @@ class Dot:
     def __init__(self, marker: Marker, like: list[int]):
         assert marker.hue is not None
         self.axis = axis_of(marker.hue, marker.saturation, marker.value)
-        self.radius, self.full = marker.radius, np.pi * marker.radius**2
+        self.radius, self.full = marker.radius, math.pi * marker.radius**2
         self.like = like  # markers whose dots have the same colour
         self.areas: deque[float] = deque(maxlen=31)
         self.noises: deque[float] = deque(maxlen=200)
@@ -117,7 +118,7 @@ class Follower:
         ]
         pixels = marks.links.pixels
         self.lengths = None if pixels is None else np.array(pixels)
-        self.past: deque[tuple[float, Array, Array]] = deque(maxlen=3)  # time, theta, known
+        self.past: deque[tuple[float, Array]] = deque(maxlen=3)  # time, theta
         self.pivot = np.array(markers[0].at) if markers[0].at is not None else None
         self.theta = np.zeros(self.n)
         self.frames = 0
@@ -132,7 +133,7 @@ class Follower:
             for i, dot in enumerate(self.dots):
                 if dot is None:
                     continue
-                reach = dot.radius + margin + _GROWS * dot.missing + np.abs(streak[i]) / 2
+                reach = np.abs(streak[i]) / 2 + (dot.radius + margin + _GROWS * dot.missing)
                 windows[i] = at[i] - reach, at[i] + reach
                 spot = spots[i] = self._sought(frame.image, i, at, streak, windows[i])
                 if spot is not None:
@@ -149,24 +150,25 @@ class Follower:
 
     def _predicted(self, time: float) -> tuple[Array, Array, float | None]:
         """Pixels (n + 1, 2), their move during the exposure, and how far off that may be [px]."""
-        at, streak = np.zeros((self.n + 1, 2)), np.zeros((self.n + 1, 2))
-        if self.pivot is not None:
-            at[:] = self.pivot
+        still = np.zeros((self.n + 1, 2))
+        if self.pivot is None:
+            return still.copy(), still, None
         recent = [entry for entry in self.past if time - entry[0] <= _MEMORY + 1.5 * self._pace()]
-        if not recent or self.lengths is None or self.pivot is None:
-            return at, streak, None
-        times = np.array([t for t, _, _ in recent])
-        angles = np.stack([theta for _, theta, _ in recent])
-        theta, rate = _extrapolated(times, angles, time)
+        if not recent or self.lengths is None:
+            return still + self.pivot, still, None
+        theta, rate = _extrapolated([t for t, _ in recent], [angles for _, angles in recent], time)
         self.theta = theta
-        links = np.stack([np.sin(theta), np.cos(theta)], -1) * self.lengths[:, None]
-        turn = np.stack([np.cos(theta), -np.sin(theta)], -1) * (self.lengths * rate)[:, None]
-        at[1:] += np.cumsum(links, axis=0)
-        streak[1:] = np.cumsum(turn, axis=0) * self.exposure
-        speed = np.linalg.norm(np.cumsum(turn, axis=0), axis=-1).max() * (time - times[-1])
+        # places as complex numbers x + iy, from the pivot on
+        turned = self.lengths * np.exp(-1j * theta)
+        links, speeds = np.zeros((2, self.n + 1), dtype=complex)
+        np.cumsum(1j * turned, out=links[1:])
+        np.cumsum(rate * turned, out=speeds[1:])
+        at = links.view(float).reshape(-1, 2) + self.pivot
+        streak = (self.exposure * speeds).view(float).reshape(-1, 2)
+        margin, most = _MARGIN, 0.5 * float(self.lengths.sum())
         if len(recent) < 3:
-            return at, streak, max(_MARGIN, 0.5 * self.lengths.sum())
-        return at, streak, min(_MARGIN + 0.25 * speed, 0.5 * float(self.lengths.sum()))
+            return at, streak, max(margin, most)
+        return at, streak, min(margin + 0.25 * max(map(abs, speeds)) * (time - recent[-1][0]), most)
 
     def _pace(self) -> float:
         if len(self.past) < 2:
@@ -193,7 +195,7 @@ class Follower:
         if i and not self._fits(i, spot.at, at):
             return None
         if self.frames % 8 == 0 or len(dot.noises) < 20:
-            dot.around(noise_of(found, spot.at, dot.radius + np.hypot(*streak[i]) / 2))
+            dot.around(noise_of(found, spot.at, dot.radius + math.hypot(*streak[i]) / 2))
         return spot
 
     def _spot(self, found: Patch, i: int, near: Array, streak: Array) -> Spot | None:
@@ -212,15 +214,15 @@ class Follower:
         for j in dot.like:
             other = self.dots[j]
             reach = dot.radius + (other.radius if other else 0.0) + 4.0
-            reach += (np.hypot(*streak[i]) + np.hypot(*streak[j])) / 2
-            if np.hypot(*(place - at[j])) < reach:
+            reach += (math.hypot(*streak[i]) + math.hypot(*streak[j])) / 2
+            if math.dist(place, at[j]) < reach:
                 return True
         return False
 
     def _fits(self, i: int, place: Array, at: Array) -> bool:
         """Whether the link before a marker is as long as it has to be."""
         assert self.lengths is not None
-        length = float(np.hypot(*(place - at[i - 1])))
+        length = math.dist(place, at[i - 1])
         slack = _PIXELS + (_MARGIN if self._missing(i - 1) else 0.0)
         return abs(length - self.lengths[i - 1]) < _LENGTH * self.lengths[i - 1] + slack
 
@@ -300,14 +302,14 @@ class Follower:
         if found[0]:
             self.pivot = at[0].copy()
         both = found[1:] & found[:-1]
-        link = np.diff(at, axis=0)
+        link = at[1:] - at[:-1]
         now = np.arctan2(link[:, 0], link[:, 1])
         now = self.theta + (now - self.theta + np.pi) % (2 * np.pi) - np.pi
         theta = np.where(both, now, self.theta)
         if both.all():
-            self.past.append((time, theta, both))
+            self.past.append((time, theta))
             assert self.lengths is not None
-            self.lengths = 0.9 * self.lengths + 0.1 * np.linalg.norm(link, axis=-1)
+            self.lengths = 0.9 * self.lengths + 0.1 * np.hypot(link[:, 0], link[:, 1])
         elif not self.past or time - self.past[-1][0] > _MEMORY:
             self.past.clear()
         self.theta = theta
@@ -327,20 +329,18 @@ def gathered(steps: list[Step]) -> Followed:
     return Followed(*columns)
 
 
-def _extrapolated(times: Array, angles: Array, time: float) -> tuple[Array, Array]:
-    """Angles (n,) and rates at a time, by the polynomial through the samples (k, n), k up to 3."""
+def _extrapolated(times: list[float], angles: list[Array], time: float) -> tuple[Array, Array]:
+    """Angles (n,) and rates at a time, by the polynomial through up to three samples."""
     if len(times) == 1:
-        return angles[0].copy(), np.zeros(angles.shape[1])
+        return angles[0].copy(), np.zeros_like(angles[0])
     d = time - times[-1]
     speed = (angles[-1] - angles[-2]) / (times[-1] - times[-2])  # divided differences
     if len(times) == 2:
-        return np.asarray(angles[-1] + d * speed), np.asarray(speed)
+        return angles[-1] + d * speed, speed
     before = (angles[-2] - angles[-3]) / (times[-2] - times[-3])
     bend = (speed - before) / (times[-1] - times[-3])
     step = time - times[-2]
-    return np.asarray(angles[-1] + d * speed + d * step * bend), np.asarray(
-        speed + (d + step) * bend
-    )
+    return angles[-1] + d * (speed + step * bend), speed + (d + step) * bend
 
 
 def _middle(values: deque[float]) -> float:

@@ -97,48 +97,56 @@ def centroid(
     amplitude : float, share of the colour that the dot itself has
     noise : float, variance of the share times the area [px^2] over which it is alike
     """
-    share, at = found.share, np.asarray(near, float) - found.corner
-    reach, half = radius + _EDGE, np.asarray(streak) / 2
+    share, limit = found.share, 0.15 * amplitude * math.pi * radius**2
+    (x0, y0), (dx, dy) = found.corner, (float(v) / 2 for v in streak)
+    x, y = float(near[0]) - x0, float(near[1]) - y0
+    reach = radius + _EDGE
     mask = np.zeros(share.shape, dtype=np.uint8)
     for _ in range(4):
         mask[:] = 0
-        _stadium(mask, at, half, reach + 2.5, 2)
-        _stadium(mask, at, half, reach, 1)
-        ring = share[mask == 2]
-        back, grain = _background(ring)
-        whole = np.where(mask == 1, np.maximum(share - back, -0.3 * amplitude), 0.0)
+        _stadium(mask, (x, y), (dx, dy), reach + 2.5, 2)
+        _stadium(mask, (x, y), (dx, dy), reach, 1)
+        back, grain = _background(share[mask == 2])
         # what is a little coloured is background of another tint, not dot
-        m = cv2.moments(np.maximum(whole - _TINT * amplitude, 0.0).astype(np.float32))
-        if m["m00"] < 0.15 * amplitude * np.pi * radius**2:
+        level, inside = back + _TINT * amplitude, mask == 1
+        above = np.maximum(share, level)
+        above -= level
+        above *= inside
+        m = cv2.moments(above)
+        mass = m["m00"]
+        if mass < limit:
             return None
-        new = np.array([m["m10"], m["m01"]]) / m["m00"]
-        moved, at = float(np.abs(new - at).max()), new
+        new = m["m10"] / mass, m["m01"] / mass
+        moved = max(abs(new[0] - x), abs(new[1] - y))
+        x, y = new
         if moved < 0.25:
             break
-    length, left = 2 * float(np.hypot(*half)), _passed(_TINT * amplitude / max(grain, 1e-9))
+    length, left = 2 * math.hypot(dx, dy), _passed(_TINT * amplitude / max(grain, 1e-9))
     full = _spread(radius, length)
     spread = full + left * (_spread(reach, length) - full)
-    sigma = float(np.hypot(np.sqrt(noise * spread) / m["m00"], _FLOOR))
+    sigma = math.hypot(math.sqrt(noise * spread) / mass, _FLOOR)
+    area = float(np.maximum(share[inside] - back, -0.3 * amplitude).sum())
     mask[:] = 0
-    _stadium(mask, at, 0.0 * half, radius, 1)
+    _stadium(mask, (x, y), (0.0, 0.0), radius, 1)
     own = share[mask == 1]
-    _stadium(mask, at, 0.0 * half, _INNER * radius, 2)
-    inner = float(share[mask == 2].mean()) - back
+    _stadium(mask, (x, y), (0.0, 0.0), _INNER * radius, 2)
+    inner = cv2.mean(share, (mask == 2).view(np.uint8))[0] - back
     # most of the dot, where something small is drawn on its middle
-    most = float(np.partition(own, len(own) // 2)[len(own) // 2]) - back
+    own.partition(len(own) // 2)
+    most = float(own[len(own) // 2]) - back
     inner = max(inner / _filled(length / radius), most)
     if inner < 0.3 * amplitude:
         return None
-    return Spot(at + found.corner, sigma, inner, float(whole.sum()) / inner)
+    return Spot(np.array([x + x0, y + y0]), sigma, inner, area / inner)
 
 
 def _background(ring: Array) -> tuple[float, float]:
-    """Share of the colour around a dot, and its standard deviation from pixel to pixel."""
+    """Share of the colour around a dot, and its standard deviation from pixel to pixel; reorders."""
     if len(ring) < 9:
         return 0.0, 0.0
     low, middle = len(ring) // 6, len(ring) // 2
-    part = np.partition(ring, (low, middle))
-    return float(part[middle]), float(part[middle] - part[low])
+    ring.partition((low, middle))
+    return float(ring[middle]), float(ring[middle] - ring[low])
 
 
 def _passed(level: float) -> float:
@@ -157,7 +165,7 @@ def _passed(level: float) -> float:
 
 def _spread(radius: float, length: float) -> float:
     """Mean of x^2 and y^2, integrated over a disc drawn out to a streak [px^4]."""
-    disc = np.pi * radius**2 * (radius**2 / 2 + length**2 / 4)
+    disc = math.pi * radius**2 * (radius**2 / 2 + length**2 / 4)
     return float((disc + 2 * radius * length * (length**2 / 12 + radius**2 / 3)) / 2)
 
 
@@ -175,10 +183,13 @@ def _filled(streak: float) -> float:
     return (near + partly) / half
 
 
-def _stadium(mask: Image, at: Array, half: Array, reach: float, value: int) -> None:
-    x, y, dx, dy = (16 * float(v) for v in (*at, *half))
-    ends = (round(x - dx), round(y - dy)), (round(x + dx), round(y + dy))
-    cv2.line(mask, *ends, value, max(round(2 * reach), 1), cv2.LINE_8, 4)
+def _stadium(
+    mask: Image, at: tuple[float, float], half: tuple[float, float], reach: float, value: int
+) -> None:
+    (x, y), (dx, dy) = at, half
+    begin = round(16 * (x - dx)), round(16 * (y - dy))
+    end = round(16 * (x + dx)), round(16 * (y + dy))
+    cv2.line(mask, begin, end, value, max(round(2 * reach), 1), cv2.LINE_8, 4)
 
 
 def noise_of(found: Patch, at: Array, reach: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 from typing import Literal
 
 from frictionid.acquire.camera.angles import Angles, angles_of
@@ -14,6 +15,8 @@ from frictionid.acquire.camera.study import follow_as_the_study
 from frictionid.errors import InputError
 
 Method = Literal["follow", "study"]
+
+_TOGETHER = 8  # frames handed over at a time: to wake a thread takes as long as to find a dot
 
 
 def track(
@@ -61,7 +64,9 @@ def track(
 def _frames(source: Source) -> Iterator[Frame]:
     """The frames, whose times must increase."""
     last = float("-inf")
-    for k, frame in enumerate(_ahead(source.frames(buffers=3))):
+    live = source.kind == "live"
+    coming = source.frames() if live else _ahead(source.frames(buffers=2 * _TOGETHER + 1))
+    for k, frame in enumerate(coming):
         if frame.time <= last:
             raise InputError(
                 f"{source.name}, frame {k + 1}: its time stamp {frame.time:g} s does not come "
@@ -72,12 +77,16 @@ def _frames(source: Source) -> Iterator[Frame]:
 
 
 def _ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """The frames, the next one decoded while one is looked at."""
+    """The frames, the next few decoded while some are looked at."""
     with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(next, frames, None)
-        while (frame := coming.result()) is not None:
-            coming = pool.submit(next, frames, None)
-            yield frame
+        coming = pool.submit(_some, frames)
+        while some := coming.result():
+            coming = pool.submit(_some, frames)
+            yield from some
+
+
+def _some(frames: Iterator[Frame]) -> list[Frame]:
+    return list(islice(frames, _TOGETHER))
 
 
 def _check_places(source: Source, marks: Marks) -> None:
