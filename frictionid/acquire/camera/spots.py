@@ -141,7 +141,7 @@ def centroid(
 
 
 def _background(ring: Array) -> tuple[float, float]:
-    """Share of the colour around a dot, and its standard deviation from pixel to pixel; reorders."""
+    """Share of the colour around a dot, and its deviation from pixel to pixel; reorders them."""
     if len(ring) < 9:
         return 0.0, 0.0
     low, middle = len(ring) // 6, len(ring) // 2
