@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 from frictionid.errors import InputError
 from frictionid.recordings import Motion
 from frictionid.signals import Array
-from frictionid.simulate.scene import Image, Look, Scene
+from frictionid.simulate.scene import Image, Lamp, Look, Scene
 from frictionid.simulate.view import View, chain
 
 CLOCK = 90_000  # ticks per second of time stamps
@@ -30,6 +30,7 @@ class Film:
     exposure : [s]; noise : standard deviation of each colour [of 255]
     dropped : share of frames that are missing; jitter : standard deviation of the instants [s]
     hidden : share of frames in which something is before a dot
+    lamp : Lamp that the camera sees, too; none by default
     codec : "jpeg": a picture each, with its time stamp; "mpeg4": compressed, evenly spaced
     """
 
@@ -42,6 +43,7 @@ class Film:
     hidden: float = 0.0
     view: View = field(default_factory=View)
     look: Look = field(default_factory=Look)
+    lamp: Lamp | None = None
     codec: Literal["jpeg", "mpeg4"] = "jpeg"
     seed: int = 0
 
@@ -57,7 +59,13 @@ class Film:
                 f"look.dots has {len(self.look.dots)} entries for {len(self.lengths)} links: give "
                 "one for the pivot, each joint and the tip, [] where there is no dot"
             )
-
+        if self.lamp is not None:
+            (x, y), (width, height) = self.lamp.at, self.view.size
+            if not (0 <= x < width and 0 <= y < height):
+                raise InputError(
+                    f"lamp.at = [{x:g}, {y:g}] lies outside the picture of {width} x {height} "
+                    "pixels; move it"
+                )
         if self.codec == "mpeg4" and (self.dropped or self.jitter):
             raise InputError(
                 'codec = "mpeg4" has no time stamps for dropped or jittering frames; use "jpeg"'
@@ -76,7 +84,7 @@ class Shot:
 def shots(film: Film, motion: Motion) -> Iterator[Shot]:
     """Frames that the camera takes of a motion; the same for the same settings."""
     rng = np.random.default_rng([film.seed, 7])
-    scene = Scene(film.look, film.view.size, film.view.pivot, film.seed)
+    scene = Scene(film.look, film.view.size, film.view.pivot, film.seed, film.lamp)
     angle = CubicHermiteSpline(motion.angle.time, motion.angle.value, motion.velocity.value)
     bank = _noise(film, rng)
     cover = _Occluder(film, rng)
@@ -88,7 +96,8 @@ def shots(film: Film, motion: Motion) -> Iterator[Shot]:
         # in the middle of equal parts of the exposure
         at = time + ((np.arange(count) + 0.5) / count - 0.5) * film.exposure
         markers = film.view.pixels(chain(angle(at), np.array(film.lengths)))
-        image = scene.picture(markers)
+        lit = 0.0 if film.lamp is None else film.lamp.share(*within[[0, -1]].tolist())
+        image = scene.picture(markers, lit)
         hidden = cover.before(image, ends[1])
         yield Shot(float(time), _noisy(image, bank, rng), hidden)
 

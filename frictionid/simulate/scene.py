@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from frictionid.errors import InputError
 from frictionid.signals import Array
 
 Image = NDArray[np.uint8]
@@ -39,26 +41,74 @@ class Look:
     shadow: float = 0.0
 
 
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp in the picture that goes on and off.
+
+    at : its pixel; radius [px]
+    switches : times [s] of the simulation, which is the drive's clock, at which it goes on, off,
+        on and so on
+    lit, dark : its colour when it is on and off: hue [deg], saturation and value (0 to 1)
+    """
+
+    at: tuple[float, float]
+    switches: tuple[float, ...]
+    radius: float = 6.0
+    lit: tuple[float, float, float] = (120.0, 0.15, 0.95)
+    dark: tuple[float, float, float] = (120.0, 0.15, 0.2)
+
+    def __post_init__(self) -> None:
+        if not self.radius > 0:
+            raise InputError(f"lamp.radius = {self.radius:g} must be positive")
+        if any(b <= a for a, b in pairwise(self.switches)):
+            raise InputError("lamp.switches must increase: each goes the other way from the last")
+
+    def share(self, start: float, stop: float) -> float:
+        """Share of the time from start to stop in which it is on.
+
+        >>> Lamp((9.0, 9.0), (1.0, 3.0)).share(0.5, 1.5)
+        0.5
+        """
+        signs = (-1.0) ** np.arange(len(self.switches))
+        past = np.maximum(np.array([[start], [stop]]) - np.array(self.switches), 0.0)
+        before, after = (past * signs).sum(axis=1).tolist()
+        return float((after - before) / (stop - start))
+
+
 class Scene:
     """Pictures of a chain of markers, without noise."""
 
-    def __init__(self, look: Look, size: tuple[int, int], pivot: tuple[float, float], seed: int):
-        self.look, self.size = look, size
+    def __init__(
+        self,
+        look: Look,
+        size: tuple[int, int],
+        pivot: tuple[float, float],
+        seed: int,
+        lamp: Lamp | None = None,
+    ):
+        self.look, self.size, self.lamp = look, size, lamp
         width, height = size
         across = np.linspace(0, 1, width)[None, :] + np.linspace(0, 1, height)[:, None]
         self.light = (1.0 - look.gradient * across / 2).astype(np.float32)[..., None]
         self.backdrop = self._lit(_backdrop(look, size, pivot, np.random.default_rng(seed)))
 
-    def picture(self, exposed: Array) -> Image:
-        """Image of markers whose pixels (S, n + 1, 2) are spread over the exposure."""
+    def picture(self, exposed: Array, lit: float = 0.0) -> Image:
+        """Image of markers whose pixels (S, n + 1, 2) are spread over the exposure.
+
+        lit : share of the exposure in which the lamp is on
+        """
         image = self.backdrop.copy()
+        if self.lamp is not None:
+            on, off = (np.array(colour(*hsv)) for hsv in (self.lamp.lit, self.lamp.dark))
+            place = np.array([self.lamp.at])
+            self._disc(image, place, self.lamp.radius, off + lit * (on - off), shines=True)
         some = exposed[np.linspace(0, len(exposed) - 1, min(3, len(exposed))).astype(int)]
         if self.look.shadow:
             self._links(image, some + 25.0 * np.array([0.3, 1.0]), None)
         self._links(image, some, 255 * self.look.link)
         for marker, hsv in enumerate(self.look.dots):
             if hsv:
-                self._dot(image, exposed[:, marker], np.array(colour(*hsv)))
+                self._disc(image, exposed[:, marker], self.look.radius, np.array(colour(*hsv)))
         return image
 
     def _links(self, image: Image, exposed: Array, grey: float | None) -> None:
@@ -83,9 +133,11 @@ class Scene:
             new = part * (1 - cover) + cover * self.light[y0:y1, x0:x1] * grey
         part[:] = np.round(new)
 
-    def _dot(self, image: Image, path: Array, bgr: Array) -> None:
-        """A disc, each pixel covered for as long as the disc is over it."""
-        r = self.look.radius
+    def _disc(self, image: Image, path: Array, r: float, bgr: Array, shines: bool = False) -> None:
+        """A disc, each pixel covered for as long as the disc is over it.
+
+        shines : whether it has this colour whatever light falls on it
+        """
         low = np.clip(np.floor(path.min(0) - r - 2).astype(int), 0, self.size)
         high = np.clip(np.ceil(path.max(0) + r + 3).astype(int), 0, self.size)
         (x0, y0), (x1, y1) = low, high
@@ -95,7 +147,8 @@ class Scene:
         away = np.hypot(x - path[:, 0, None, None], y - path[:, 1, None, None])
         cover = np.clip(r + 0.5 - away, 0, 1).mean(0)[..., None]
         part = image[y0:y1, x0:x1]
-        part[:] = np.round(part * (1 - cover) + cover * self.light[y0:y1, x0:x1] * bgr)
+        light = 1.0 if shines else self.light[y0:y1, x0:x1]
+        part[:] = np.round(part * (1 - cover) + cover * light * bgr)
 
     def _lit(self, image: Array) -> Image:
         return np.asarray(np.clip(np.round(image * self.light), 0, 255), dtype=np.uint8)

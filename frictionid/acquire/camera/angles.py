@@ -27,6 +27,7 @@ class Angles(NamedTuple):
     sigma : (T, n) [rad]; predicted : (T, n) [rad], where the chain was thought to be
     state : (T,), "found", "predicted" (a dot is hidden) or "lost" (for longer)
     markers : (T, n + 1, 2) [px], nan where not found; calibration : Calibration
+    lamp : name and brightness (T,) of a lamp, from 0 to 1, in every frame
     """
 
     time: Array
@@ -36,6 +37,7 @@ class Angles(NamedTuple):
     state: tuple[str, ...]
     markers: Array
     calibration: Calibration
+    lamp: tuple[str, Array] | None = None
 
 
 def angles_of(followed: Followed, marks: Marks, size: tuple[int, int], name: str) -> Angles:
@@ -163,15 +165,17 @@ def _states(time: Array, known: Array) -> tuple[str, ...]:
 
 
 def table_of(angles: Angles) -> str:
-    """CSV text: time, q1.., sigma1.., predicted1.., state; angles are empty unless found."""
+    """CSV text: time, q1.., sigma1.., predicted1.., state, lamp; angles are empty unless found."""
     n = angles.q.shape[1]
     joints = range(1, n + 1)
     names = ["time", *(f"{what}{j}" for what in ("q", "sigma", "predicted") for j in joints)]
-    lines = [",".join([*names, "state"])]
+    lamp, bright = angles.lamp or ("", angles.time)
+    lines = [",".join([*names, "state", *([lamp] if lamp else [])])]
     for k, state in enumerate(angles.state):
         there = [_cell(v, 7) for v in angles.q[k]] + [_cell(v, 7) for v in angles.sigma[k]]
         ahead = [_cell(v, 4) if state == PREDICTED else "" for v in angles.predicted[k]]
-        lines.append(",".join([f"{angles.time[k]:.6f}", *there, *ahead, state]))
+        last = [_cell(bright[k], 5)] if lamp else []
+        lines.append(",".join([f"{angles.time[k]:.6f}", *there, *ahead, state, *last]))
     return "\n".join(lines) + "\n"
 
 

@@ -1,8 +1,9 @@
-"""What rig.toml says of the picture: markers from pivot to tip, links between them, the camera."""
+"""What rig.toml says of the picture: markers from pivot to tip, links, the camera, a lamp."""
 
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Sequence
 from itertools import combinations
@@ -16,7 +17,7 @@ from frictionid.errors import InputError
 from frictionid.readers.strict import Strict, checked
 from frictionid.readers.table import content_of
 
-TABLES = ("markers", "links", "camera")
+TABLES = ("markers", "links", "camera", "lamp")
 APART = 40.0  # [deg] of hue: nearer colours cannot be told apart
 
 Positive = Annotated[float, Field(gt=0)]
@@ -81,12 +82,34 @@ class Camera(Strict):
     rate: Positive | None = None
 
 
+class Lamp(Strict):
+    """A lamp that the drive logs, too, and that ties the clocks of both.
+
+    at : its pixel; radius : of the disc whose brightness counts [px]
+    name : of the column with its brightness
+    """
+
+    at: Annotated[list[float], Field(min_length=2, max_length=2)]
+    radius: Positive = 6.0
+    name: str = "lamp"
+
+    @field_validator("name")
+    @classmethod
+    def _column(cls, name: str) -> str:
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+            raise ValueError(f"{name!r} must have letters, digits, - and _ only: it names a column")
+        if re.fullmatch(r"time|state|(q|sigma|predicted)[0-9]+", name):
+            raise ValueError(f"{name!r} is another column of the table; choose another name")
+        return name
+
+
 class Marks(Strict):
-    """Markers in their order from the pivot to the tip, links and camera."""
+    """Markers in their order from the pivot to the tip, links, camera, and a lamp."""
 
     markers: Annotated[list[Marker], Field(min_length=2)]
     links: Links = Links()
     camera: Camera = Camera()
+    lamp: Lamp | None = None
 
     @field_validator("markers")
     @classmethod
@@ -134,7 +157,7 @@ def hue_distance(a: float, b: float) -> float:
 
 
 def load_marks(path: Path) -> Marks:
-    """Markers, links and camera of a rig.toml; its other tables belong to others.
+    """Markers, links, camera and lamp of a rig.toml; its other tables belong to others.
 
     Raises
     ------
@@ -150,7 +173,7 @@ def load_marks(path: Path) -> Marks:
 
 
 def marks_text(marks: Marks, notes: Sequence[str] = ()) -> str:
-    """rig.toml with these markers, links and camera; notes become comments at its head.
+    """rig.toml with these markers, links, camera and lamp; notes become comments at its head.
 
     >>> two = [Marker(name="pivot", at=[1.0, 2.0]), Marker(name="tip", hue=10.0)]
     >>> "hue = 10.0" in marks_text(Marks(markers=two))
