@@ -308,7 +308,7 @@ def test_angles_may_be_named_and_in_degrees(tmp_path):
     own = {"time": "t", "columns": ["theta"], "unit": "deg"}
     found = read_angles(path, own, mechanism_of(TABLE), "led")
     np.testing.assert_allclose(found.angle.value[:, 0], np.radians(np.arange(20.0)))
-    assert found.marker.sum() == 10
+    assert found.marker.value.sum() == 10
     with pytest.raises(InputError, match="must name one column for each of 1 joints"):
         read_angles(path, {**own, "columns": ["theta", "led"]}, mechanism_of(TABLE))
 

@@ -52,7 +52,8 @@ class Aligned:
 class Wanted:
     """What is asked of an alignment.
 
-    marker : column of both files with a lamp's state; offset : [s], roughly, where it is known;
+    marker : column of both files with a lamp's state or brightness
+    offset : [s], to within 0.5 s, where it is known
     hold : what the logged torque does between two rows, "linear" or "previous"
     """
 
@@ -81,7 +82,8 @@ def aligned(angles: Path, log: Path, rig: Path, wanted: Wanted) -> Aligned:
     wire = setup.wire
     rows, runs, unsure = raw.on_one_clock(wire.wrap * SECOND[wire.unit])
     torque = _torque(rows, measured, mechanism, wanted.hold)
-    marker = _marked(seen, rows, wanted.marker, str(angles)) if wanted.marker else None
+    shown = _exposure(document)
+    marker = _marked(seen, rows, wanted, str(angles), shown) if wanted.marker else None
     found = align(setup.mechanism or {}, seen.angle, torque, known=_known(marker, wanted, seen))
     moved = torque._replace(time=found.clock.to_angles(torque.time))
     angle = cut(seen.angle, moved.time[0], moved.time[-1])
@@ -181,11 +183,18 @@ def _check_spans(angle: Signal, log: Log) -> None:
         )
 
 
-def _marked(seen: Angles, rows: Log, column: str, file: str) -> Marked:
+def _exposure(document: Mapping[str, Any]) -> float:
+    """Exposure [s] of the camera of a rig.toml, 0 where it is not told."""
+    camera = document.get("camera")
+    given = camera.get("exposure") if isinstance(camera, dict) else None
+    return float(given) if isinstance(given, int | float) and given > 0 else 0.0
+
+
+def _marked(seen: Angles, rows: Log, wanted: Wanted, file: str, exposure: float) -> Marked:
     assert seen.marker is not None
-    known = np.isfinite(seen.marker)
-    camera = edges_of(seen.angle.time[known], seen.marker[known], file)
-    return marked(camera, edges_of(rows.columns["time"], rows.columns[column], rows.file))
+    camera = edges_of(seen.marker.time, seen.marker.value[:, 0], file, exposure)
+    log = edges_of(rows.columns["time"], rows.columns[wanted.marker], rows.file)
+    return marked(camera, log, wanted.offset)
 
 
 def _known(marker: Marked | None, wanted: Wanted, seen: Angles) -> Clock | None:

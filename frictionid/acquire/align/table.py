@@ -18,8 +18,8 @@ from frictionid.mechanics import Mechanism
 from frictionid.readers.columns import signal_of
 from frictionid.readers.layout import UNITS
 from frictionid.readers.strict import Strict, checked
-from frictionid.readers.table import content_of, read_table, table_name
-from frictionid.signals import Array, Signal
+from frictionid.readers.table import Table, content_of, read_table, table_name
+from frictionid.signals import Signal
 from frictionid.store import write_text
 
 ORIGIN = "aligned by frictionid align"
@@ -40,10 +40,13 @@ class AngleColumns(Strict):
 
 
 class Angles(NamedTuple):
-    """Angles of a file, by the camera's clock, and another of its columns where one was asked."""
+    """Angles of a file, by the camera's clock, and another of its columns where one was asked.
+
+    marker : of all frames, those without angles too
+    """
 
     angle: Signal
-    marker: Array | None
+    marker: Signal | None
     sha256: str
 
 
@@ -86,9 +89,17 @@ def read_angles(
     if sigma:
         each = signal_of(kept, time, sigma, unit=UNITS["angle"][own.unit]).value
         angle = angle._replace(sigma=each)
-    return Angles(
-        angle, kept.columns[marker] if marker else None, hashlib.sha256(content).hexdigest()
-    )
+    lamp = _column(table, time, marker) if marker else None
+    return Angles(angle, lamp, hashlib.sha256(content).hexdigest())
+
+
+def _column(table: Table, time: str, name: str) -> Signal:
+    """A column of all rows that have one of a time."""
+    there = np.isfinite(table.columns[time]) & np.isfinite(table.columns[name])
+    if int(there.sum()) < 2:
+        raise InputError(f"{table.file}: the column {name!r} is empty; name another --marker")
+    own = {k: table.columns[k][there] for k in (time, name)}
+    return signal_of(table._replace(rows=table.rows[there], columns=own), time, [name])
 
 
 def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool) -> None:
