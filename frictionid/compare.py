@@ -26,6 +26,7 @@ from frictionid.evaluation import (
     faced,
     judge,
     judge_folds,
+    member_curves,
     prepare,
     start_folds,
     training_of,
@@ -51,7 +52,8 @@ class Result(NamedTuple):
     """What a task found: rows of scores, friction of the folds and of all data, pictures' data.
 
     `curves` stand at the velocities (V, n) of `grid`; `refined` is what shooting knows of the
-    friction of all data. `loops` are of the folds and of all data.
+    friction of all data. `loops` are of the folds and of all data. `members` (N, V, n) are curves
+    of the N members of an ensemble of all data, none where it is no ensemble.
     """
 
     rows: tuple[Row, ...]
@@ -64,6 +66,7 @@ class Result(NamedTuple):
     grid: Array
     refined: Refined | None = None
     loops: tuple[Loop, ...] = ()
+    members: Array | None = None
 
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
@@ -212,12 +215,14 @@ def run(
         tests[test.dataset.name] = tuple(own)
         pictures += shown
     lines = np.concatenate([curves(friction, prepared.grid), curves(overall, prepared.grid)[None]])
+    members = member_curves(overall, prepared.grid)
     if fitted.mechanism:  # what is no torque is no friction curve
-        lines = np.full_like(lines, np.nan)
+        lines, members = np.full_like(lines, np.nan), members[:0]
     seconds = {"prepare": ready - begin, "fit": done - ready, "score": time.perf_counter() - done}
     return Result(
         *(tuple(rows), friction, overall, lines, tuple(pictures)),
         *(tests, seconds, prepared.grid, found, _loops(fitted, prepared, contest.protocol)),
+        members,
     )
 
 

@@ -333,5 +333,6 @@ def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, 
         "motions": list(result.motions),
         "seconds": dict(result.seconds),
         "refined": result.refined and document_of(result.refined, dataset, result.grid),
+        "members": result.members,
         "loops": [loop.document() for loop in result.loops],
     }

@@ -14,7 +14,7 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction, along
 from frictionid.identifiers import BlackBox, Network, StateNetwork, check_identifier
 from frictionid.identifiers.practice import practice_problem
-from frictionid.laws import StateMLP, check_law
+from frictionid.laws import StateMLP, check_law, members_of
 from frictionid.mechanics import unit_plant
 from frictionid.names import IDENTIFIERS, LAWS
 from frictionid.problem import sliding
@@ -81,3 +81,16 @@ def test_rows_that_are_open_at_rest_are_refused() -> None:
     problem = sliding(practice_problem(1), 1.0)
     with pytest.raises(InputError, match="rest = 0"):
         BOX.fit(problem, np.ones((1, len(problem.r))), 0)
+
+
+@pytest.mark.parametrize("kind", ["blackbox_mlp", "blackbox_lstm"])
+def test_an_ensemble_is_the_mean_of_its_members_from_a_file_too(kind, tmp_path) -> None:
+    problem = practice_problem(1)
+    box = IDENTIFIERS[kind](members=2, epochs=1)
+    friction = box.fit(problem, np.ones((1, len(problem.r))), 0)[0]
+    each = along(members_of(friction), problem.nodes)
+    assert np.abs(each[0] - each[1]).max() > 0
+    np.testing.assert_allclose(along(friction, problem.nodes), each.mean(axis=0), rtol=1e-12)
+    save_model(friction, tmp_path / "box.json", LAWS)
+    back = load_model(tmp_path / "box.json", LAWS)
+    assert back.law == friction.law and np.array_equal(back.theta, friction.theta)

@@ -316,7 +316,7 @@ def test_what_was_not_measured_is_grey_and_nothing_else(seed):
     bins = np.clip(np.searchsorted(edges, v) - 1, 0, 59)
     empty = (counts[bins] == 0) & (np.abs(v) < 4)
     outside = (v < w.min()) | (v > w.max())
-    assert (bands._measured(v, about, 0) == ~(outside | empty)).mean() > 0.995
+    assert (bands.measured(v, about, 0) == ~(outside | empty)).mean() > 0.995
 
 
 def test_bands_are_as_wide_as_the_document_says(tmp_path):

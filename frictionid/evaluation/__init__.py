@@ -1,6 +1,12 @@
 """Judging friction: folds, one-step and rollout scores, curves, statistics."""
 
-from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
+from frictionid.evaluation.curves import (
+    curve_error,
+    curve_rows,
+    curves,
+    member_curves,
+    velocity_grid,
+)
 from frictionid.evaluation.folds import Folds, Split, make_folds
 from frictionid.evaluation.free_run import (
     course_folds,
@@ -50,6 +56,7 @@ __all__ = [
     "make_course",
     "make_folds",
     "make_starts",
+    "member_curves",
     "one_step_rows",
     "powered",
     "predict",

@@ -9,6 +9,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.evaluation.rows import Row
 from frictionid.friction import Friction
+from frictionid.laws import Ensemble, members_of
 
 POINTS = 401
 SLOW = 0.05  # [rad/s]: below it the smoothing of sgn(w) is compared, not friction
@@ -24,6 +25,13 @@ def curves(friction: Friction, grid: Array) -> Array:
     """Steady-state torque of each joint on its own velocity grid (V, n): (..., V, n) [N m]."""
     joints = [friction.curve(grid[:, j])[..., j] for j in range(friction.n)]
     return np.stack(joints, axis=-1)
+
+
+def member_curves(friction: Friction, grid: Array) -> Array:
+    """Curves (N, V, n) of the N members of an ensemble on the grid (V, n) [N m]; else (0, V, n)."""
+    if not isinstance(friction.law, Ensemble):
+        return np.empty((0, *grid.shape))
+    return curves(members_of(friction), grid)
 
 
 def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:

@@ -78,7 +78,9 @@ class Ensemble:
 
     @property
     def _law(self) -> Any:
-        return replace(self.base, width=self.width, shape=self.shape)
+        if hasattr(self.base, "shape"):
+            return replace(self.base, width=self.width, shape=self.shape)
+        return replace(self.base, width=self.width)  # a whole motion's law has one shape only
 
     def _parts(self, theta: Array) -> Iterator[Array]:
         size = theta.shape[-1] // self.members
@@ -95,7 +97,7 @@ def together(law: Any, thetas: Sequence[Array]) -> Friction:
     """Friction that is the mean of those with parameters (..., n, P); of one, that itself."""
     if len(thetas) == 1:
         return Friction(law, thetas[0])
-    ensemble = Ensemble(law, len(thetas), law.width, law.shape)
+    ensemble = Ensemble(law, len(thetas), law.width, getattr(law, "shape", Ensemble.shape))
     return Friction(ensemble, namespace(*thetas).concat(list(thetas), axis=-1))
 
 

@@ -8,6 +8,7 @@ findings    sentences that the numbers support; summary: the page that holds all
 boxplots, horizons, tradeoff, curves, motion: one kind of picture each; style: common looks
 refined     what shooting found; intervals: its tables; remarks: its sentences; correlation, bands:
             its pictures; found: all of it for the page
+ensembles   members of ensembles about their mean: a picture, and what captions say of the spread
 loops       friction along sinusoids: pictures, table, sentence; speeds: which occurred; learning:
             losses over epochs
 write       all files of a report; terminal: what is printed of it

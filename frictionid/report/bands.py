@@ -58,7 +58,7 @@ def _picture(
         for c, entry in enumerate(shown):
             pair = axes[2 * joint : 2 * joint + 2, c]
             for axis, limit in zip(pair, (tall, near[entry]), strict=True):
-                _frame(axis, bands[entry].velocity, about, joint, limit)
+                frame(axis, bands[entry].velocity, about, joint, limit)
             pair[0].tick_params(labelbottom=False, labelleft=c == 0)
             _curve(pair[0], bands[entry], about, joint, looks[entry.label])
             _about_zero(pair[1], entry, bands[entry], about, joint, looks[entry.label], scale)
@@ -99,27 +99,28 @@ def _band(entry: Entry, about: Mapping[str, Any], joint: int) -> Band:
 
 def _tall(bands: Iterable[Band]) -> float:
     """End of the axis of a joint's curves, the same for all fits."""
-    return 1.12 * _most([np.abs(band.curve) for band in bands])
+    return 1.12 * most([np.abs(band.curve) for band in bands])
 
 
 def _near(entry: Entry, band: Band, about: Mapping[str, Any], joint: int) -> float:
     """End of the axis of what is about a curve: each fit has its own, to show its bands."""
-    inside = band.simultaneous[_measured(band.velocity, about, joint)]
+    inside = band.simultaneous[measured(band.velocity, about, joint)]
     parts = [inside]
-    off = _off_truth(entry, about, joint)
+    off = off_truth(entry, about, joint)
     if off is not None:
         # a truth far away must not flatten the bands
-        parts.append(np.minimum(np.abs(off[1]), 4 * _most(parts)))
-    return 1.12 * _most(parts)
+        parts.append(np.minimum(np.abs(off[1]), 4 * most(parts)))
+    return 1.12 * most(parts)
 
 
-def _most(values: Sequence[Array]) -> float:
+def most(values: Sequence[Array]) -> float:
+    """The largest of values, but for a few; one where there is nothing to show."""
     joined = np.concatenate(values) if values else np.zeros(1)
     joined = joined[np.isfinite(joined)]
     return float(np.quantile(joined, 0.995)) if joined.size and joined.max() > 0 else 1.0
 
 
-def _measured(velocity: Array, about: Mapping[str, Any], joint: int) -> Array:
+def measured(velocity: Array, about: Mapping[str, Any], joint: int) -> Array:
     """Whether each velocity (V,) was reached by the motion."""
     inside = np.ones(len(velocity), dtype=bool)
     for low, high in _unmeasured(float(velocity[0]), float(velocity[-1]), about, joint):
@@ -145,7 +146,7 @@ def _unmeasured(
         yield float(edges[i]), float(edges[i + 1])
 
 
-def _frame(axis: Any, w: Array, about: Mapping[str, Any], joint: int, most: float) -> None:
+def frame(axis: Any, w: Array, about: Mapping[str, Any], joint: int, end: float) -> None:
     """Axes of a panel, grey where no velocity was measured."""
     for low, high in _unmeasured(float(w[0]), float(w[-1]), about, joint):
         axis.axvspan(
@@ -155,7 +156,7 @@ def _frame(axis: Any, w: Array, about: Mapping[str, Any], joint: int, most: floa
     axis.axvline(0, color="#BBBBBB", linewidth=0.5, zorder=1)
     axis.locator_params(nbins=5)
     axis.set_xlim(float(w[0]), float(w[-1]))
-    axis.set_ylim(-most, most)
+    axis.set_ylim(-end, end)
 
 
 def _curve(axis: Any, band: Band, about: Mapping[str, Any], joint: int, look: Look) -> None:
@@ -182,7 +183,7 @@ def _about_zero(
     low, high = axis.get_ylim()
     axis.set_ylim(scale * low, scale * high)
     axis.axhline(0, color=look.colour, linewidth=1.2)
-    off = _off_truth(entry, about, joint)
+    off = off_truth(entry, about, joint)
     if off is not None:
         axis.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=LINE)
 
@@ -193,7 +194,7 @@ def _fill(axis: Any, band: Band, middle: Array, look: Look) -> None:
         axis.fill_between(band.velocity, low, high, color=look.colour, alpha=alpha, linewidth=0)
 
 
-def _off_truth(entry: Entry, about: Mapping[str, Any], joint: int) -> tuple[Array, Array] | None:
+def off_truth(entry: Entry, about: Mapping[str, Any], joint: int) -> tuple[Array, Array] | None:
     """Velocities (V,) and the true curve less the fitted one, where the truth is known."""
     if about["truth"] is None:
         return None

@@ -1,4 +1,7 @@
-"""Friction curves: all folds and their mean, the truth, and how often each speed occurred."""
+"""Friction curves: all folds and their mean, the truth, and how often each speed occurred.
+
+Where friction is the mean of an ensemble, a band shows how far its members differ.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.report.ensembles import OPACITY, spread
 from frictionid.report.evidence import Entry, Section
 from frictionid.report.style import DARK, GREY, PALE, Look, figure, key_above, plain
 
@@ -65,7 +69,8 @@ def _picture(
         axes[r, 0].set_ylabel(f"{about['joints'][joint]}{plain(beside)}\n[{about['torque_unit']}]")
     for axis, column in zip(axes[0], columns, strict=True):
         axis.set_title(plain(column[0].label), color=looks[column[0].label].colour, weight="bold")
-    _key(picture, fixed, about, looks)
+    several = [e for column in columns for e in column if e.members is not None]
+    _key(picture, fixed, about, looks, several)
     picture.supxlabel(f"velocity [{about['angle_unit']}/s]", fontsize=8)
     return picture
 
@@ -77,6 +82,10 @@ def _grid(about: Mapping[str, Any], joint: int) -> Array:
 def _limits(entries: Sequence[Entry], about: Mapping[str, Any], joint: int) -> tuple[float, float]:
     """Lower and upper end of a joint's torque axis, with room for the density below."""
     lines = [line[:, joint] for entry in entries for line in entry.curves]
+    for entry in entries:
+        half = spread(entry)
+        if half is not None:
+            lines += [entry.curves[-1, :, joint] + sign * half[:, joint] for sign in (-1, 1)]
     if about["truth"] is not None:
         lines.append(np.asarray(about["truth"], dtype=float)[:, joint])
     values = np.concatenate(lines) if lines else np.zeros(1)
@@ -106,6 +115,10 @@ def _axes(axis: Any, about: Mapping[str, Any], joint: int, limits: tuple[float, 
 def _folds(axis: Any, entry: Entry, about: Mapping[str, Any], joint: int, look: Look) -> None:
     w = _grid(about, joint)
     folds, overall = entry.curves[:-1, :, joint], entry.curves[-1, :, joint]
+    half = spread(entry)
+    if half is not None:
+        low, high = (overall + sign * half[:, joint] for sign in (-1, 1))
+        axis.fill_between(w, low, high, color=look.colour, alpha=OPACITY, linewidth=0)
     axis.plot(w, folds.T, color=look.colour, linewidth=0.5, alpha=0.45)
     if np.isfinite(folds).all():  # no mean where a fold has none
         axis.plot(w, folds.mean(axis=0), color=look.colour, linewidth=1.6)
@@ -130,6 +143,7 @@ def _key(
     fixed: Sequence[Entry],
     about: Mapping[str, Any],
     looks: Mapping[str, Look],
+    several: Sequence[Entry],
 ) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -140,6 +154,10 @@ def _key(
         Line2D([], [], color=DARK, linewidth=0.8, linestyle=(0, (1, 1.6))),
     ]
     labels = ["each fold", "mean of folds", "fit to all data"]
+    if several:
+        colour = looks[several[0].label].colour
+        handles.append(Patch(facecolor=colour, alpha=OPACITY, linewidth=0))
+        labels.append("spread of members")
     for entry in fixed:
         handles.append(Line2D([], [], color=looks[entry.label].colour, linestyle="--", linewidth=1))
         labels.append(entry.label)

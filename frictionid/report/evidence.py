@@ -64,6 +64,7 @@ class Entry:
     model: Mapping[str, Any]
     settings: Mapping[str, str]  # constructor calls of identifier and recipe
     refined: Mapping[str, Any] | None = None  # what shooting found, where it did
+    members: Array | None = None  # (N, V, n) [N m], the curves of an ensemble's members, all data
     loops: Sequence[Mapping[str, Any]] = ()  # friction along sinusoids, where it was asked for
     way: Mapping[str, Any] = field(default_factory=dict)  # scheme, and what corrects its data
 
@@ -185,6 +186,7 @@ def _entry(task: Mapping[str, Any], tasks: Sequence[Mapping[str, Any]]) -> Entry
         model=task["model"],
         settings=task["settings"],
         refined=task.get("refined") or None,
+        members=np.asarray(task["members"], dtype=float) if task.get("members") else None,
         loops=task.get("loops") or (),
         way=task.get("way") or {},
     )

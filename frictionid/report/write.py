@@ -10,6 +10,7 @@ import pandas as pd
 
 from frictionid.report.boxplots import one_step_boxes
 from frictionid.report.curves import friction_curves
+from frictionid.report.ensembles import spread_words, spreads
 from frictionid.report.evidence import Evidence, Section, gather
 from frictionid.report.files import file_names, remove_others, write_bytes
 from frictionid.report.findings import matter
@@ -202,7 +203,14 @@ def _drawn_of_fits(
     for i, figure in enumerate(pictures):
         number = f"--{i + 1}" if len(pictures) > 1 else ""
         words = f"Friction over velocity, fitted on {dataset}, all folds."
+        words += spread_words(section, about)
         yield f"curves--{name}{number}", figure, words
+    pictures = spreads(section, about, every)
+    for i, figure in enumerate(pictures):
+        number = f"--{i + 1}" if len(pictures) > 1 else ""
+        words = f"Ensembles fitted on {dataset}, and below their members about the mean."
+        words += spread_words(section, about)
+        yield f"members--{name}{number}", figure, words
     yield from _drawn_of_memory(section, about, name, every)
 
 
