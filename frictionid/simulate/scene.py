@@ -72,7 +72,7 @@ class Lamp:
         signs = (-1.0) ** np.arange(len(self.switches))
         past = np.maximum(np.array([[start], [stop]]) - np.array(self.switches), 0.0)
         before, after = (past * signs).sum(axis=1).tolist()
-        return float((after - before) / (stop - start))
+        return min(max((after - before) / (stop - start), 0.0), 1.0)
 
 
 class Scene:

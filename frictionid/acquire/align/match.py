@@ -23,7 +23,7 @@ from frictionid.signals import Array as Values
 from frictionid.signals import Signal, averages, cut
 
 STEP = 0.01  # [s] of the offsets that are tried
-_OVERLAP = 0.5  # share of the motion that the log must cover
+_OVERLAP, _NEARLY = 0.5, 0.9  # shares of the motion that the log must cover
 _CANDIDATES, _APART = 8, 0.1  # best offsets that are looked at closely, [s] between them
 _NEAR = np.arange(-0.06, 0.0601, STEP)
 # An offset is found where it leaves this share of the torque unexplained at most, and any other
@@ -70,11 +70,7 @@ def match(mechanism: Mechanism, told: Array, rows: Rows, angle: Signal, torque: 
     offsets, explained, turned = _correlated(rows, asked, torque, driven)
     peaks = _peaks(offsets, explained)
     if not len(peaks):
-        span = angle.time[-1] - angle.time[0]
-        raise InputError(
-            f"the log ({np.ptp(torque.time):.3g} s) covers less than half of the motion "
-            f"({span:.3g} s): log as long as the camera records"
-        )
+        raise InputError(_uncovered(float(np.ptp(angle.time)), float(np.ptp(torque.time))))
     found = sorted(_closely(rows, asked, told, angle, torque, float(p)) for p in peaks)
     best = found[0]
     others = [f for f in found[1:] if abs(f[1] - best[1]) > _APART / 2]
@@ -82,6 +78,18 @@ def match(mechanism: Mechanism, told: Array, rows: Rows, angle: Signal, torque: 
     out = Match(best[1], best[0], (second[1], second[0]), turned, offsets, explained)
     _check(out)
     return out
+
+
+def _uncovered(motion: float, log: float) -> str:
+    if log < _OVERLAP * motion:
+        return (
+            f"the log ({log:.3g} s) covers less than half of the motion ({motion:.3g} s): log as "
+            "long as the camera records"
+        )
+    return (
+        "the driven joints slide too little, or not while the log was written, to find the motion "
+        "in it: record livelier motion, such as the answers to several pulses of torque"
+    )
 
 
 def _check(found: Match) -> None:
@@ -139,7 +147,8 @@ def _correlated(
     # entry i of a convolution has the grid's sample k beside the clock's k + len(x) - 1 - i
     offsets = grid[0] - clock[0] + STEP * (np.arange(size) - (len(clock) - 1))
     enough = covered >= _OVERLAP * moving
-    enough &= covered >= FEWEST * WIDTH / 2 / STEP
+    # of little sliding, such as the answer to one pulse, nearly all
+    enough &= covered >= max(min(FEWEST * WIDTH / 2 / STEP, _NEARLY * moving), FEWEST)
     scale = max(all_of_it, 1e-300)
     explained, turned = ((sign * 2 * cross - energy) / scale for sign in (1.0, -1.0))
     known = np.where(enough, explained, -np.inf)
