@@ -125,4 +125,7 @@ def _say(angles: Angles, out: Path) -> None:
     stretch, diagonal, right, down, bulge = angles.calibration.plane.shape
     if any((stretch, diagonal, right, down, bulge)):
         print(f"camera: slant {right:+.3f}, {down:+.3f}, lens {bulge:+.3f} per half diagonal")
+    if angles.lamp is not None:
+        name, bright = angles.lamp
+        print(f"{name}: brightness {bright.min():.3f} to {bright.max():.3f}")
     print(f"written to {out}")
