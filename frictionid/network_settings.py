@@ -46,6 +46,9 @@ def mlp(
     if solver == "adam" or inputs == "all":
         own = Network(law, epochs, batch, rate, patience=patience, device=device, compile=compile)
         return replace(own, members=members, inputs=inputs)
+    if compile or device != "cpu":
+        told = "compile = true" if compile else f'device = "{device}"'
+        raise InputError(f'{told} needs solver = "adam": Levenberg-Marquardt uses neither')
     return CompressedNetwork(law, members=members)
 
 

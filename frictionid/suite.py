@@ -244,8 +244,17 @@ def identifier_of(
     if ":" in entry.kind:
         identifier = _own(entry.kind, settings, folder, where)
     else:
-        identifier = built({"kind": entry.kind, **settings}, IDENTIFIERS, where)
+        identifier = _ours({"kind": entry.kind, **settings}, where)
     return name, identifier, tuple(entry.recipes) if entry.recipes else None
+
+
+def _ours(table: Mapping[str, Any], where: str) -> Identifier:
+    try:
+        made: Identifier = built(table, IDENTIFIERS, where)
+    except InputError as error:  # of a class that does not know what it is part of
+        told = str(error)
+        raise InputError(told if told.startswith(where) else f"{where}: {told}") from None
+    return made
 
 
 def with_settings(entry: IdentifierEntry, settings: Mapping[str, Any]) -> IdentifierEntry:

@@ -19,6 +19,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers.adam import Adam
 from frictionid.identifiers.batches import batches, side_by_side
+from frictionid.identifiers.compiled import check_compiler, compiled
 from frictionid.identifiers.holdout import check_share, held_out
 from frictionid.identifiers.members import member_seeds
 from frictionid.identifiers.scales import speed_scale, torque_scale
@@ -44,14 +45,14 @@ class Network:
     burn_in, targets : a law that reads samples learns from pieces of recordings, so many samples to
         fill its memory and so many that count
     device : "cpu", or "cuda" where there is one
-    compile : let PyTorch compile the cost; that takes half a minute first
+    compile : let PyTorch compile the cost, with a C++ compiler; that takes half a minute first
 
     The sample time of a law that remembers samples is that of the problem.
 
     Raises
     ------
     InputError
-        For settings that mean nothing, or a device that is not there.
+        For settings that mean nothing, or a device or compiler that is not there.
     """
 
     law: Any
@@ -84,6 +85,10 @@ class Network:
             raise InputError(f'inputs = "all" needs a law that sees other joints, such as {MLP()}')
         if self.device not in ("cpu", "cuda"):
             raise InputError(f"device = {self.device!r} is unknown; known are cpu, cuda")
+        if self.device != "cpu":  # now, for a comparison has other work before it
+            check_device(self.device)
+        if self.compile:
+            check_compiler()
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         check_device(self.device)
@@ -133,7 +138,7 @@ class Network:
         free = learn.tensor(is_learned(law))
         theta = learn.tensor(start).requires_grad_()
         adam, best = Adam(theta.detach()), Best(theta.detach())
-        cost = torch.compile(learn.cost) if self.compile else learn.cost
+        cost = compiled(learn.cost) if self.compile else learn.cost
         for epoch in range(self.epochs):
             seen = theta.detach()[:, 0, 0] * 0.0
             for step in range(steps):
