@@ -11,8 +11,8 @@ import tiny
 
 from frictionid.compare import Contest, ground_of, run
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.identifiers import LeastSquares, Nothing
+from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_rig
+from frictionid.identifiers import LeastSquares, Nothing, SINDy
 from frictionid.laws import CoulombViscous
 from frictionid.recipe import INTEGRAL, STUDY
 from frictionid.report.evidence import folds_told, gather
@@ -86,6 +86,34 @@ def test_no_friction_is_left_as_it_is(results):
     contest, ground, _, _ = results
     recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
     assert run(contest, Nothing(), recipe, 0, ground).friction.rig is None
+
+
+def test_sindy_may_choose_other_terms_in_each_fold(results):
+    contest, ground, _, _ = results
+    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    hasty = SINDy(thresholds=(0.01,), search=False, sure=0.0)  # the recordings hardly decide
+    found = run(contest, hasty, recipe, 0, ground)
+    terms = [tuple(np.flatnonzero(theta[0])) for theta in found.friction.theta]
+    assert len(set(terms)) > 1 and all(terms)
+    np.testing.assert_array_equal(found.friction.rig.delay, ground.rigs["corrected"].delay[:-1])
+    # each fold is what the identifier finds on its own corrected data, whatever the others have
+    for fold in range(len(terms)):
+        own = training_of(with_rig(ground.prepared, found.friction[fold].rig), INTEGRAL)
+        weights = ground.weights["integral"][fold : fold + 1]
+        np.testing.assert_array_equal(
+            found.friction.theta[fold], hasty.fit(own, weights, 0).theta[0]
+        )
+
+
+def test_sindy_finds_the_terms_once_the_clock_is_right(results):
+    contest, ground, _, _ = results
+    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    found = run(contest, SINDy(), recipe, 0, ground)
+    late = run(contest, SINDy(), INTEGRAL, 0, ground)
+    has = [name for name, x in zip(SINDy().library.names, found.overall.theta[0], strict=True) if x]
+    assert has[:2] == ["sign", "viscous"] and [name[:5] for name in has[2:]] == ["peak_"]
+    score = ("rollout_angle", "median", 0.3)
+    assert found.value(*score) < 0.7 * late.value(*score)
 
 
 def test_only_parts_that_are_free_can_correct():
