@@ -6,6 +6,7 @@ pairs       differences between models against the scatter over the folds
 tables      tables as Markdown, LaTeX and for the terminal
 findings    sentences that the numbers support; summary: the page that holds all of it
 boxplots, horizons, tradeoff, curves, motion: one kind of picture each; style: common looks
+question    whether hybrids beat physics alone and black boxes; learned: which of them do
 refined     what shooting found; intervals: its tables; remarks: its sentences; correlation, bands:
             its pictures; found: all of it for the page
 ensembles   members of ensembles about their mean: a picture, and what captions say of the spread

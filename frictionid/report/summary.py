@@ -17,6 +17,7 @@ from frictionid.report.findings import (
     unseen_findings,
 )
 from frictionid.report.found import Found
+from frictionid.report.learned import learned_findings
 from frictionid.report.loops import loop_findings
 from frictionid.report.question import Question, question
 from frictionid.report.tables import Table, code, escape_markdown, markdown
@@ -92,7 +93,12 @@ def _section(
         "size": _size(evidence.about[name]),
         "folds": _folds(folds_told(evidence.provenance, name)),
         "words": foretold(told),
-        "findings": held_out_findings(told) + lead + _memory(told, evidence.about[name]),
+        "findings": [
+            *held_out_findings(told),
+            *learned_findings(told),
+            *lead,
+            *_memory(told, evidence.about[name]),
+        ],
         "table": markdown(own.table),
         "question": _question(question(section, evidence.horizons, evidence.about)),
         "pictures": [_shown(picture) for picture in own.pictures],
@@ -141,7 +147,7 @@ def _test(evidence: Evidence, section: Section, test: str, part: Part) -> dict[s
     told = matter(section, test, evidence.horizons, evidence.about[test])
     return {
         "name": escape_markdown(test),
-        "words": unseen_findings(told),
+        "words": " ".join([unseen_findings(told), *learned_findings(told)]).strip(),
         "size_sentence": f"{_size(evidence.about[test])}, no part of any fit.",
         "table": markdown(part.table),
         "pictures": [_shown(picture) for picture in part.pictures],
