@@ -84,6 +84,13 @@ def test_models_that_diverge_are_neither_near_nor_better(tmp_path):
     assert "2 of 3 such models do, `mlp` (not finite) does not" in against
 
 
+def test_an_identifier_counts_by_the_recipe_that_suits_it(tmp_path):
+    other = model("mlp", "mlp", 0.4)
+    other["fit"] = "study"
+    (within,) = told(tmp_path, "made", *TEXTBOOK, model("mlp", "mlp", 0.1), other)
+    assert "`mlp` (integral), the model with learned friction, is within 10 %" in within
+
+
 def test_nothing_is_said_without_both_sides(tmp_path):
     assert told(tmp_path / "a", "made", *TEXTBOOK) == []
     assert told(tmp_path / "b", "made", model("mlp", "mlp", 0.1)) == []

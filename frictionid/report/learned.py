@@ -20,7 +20,7 @@ def learned_findings(m: Matter) -> list[str]:
     if not m.horizons:
         return []
     key = Key("rollout_angle", "median", m.horizons[0])  # 0.5 s, where a suite has it
-    fitted = m.entries("fitted")
+    fitted = _each(m, key)
     own = {
         name: [e for e in fitted if family(e) == name]
         for name in ("physics", "hybrid", "black box")
@@ -30,6 +30,14 @@ def learned_findings(m: Matter) -> list[str]:
         _beaten(m, [*own["physics"], *own["hybrid"]], own["black box"], key),
     )
     return [sentence for sentence in told if sentence]
+
+
+def _each(m: Matter, key: Key) -> list[Entry]:
+    """Each identifier as it predicts best: under the recipe that suits it."""
+    by_label: dict[str, list[Entry]] = {}
+    for entry in m.entries("fitted"):
+        by_label.setdefault(entry.label, []).append(entry)
+    return [best(own, m.dataset, key) or own[0] for own in by_label.values()]
 
 
 def _within(m: Matter, textbook: Sequence[Entry], learned: Sequence[Entry], key: Key) -> str:
@@ -46,8 +54,10 @@ def _within(m: Matter, textbook: Sequence[Entry], learned: Sequence[Entry], key:
     )
     after = f"after {key.horizon:g} s"
     if not far:
-        every = "every model" if len(learned) > 1 else f"{named(m.section, learned[0])}, the model"
-        return f"{_place(m, after)} {every} with learned friction is within {whom} of {rival}."
+        every = "every model with learned friction"
+        if len(learned) == 1:
+            every = f"{named(m.section, learned[0])}, the model with learned friction,"
+        return f"{_place(m, after)} {every} is within {whom} of {rival}."
     names = listed([f"{named(m.section, e)} ({_more(m, e, first, key)})" for e in far])
     if len(learned) == 1:
         return (
