@@ -97,9 +97,11 @@ def lstm(
     compile: bool = False,
     width: Positive = 0.02,
     shape: Shape = "tanh",
+    free: bool = False,
 ) -> Identifier:
     """Friction by a recurrent network of velocity samples."""
     units = tuple(hidden or LSTM.hidden)
-    law = LSTM(cells, LSTM.sample_time, units, odd, dissipative, monotone_tail, width, shape)
+    physics = (odd, dissipative, monotone_tail, width, shape)
+    law = LSTM(cells, LSTM.sample_time, units, *physics, free)
     own = Network(law, epochs, batch, rate, patience=patience, device=device, compile=compile)
     return replace(own, members=members, burn_in=burn_in, targets=targets)

@@ -18,6 +18,7 @@ from frictionid.names import LAWS
 from frictionid.store import load_model, save_model
 from frictionid.suite import identifier_named
 
+FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)
 
 
@@ -31,6 +32,21 @@ def drawn(law, folds=3, n=2, seed=0):
 @pytest.mark.parametrize("free", [False, True])
 def test_it_keeps_to_the_contract_of_laws(odd, free):
     check_law(LSTM(2, hidden=(2,), odd=odd, dissipative=not free, monotone_tail=not free))
+
+
+def test_a_free_network_keeps_to_the_contract_too():
+    check_law(FREE)
+    check_identifier(replace(SMALL, law=FREE), joints=(2,))
+
+
+def test_a_free_network_makes_friction_of_the_samples_alone():
+    theta, x = drawn(FREE), at_rest(np.full(2, 2.0))
+    memory = FREE.advance(theta, x, FREE.start(theta, x), np.full((1,), FREE.sample_time))
+    before, after = (FREE.torque(theta, at_rest(np.full(2, w)), memory) for w in (2.0, -0.1))
+    np.testing.assert_array_equal(before, after)  # of any sign, and held until the next sample
+    assert (FREE.limit(theta, x, memory) == 0).all()
+    later = FREE.advance(theta, at_rest(np.full(2, -0.1)), memory, np.full((1,), 0.02))
+    assert (np.abs(FREE.torque(theta, x, later) - before) > 1e-6).all()
 
 
 @pytest.mark.parametrize("odd", [False, True])
@@ -95,14 +111,17 @@ def test_numpy_and_torch_agree():
 
 def test_the_loop_back_through_time_is_the_derivative_of_the_loop_forth():
     torch.manual_seed(0)
-    read = torch.randn(4, 2, 3, 8, dtype=torch.float64, requires_grad=True)
-    weights = torch.randn(2, 2, 8, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(_Cells.apply, (read, weights))
+    read = torch.randn(5, 2, 3, 4, dtype=torch.float64)  # five samples of three numbers, two sets
+    weights = torch.randn(2, 3 + 2 + 1, 8, dtype=torch.float64, requires_grad=True)
+    for burn_in in (0, 2):
+        assert torch.autograd.gradcheck(_Cells.apply, (weights, read, burn_in))
 
 
-@pytest.mark.parametrize("odd", [False, True])
-def test_cost_of_the_pieces_is_that_of_the_rows(odd):
-    law, problem = LSTM(3, hidden=(4,), odd=odd), practice_problem(2)
+@pytest.mark.parametrize(
+    "law", [LSTM(3, hidden=(4,)), LSTM(3, hidden=(4,), odd=True), FREE], ids=["", "odd", "free"]
+)
+def test_cost_of_the_pieces_is_that_of_the_rows(law):
+    problem = practice_problem(2)
     # the pieces read the first sample some times before the second: rows by which that is forgotten
     late = np.concatenate([np.arange(40) >= 25] * 3)
     weights, theta = practice_weights(problem) * late, drawn(law)
@@ -112,7 +131,7 @@ def test_cost_of_the_pieces_is_that_of_the_rows(odd):
     items = lessons.tensor(np.tile(np.arange(lessons.items), (3, 1)))
     found = lessons.cost(lessons.tensor(theta), items) * lessons.items * lessons.rows
     memories = memory_along(Friction(law, theta), problem.nodes)
-    assert len(memories[0]) == 2 * law.cells * (1 + odd)
+    assert len(memories[0]) == 2 * law.cells * (1 + law.odd)
     scale = (weights > 0).sum(1) / (weights @ (problem.r**2).sum(1))
     exact = [
         scale[f] * cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1]))[0]
@@ -157,12 +176,15 @@ def test_its_settings_choose_the_law():
     assert identifier_named("lstm", {}) == Network(LSTM())
     made = identifier_named("lstm", {"cells": 4, "odd": True, "epochs": 5})
     assert made == Network(LSTM(4, odd=True), epochs=5)
+    bare = {"free": True, "dissipative": False, "monotone_tail": False}
+    assert identifier_named("lstm", bare) == Network(replace(FREE, cells=8, hidden=(16,)))
 
 
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
         ({"cells": 0}, "cells"),
+        ({"free": True}, "add dissipative = false"),
         ({"hidden": []}, "hidden"),
         ({"rate": 0.0}, "rate"),
         ({"device": "tpu"}, "device"),
@@ -179,6 +201,7 @@ def test_settings_that_mean_nothing_are_refused(settings, complaint):
     [
         lambda: LSTM(cells=0),
         lambda: LSTM(sample_time=0.0),
+        lambda: replace(FREE, odd=True),
         lambda: Network(LSTM(), targets=0),
         lambda: Network(LSTM(), burn_in=-1),
         lambda: Network(LSTM(), device="tpu"),

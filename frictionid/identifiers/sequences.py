@@ -82,7 +82,7 @@ class Sequences:
         """Level (F, B, points, n); cells of odd laws read the motion and its mirror image."""
         signs = (1.0, -1.0) if self.law.odd else (1.0,)
         both = torch.cat([sign * z for sign in signs], dim=1)
-        h = self._cells(theta, both)[:, :, self.burn_in :]
+        h = self._cells(theta, both)
         h = h.repeat_interleave(self.per, dim=2)[:, :, :points]
         parts = []
         for part in h.chunk(len(signs), dim=1):
@@ -92,62 +92,80 @@ class Sequences:
         return sum(parts) / len(parts)
 
     def _cells(self, theta: Tensor, z: Tensor) -> Tensor:
-        """Outputs (F, B, T, n, cells) of the cells that read z (F, B, T, n, a)."""
+        """Outputs (F, B, T - burn_in, n, cells) of the cells that read z (F, B, T, n, a)."""
         a, b = self.law.gate_sizes
-        F, B, T, n, inputs = z.shape
         row = theta[..., 3 : 3 + count(self.law.gate_sizes)].flatten(0, 1)
-        W, offset = row[:, : a * b].unflatten(1, (a, b)), row[:, None, a * b :]
-        by_set = z.permute(0, 3, 2, 1, 4).reshape(F * n, T * B, inputs)
-        read = torch.baddbmm(offset, by_set, W[:, :inputs]).unflatten(1, (T, B))
-        h = _Cells.apply(read.transpose(0, 1), W[:, inputs:])  # (T, F n, B, H)
-        return h.unflatten(1, (F, n)).permute(1, 3, 0, 2, 4)
+        read = z.permute(2, 0, 3, 4, 1).flatten(1, 2)  # (T, F n, a, B)
+        h = _Cells.apply(row.unflatten(1, (a + 1, b)), read, self.burn_in)  # (T, F n, H, B)
+        return h.unflatten(1, theta.shape[:2]).permute(1, 4, 0, 2, 3)
 
 
 class _Cells(torch.autograd.Function):
-    """Outputs (T, S, B, H) of S sets of cells from what they read (T, S, B, 4 H)."""
+    """Outputs (T - burn_in, S, H, B) of S sets of cells that read (T, S, a, B).
+
+    Weights W (S, a + H + 1, 4 H) are those of what is read, of the outputs before, and offsets;
+    gates stand as in `LSTM`. What is in a row of a matrix lies side by side in memory.
+    """
 
     @staticmethod
-    def forward(ctx: Any, read: Tensor, W: Tensor) -> Tensor:
-        T, S, B, H = read.shape[0], read.shape[1], read.shape[2], W.shape[1]
-        gates = torch.empty(T, S, B, 4 * H, dtype=read.dtype, device=read.device)
-        h = torch.zeros(T + 1, S, B, H, dtype=read.dtype, device=read.device)
-        c, tanh = torch.zeros_like(h), torch.empty_like(h[1:])
-        for t in range(T):
-            gate = torch.baddbmm(read[t], h[t], W, out=gates[t])
-            gate[..., : 3 * H].sigmoid_()
-            gate[..., 3 * H :].tanh_()
-            take, keep, give, new = gate.chunk(4, dim=-1)
-            torch.mul(keep, c[t], out=c[t + 1]).addcmul_(take, new)
-            torch.tanh(c[t + 1], out=tanh[t])
-            torch.mul(give, tanh[t], out=h[t + 1])
-        ctx.save_for_backward(gates, h, c, tanh, W)
-        return h[1:]
+    def forward(ctx: Any, W: Tensor, read: Tensor, burn_in: int) -> Tensor:
+        (T, S, a, B), H = read.shape, W.shape[2] // 4
+        new = {"dtype": W.dtype, "device": W.device}
+        x = torch.zeros(T + 1, S, a + H + 1, B, **new)
+        x[:T, :, :a], x[:, :, -1] = read, 1.0
+        gates, c = torch.empty(T, S, 4 * H, B, **new), torch.zeros(T + 1, S, H, B, **new)
+        tanh, forth = torch.empty(T, S, H, B, **new), W.transpose(1, 2)
+        h = x[:, :, a:-1]
+        parts = gates.chunk(4, dim=2)
+        loop = (x, gates, gates[:, :, : 3 * H], *parts, c, c[1:], tanh, h[1:])
+        for x_t, gate, three, take, keep, give, fresh, old, now, bent, h_t in zip(
+            *(part.unbind() for part in loop), strict=False
+        ):
+            torch.bmm(forth, x_t, out=gate)
+            three.sigmoid_()
+            fresh.tanh_()
+            torch.mul(keep, old, out=now).addcmul_(take, fresh)
+            torch.tanh(now, out=bent)
+            torch.mul(give, bent, out=h_t)
+        ctx.save_for_backward(W, x, gates, c, tanh)
+        return h[1 + burn_in :]
 
     @staticmethod
-    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, Tensor]:
-        gates, h, c, tanh, W = ctx.saved_tensors
-        T, S, B, H = gates.shape[0], gates.shape[1], gates.shape[2], W.shape[1]
-        take, keep, give, new = gates.chunk(4, dim=-1)
+    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
+        W, x, gates, c, tanh = ctx.saved_tensors
+        (T, S, H, B), slope = tanh.shape, slopes[0]
+        take, keep, give, fresh = gates.chunk(4, dim=2)
         by_output = give * (1 - tanh * tanh)
         by_content = torch.stack(
-            [new * take * (1 - take), c[:-1] * keep * (1 - keep), take * (1 - new * new)], dim=3
+            [
+                fresh * take * (1 - take),
+                c[:-1] * keep * (1 - keep),
+                torch.zeros_like(keep),
+                take * (1 - fresh * fresh),
+            ],
+            dim=2,
         )
         by_give = tanh * give * (1 - give)
-        back, dh = W.transpose(1, 2), slopes[0][T - 1]
-        out = torch.empty(T, S, B, 4, H, dtype=gates.dtype, device=gates.device)
-        dc = torch.zeros_like(dh)
+        out = torch.empty(T, S, 4, H, B, dtype=W.dtype, device=W.device)
+        flat, back = out.flatten(2, 3), W[:, -1 - H : -1]
+        dh, dc = slope[-1], torch.zeros_like(tanh[0])
+        given = slope.unbind()
+        loop = (out, out[:, :, 2], flat, by_output, by_content, by_give, keep)
+        steps = list(zip(*(part.unbind() for part in loop), strict=True))
         for t in range(T - 1, -1, -1):
-            dc = torch.addcmul(dc, dh, by_output[t])
-            torch.mul(dh, by_give[t], out=out[t, :, :, 2])
-            torch.mul(dc[:, :, None], by_content[t, :, :, :2], out=out[t, :, :, :2])
-            torch.mul(dc, by_content[t, :, :, 2], out=out[t, :, :, 3])
-            dc = dc * keep[t]
-            if t:
-                dh = torch.baddbmm(slopes[0][t - 1], out[t].flatten(2), back)
-        flat = out.flatten(3)
-        before = h[:-1].transpose(0, 1).flatten(1, 2)
-        by_weights = before.transpose(1, 2) @ flat.transpose(0, 1).flatten(1, 2)
-        return flat, by_weights
+            all_t, give_t, flat_t, by_output_t, by_content_t, by_give_t, keep_t = steps[t]
+            dc.addcmul_(dh, by_output_t)
+            torch.mul(by_content_t, dc[:, None], out=all_t)
+            torch.mul(dh, by_give_t, out=give_t)
+            if not t:
+                break
+            dc *= keep_t
+            before = t - 1 - (T - len(given))
+            dh = torch.bmm(back, flat_t)
+            if before >= 0:
+                dh += given[before]
+        met = x[:T].permute(1, 2, 0, 3).flatten(2)
+        return met @ flat.permute(1, 0, 3, 2).flatten(1, 2), None, None
 
 
 def _pieces(problem: Problem, burn_in: int, targets: int) -> tuple[Array, Array, Array]:

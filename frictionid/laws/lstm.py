@@ -1,7 +1,7 @@
 """A recurrent network of velocity samples: friction with a memory of any kind [Hochreiter1997].
 
 The level is a small network of the velocity and of what the cells remember; only the level does,
-so that friction never drives a joint where `dissipative` holds.
+so that friction never drives a joint where `dissipative` holds. A free network is bound to nothing.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
 from frictionid.laws.layers import check_hidden, count, drawn, outputs
 from frictionid.laws.learned import (
@@ -31,7 +32,6 @@ from frictionid.laws.learned import (
 )
 from frictionid.laws.sign import check_sign, smooth_sign
 
-_INPUTS = 2  # velocity, and the same with slow ones further apart
 _KEEP = 1.0  # offset of the gates that keep what cells hold [Gers2000]
 
 
@@ -43,6 +43,13 @@ class LSTM:
     odd : both signs of the motion are read by the same cells, and their levels averaged
     hidden : tanh units between cells and level
     dissipative, monotone_tail, width, shape : as in `MLP`
+    free : friction is what the network makes of the samples alone, as in [DeMeester2020]: of any
+        sign, and the same until the next sample; nothing holds a joint at rest
+
+    Raises
+    ------
+    InputError
+        For settings that mean nothing, or that a free network cannot keep.
     """
 
     cells: int = 8
@@ -53,6 +60,7 @@ class LSTM:
     monotone_tail: bool = True
     width: float = 0.02
     shape: str = "tanh"
+    free: bool = False
     uses_load: ClassVar[bool] = False
     network: ClassVar[bool] = True
 
@@ -60,16 +68,20 @@ class LSTM:
         object.__setattr__(self, "hidden", check_hidden("lstm", self.hidden))
         check_samples("lstm", "cells", self.cells, self.sample_time)
         check_sign("lstm", self.width, self.shape)
+        for name in ("odd", "dissipative", "monotone_tail"):
+            if self.free and getattr(self, name):
+                raise InputError(f"lstm: free = true keeps to nothing; add {name} = false")
 
     @property
     def gate_sizes(self) -> tuple[int, int]:
         """Inputs and outputs of the gates: of input, forgetting, output, and the new content."""
-        return (_INPUTS + self.cells, 4 * self.cells)
+        return (1 + (not self.free) + self.cells, 4 * self.cells)
 
     @property
     def sizes(self) -> tuple[int, ...]:
         """Numbers of inputs, units and outputs of the layers between cells and level."""
-        return (1 + (not self.odd) + self.cells, *self.hidden, 1)
+        beside = 0 if self.free else 1 + (not self.odd)
+        return (beside + self.cells, *self.hidden, 1)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,8 +122,7 @@ class LSTM:
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         speed = namespace(x.w).abs(x.w)
-        level = self._level(theta, speed, side_of(x.w), memory)
-        return level * smooth_sign(x.w, self.width, self.shape)
+        return self._level(theta, speed, side_of(x.w), memory) * self._sign(x.w)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         z, half = self._read(theta, x.w), 2 * self.cells
@@ -121,7 +132,7 @@ class LSTM:
         return tuple(part[..., i] for pair in parts for part in pair for i in range(self.cells))
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = self._level(theta, 0.0 * x.w, side_of(x.w), memory)
+        level = self._level(theta, 0.0 * x.w, side_of(x.w), memory) * (not self.free)
         return namespace(level).maximum(level, 0.0 * level)
 
     def seen(self, theta: Array, x: Inputs) -> tuple[Array, Array, Array, Array]:
@@ -130,8 +141,9 @@ class LSTM:
         Of theta they depend on the scales alone.
         """
         share = namespace(x.w).abs(x.w) / theta[..., 1]
-        own = stacked(self._own(share, side_of(x.w)))
-        return self._read(theta, x.w), own, share, smooth_sign(x.w, self.width, self.shape)
+        own = self._own(share, side_of(x.w))
+        own = stacked(own) if own else share[..., None][..., :0]
+        return self._read(theta, x.w), own, share * (not self.free), self._sign(x.w)
 
     def level(self, theta: Array, z: Array, share: Array) -> Array:
         """Level (..., n) [N m] of inputs z: speed, direction (unless odd), and cells' outputs."""
@@ -145,14 +157,21 @@ class LSTM:
         for k in range(1 + self.odd):
             h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
             # the mirrored cells read -w: so each side of the motion meets both alike
-            parts.append(self.level(theta, stacked([*own, *h]), share))
+            parts.append(self.level(theta, stacked([*own, *h]), share * (not self.free)))
         return sum(parts) / len(parts)
 
+    def _sign(self, w: Array) -> Array:
+        return 1.0 + 0.0 * w if self.free else smooth_sign(w, self.width, self.shape)
+
     def _own(self, share: Array, side: Array) -> list[Array]:
+        if self.free:
+            return []
         return [fine(share)] + ([] if self.odd else [side])
 
     def _read(self, theta: Array, w: Array) -> Array:
         share = w / theta[..., 1]
+        if self.free:
+            return stacked([within(share)])
         return stacked([within(share), side_of(w) * fine(namespace(w).abs(share))])
 
     def _cells(self, theta: Array, z: Array, memory: Memory) -> tuple[Array, Array]:
