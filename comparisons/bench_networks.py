@@ -45,7 +45,7 @@ def networks(dataset: Any) -> list[tuple[str, str]]:
     by_steps = timed(lambda: Network(MLP(), epochs=20).fit(problem, weights, 0))
     # free as the loop's, and in pieces of few samples: as many as in a batch of the loop
     free = LSTM(dissipative=False, monotone_tail=False, free=True)
-    recurrent = Network(free, 60, BATCH, rate=5e-3, share=0.05, patience=60, targets=8)
+    recurrent = Network(free, 40, BATCH, rate=7e-3, share=0.05, patience=40, targets=8)
     dynamic = timed(lambda: recurrent.fit(problem, weights, 0))
 
     loop = importlib.import_module("torch_loop")
