@@ -117,6 +117,24 @@ def test_a_lamp_on_film_ties_the_clocks(place, monkeypatch, capsys):
     assert low < OFFSET < high
 
 
+def test_where_nothing_moves_the_lamp_alone_ties_the_clocks(place, tmp_path, monkeypatch, capsys):
+    time = np.arange(360) / 60
+    on = np.searchsorted(SWITCHES, time) % 2
+    still = np.random.default_rng(0).normal(0.0, 1e-3, len(time))
+    rows = [f"{t:.6f},{q:.6f},{led}" for t, q, led in zip(time, still, on, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,q1,led", *rows]) + "\n")
+    (tmp_path / "rig.toml").write_text(RIG)
+    words = ("align", "a.csv", str(place / "log.csv"), "--out", "data")
+    status, out, err = command(monkeypatch, capsys, tmp_path, *words)
+    assert (status, out) == (2, "") and err.count("\n") == 1
+    status, out, err = command(monkeypatch, capsys, tmp_path, *words, "--marker", "led")
+    assert (status, err) == (0, "")
+    assert "the marker alone ties the clocks" in out and "viscous" not in out
+    told = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
+    low, high = told["clock"]["offset_interval"]
+    assert low < OFFSET < high and high - low < 0.02 and "viscous" not in told
+
+
 def test_every_frame_has_a_brightness_whatever_the_dots_and_the_method(tmp_path):
     lamp = Lamp((600.0, 40.0), (0.2, 0.5335))
     film = replace(Film(LENGTHS, view=SMALL), lamp=lamp, hidden=0.3, noise=2.0)

@@ -40,6 +40,7 @@ LONG = Settings(windows=(20 / 60,), iterations=25)
 # Friction's shape and joints that stick move the offset by more than stretches of the motion show:
 # calibrated on 68 simulated acrobots of 30 s.
 WIDER = 1.4
+_MANY = 10_000  # degrees of freedom of what is told by no fit
 _LOST = 0.1  # [s]: an error of the offset that says that nothing is known
 _ROUNDS = 3
 _CLOSE = 0.005  # [s]: a delay that is left and needs another round
@@ -91,6 +92,8 @@ class Alignment:
     viscous : (n,) change of each joint's viscous friction per second of offset [N m s/rad / s]
     found : viscous friction (n,) of that fit; coarse : Match
     noise : (n,) [rad] of the angles; settled : whether the fit came to an end
+    why : why the motion did not tell the clock, where a marker alone does; `viscous`, `found` and
+        `noise` are then nan
     """
 
     clock: Clock
@@ -102,6 +105,7 @@ class Alignment:
     coarse: Match
     noise: Array
     settled: bool
+    why: str = ""
 
     def error_at(self, time: float) -> float:
         """Standard error [s] of the offset at a time of the log's clock."""
@@ -161,6 +165,35 @@ def align(
     return _fine(data, clock, coarse, settings)
 
 
+def by_marker(
+    clock: Clock, errors: tuple[float, float], angle: Signal, torque: Signal, why: str
+) -> Alignment:
+    """Clocks as a marker ties them, where the motion does not tell.
+
+    errors : standard deviations of offset [s] and drift; why : as in `Alignment`
+
+    Raises
+    ------
+    InputError
+        Where angles and log then share no motion.
+    """
+    moved = torque._replace(time=clock.to_angles(torque.time))
+    span = clock.to_log(_common(angle, moved).time[[0, -1]])
+    nothing = np.full(angle.value.shape[1], np.nan)
+    return Alignment(
+        clock,
+        np.diag(np.square(errors)),
+        _MANY,
+        (float(span[0]), float(span[1])),
+        nothing,
+        nothing,
+        _marked(clock),
+        nothing,
+        True,
+        why,
+    )
+
+
 def _silent(angle: Signal) -> Signal:
     return Signal(angle.time, np.zeros_like(angle.value))
 
@@ -180,12 +213,18 @@ def _first(angle: Signal, torque: Signal, found: Match) -> Clock:
 def _together(dataset: Dataset, angle: Signal, torque: Signal, clock: Clock) -> Dataset:
     """The common motion as a data set on the angles' clock."""
     moved = torque._replace(time=clock.to_angles(torque.time))
-    common = cut(angle, moved.time[0], moved.time[-1])
-    if len(common.time) < 10:
-        raise InputError("angles and log share no motion: were both recorded at the same time?")
+    common = _common(angle, moved)
     near = around(moved, common.time[0], common.time[-1])
     recording = Recording("motion", common, near)
     return Dataset(dataset.name, dataset.mechanism, (recording,))
+
+
+def _common(angle: Signal, moved: Signal) -> Signal:
+    """Angles while a log on their clock lasts."""
+    common = cut(angle, moved.time[0], moved.time[-1])
+    if len(common.time) < 10:
+        raise InputError("angles and log share no motion: were both recorded at the same time?")
+    return common
 
 
 def _delays(rows: Rows, recording: Recording, told: Array) -> list[tuple[float, float]]:

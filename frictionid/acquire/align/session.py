@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.acquire.align.clock import Alignment, Clock, align
+from frictionid.acquire.align.clock import Alignment, Clock, align, by_marker
 from frictionid.acquire.align.markers import Marked, edges_of, marked
 from frictionid.acquire.align.match import around
 from frictionid.acquire.align.response import Response, response
@@ -84,7 +84,14 @@ def aligned(angles: Path, log: Path, rig: Path, wanted: Wanted) -> Aligned:
     torque = _torque(rows, measured, mechanism, wanted.hold)
     shown = _exposure(document)
     marker = _marked(seen, rows, wanted, str(angles), shown) if wanted.marker else None
-    found = align(setup.mechanism or {}, seen.angle, torque, known=_known(marker, wanted, seen))
+    known = _known(marker, wanted, seen)
+    try:
+        found = align(setup.mechanism or {}, seen.angle, torque, known=known)
+    except InputError as error:
+        if marker is None or known is None:
+            raise
+        errors = marker.error, marker.drift_error
+        found = by_marker(known, errors, seen.angle, torque, str(error))
     moved = torque._replace(time=found.clock.to_angles(torque.time))
     angle = cut(seen.angle, moved.time[0], moved.time[-1])
     command = _command(rows, setup)

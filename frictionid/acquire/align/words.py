@@ -26,6 +26,8 @@ def described(
 def _clock(found: Alignment) -> Iterator[str]:
     clock, reach = found.clock, found.reach
     begin, end = found.span
+    if found.why:
+        yield f"caution  the marker alone ties the clocks: {found.why}"
     yield (
         f"offset   {clock.offset:.5f} s, 95 % interval "
         f"+-{1e3 * reach * found.error_at(clock.at):.3f} ms, at {clock.at:.2f} s of the log's clock"
@@ -62,6 +64,8 @@ def _viscous(found: Alignment, mechanism: Mechanism) -> Iterator[str]:
     """What the interval of the offset means for viscous friction."""
     half = found.reach * found.error_at(found.clock.at)
     d = mechanism.description
+    if found.why:
+        return
     for name, slope, value in zip(d.joints, found.viscous, found.found, strict=True):
         open_ = abs(slope) * half
         share = f", {100 * open_ / abs(value):.2g} % of it" if value else ""
@@ -81,6 +85,9 @@ def _marker(found: Alignment, marker: Marked | None) -> Iterator[str]:
         f"marker   {marker.edges} edges: offset {marker.offset:.5f} s, "
         f"+-{1.96e3 * marker.error:.2f} ms, at {marker.at:.2f} s"
     )
+    if found.why:
+        yield "marker   a delay between log and torque is not known: compare with that fitted, too"
+        return
     if abs(apart) > both:
         yield (
             f"marker   by the motion the torque acts {1e3 * apart:.2f} ms later than it was logged "
@@ -131,9 +138,13 @@ def document_of(
             "span": list(found.span),
             "settled": found.settled,
         },
-        "viscous": {"per_second_of_offset": found.viscous.tolist(), "found": found.found.tolist()},
         "sources": sources,
     }
+    if not found.why:
+        out["viscous"] = {
+            "per_second_of_offset": found.viscous.tolist(),
+            "found": found.found.tolist(),
+        }
     if marker is not None:
         out["marker"] = {k: float(v) for k, v in marker._asdict().items()}
     out["command"] = [
