@@ -10,7 +10,7 @@ import importlib
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -22,7 +22,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction, true_rig
 from frictionid.evaluation.loops import Loops
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier, Published
+from frictionid.identifiers import Identifier, Network, Published
 from frictionid.mechanics import plant_of
 from frictionid.names import IDENTIFIERS, LAWS, folds, loops
 from frictionid.readers.dataset import load_dataset
@@ -114,10 +114,13 @@ def load_suite(path: Path) -> Suite:
         raise InputError(f"{path}: {mistake(error)}") from None
 
 
-def tasks_of(suite: Suite, file: Path, data: Path | None = None) -> list[Task]:
+def tasks_of(
+    suite: Suite, file: Path, data: Path | None = None, device: str | None = None
+) -> list[Task]:
     """Tasks of the suite of a file; `data` is the folder with the tables of its one data set.
 
-    The truth of simulated data stands beside the identifiers.
+    The truth of simulated data stands beside the identifiers. `device` is where networks are
+    trained, whatever the suite says.
 
     Raises
     ------
@@ -125,12 +128,12 @@ def tasks_of(suite: Suite, file: Path, data: Path | None = None) -> list[Task]:
         For unknown names, settings that do not fit, data that cannot be read.
     """
     try:
-        return _tasks(suite, file.parent, data)
+        return _tasks(suite, file.parent, data, device)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 
 
-def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
+def _tasks(suite: Suite, folder: Path, data: Path | None, device: str | None) -> list[Task]:
     if data is not None and len(suite.datasets) > 1:
         names = ", ".join(entry.path for entry in suite.datasets)
         raise InputError(
@@ -139,6 +142,8 @@ def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
         )
     recipes = recipes_of(suite.recipes)
     chosen = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
+    if device is not None:
+        chosen = [(name, on_device(own, device), only) for name, own, only in chosen]
     distinct([recipe.name for recipe in recipes], "recipes")
     distinct(list(map(str, suite.seeds)), "seeds")
     contests = [contest_of(suite, entry, folder, data) for entry in suite.datasets]
@@ -156,6 +161,24 @@ def _tasks(suite: Suite, folder: Path, data: Path | None) -> list[Task]:
                     tasks += [Task(contest, name, identifier, recipe, s) for s in suite.seeds]
     distinct([task.file.lower() for task in tasks], "results")
     return tasks
+
+
+def on_device(identifier: Any, device: str) -> Any:
+    """An identifier, the networks in it trained by gradients on a device; others are as they were.
+
+    Raises
+    ------
+    InputError
+        For a device that is not there.
+    """
+    if isinstance(identifier, Network):
+        return replace(identifier, device=device)
+    if not is_dataclass(identifier):
+        return identifier
+    parts = {f.name: getattr(identifier, f.name) for f in fields(identifier) if f.init}
+    moved = {name: on_device(part, device) for name, part in parts.items()}
+    other = {name: part for name, part in moved.items() if part is not parts[name]}
+    return replace(identifier, **other) if other else identifier
 
 
 def used_of(entry: DatasetEntry, recipes: Sequence[Way]) -> list[Way]:

@@ -18,7 +18,7 @@ from frictionid.identifiers import Network
 from frictionid.identifiers.compiled import compiled, compiler
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.laws import MLP
-from frictionid.suite import identifier_named
+from frictionid.suite import identifier_named, on_device
 
 TINY = Network(MLP((2,)), epochs=2, batch=64)
 NO_CUDA = pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
@@ -52,11 +52,11 @@ def test_what_cannot_be_compiled_is_told_in_one_line(monkeypatch):
 def refused(tmp_path, monkeypatch, capsys):
     """What the command line says of a suite whose second identifier has these settings."""
 
-    def told(settings):
+    def told(settings, *others):
         network = {"kind": "mlp", "solver": "adam", **settings}
         changes = [("identifiers", [{"kind": "none"}, network])]
         file = tiny.write_suite(tmp_path, changes)
-        arguments = ["frictionid", "compare", str(file), "--out", str(tmp_path / "out")]
+        arguments = ["frictionid", "compare", str(file), "--out", str(tmp_path / "out"), *others]
         monkeypatch.setattr(sys, "argv", arguments)
         assert main() == 2
         assert not (tmp_path / "out").exists()  # nothing has been computed
@@ -94,3 +94,20 @@ def test_levenberg_marquardt_says_that_it_takes_neither(settings):
     (name,) = settings
     with pytest.raises(InputError, match=f'{name}.*needs solver = "adam"'):
         identifier_named("mlp", settings)
+
+
+@NO_CUDA
+def test_the_command_names_a_device_for_all_networks(refused):
+    assert "PyTorch sees no CUDA device here: leave the device out" in refused({}, "--device=cuda")
+
+
+def test_a_device_is_that_of_networks_alone():
+    network = identifier_named("lstm", {})
+    hybrid = identifier_named("blackbox_mlp", {})
+    assert on_device(network, "cpu") == network and on_device(hybrid, "cpu") == hybrid
+    static = identifier_named("mlp", {})  # by Levenberg-Marquardt, without PyTorch
+    assert on_device(static, "cuda") == static
+    if not torch.cuda.is_available():
+        for learned in (network, hybrid):
+            with pytest.raises(InputError, match="sees no CUDA device"):
+                on_device(learned, "cuda")

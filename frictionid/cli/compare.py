@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+
+class Device(StrEnum):
+    """Where networks are trained."""
+
+    cpu = "cpu"
+    cuda = "cuda"
 
 
 def compare(
@@ -16,6 +24,9 @@ def compare(
     out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>].")] = None,
     jobs: Annotated[int, typer.Option(min=0, help="Tasks side by side; 0: one per core.")] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Keep what is already done.")] = False,
+    device: Annotated[
+        Device | None, typer.Option(help="Where networks are trained, whatever the suite says.")
+    ] = None,
 ) -> None:
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from frictionid.cli.progress import counted
@@ -28,14 +39,14 @@ def compare(
     table = load_suite(suite)
     folder = out or Path("report") / table.name
     try:
-        tasks = tasks_of(table, suite, data)
+        tasks = tasks_of(table, suite, data, device.value if device else None)
         grounds = grounds_of(tasks)
         with lock(folder), counted(len(tasks), f"comparing ({table.name})") as count:
 
             def done(task: Task) -> None:
                 count(f"{task.contest.dataset.name}: {task.name}, {task.recipe.name}")
 
-            settings = table.model_dump(mode="json")
+            settings = table.model_dump(mode="json") | ({"device": device.value} if device else {})
             describe(folder, table.name, table.title, settings, tasks, grounds)
             run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=jobs, resume=resume, done=done)
             build(folder)
