@@ -173,7 +173,7 @@ def on_device(identifier: Any, device: str) -> Any:
     """
     if isinstance(identifier, Network):
         return replace(identifier, device=device)
-    if not is_dataclass(identifier):
+    if not is_dataclass(identifier) or isinstance(identifier, type):
         return identifier
     parts = {f.name: getattr(identifier, f.name) for f in fields(identifier) if f.init}
     moved = {name: on_device(part, device) for name, part in parts.items()}
