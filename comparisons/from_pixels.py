@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,13 +99,15 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--jobs", type=int, default=2)
-    jobs = parser.parse_args().jobs
+    parser.add_argument("--codec", choices=("jpeg", "jpeg444"), default=FILM.codec)
+    given = parser.parse_args()
+    jobs, film = given.jobs, replace(FILM, codec=given.codec)
     recordings = load_dataset(CLEAN).recordings[::2][:COUNT]
     for name in ("tracked", "perfect"):
         (OUT / name).mkdir(parents=True, exist_ok=True)
-    marks, first = seen(recordings[0], FILM, OUT, None)
+    marks, first = seen(recordings[0], film, OUT, None)
     work = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(seen)(recording, FILM, OUT, marks) for recording in recordings[1:]
+        delayed(seen)(recording, film, OUT, marks) for recording in recordings[1:]
     )
     found = [first, *(a for _, a in progress(work, "filming, tracking", total=len(recordings) - 1))]
     rng = np.random.default_rng(0)

@@ -28,10 +28,12 @@ from frictionid.acquire.camera.calibrate import calibrate
 from frictionid.acquire.camera.follow import follow, gathered
 from frictionid.acquire.camera.marks import Camera, Links, Marker, Marks
 from frictionid.acquire.camera.propose import propose
-from frictionid.acquire.camera.source import Source
+from frictionid.acquire.camera.source import Source, open_source
 from frictionid.acquire.camera.study import follow_as_the_study
+from frictionid.acquire.camera.track import track
 from frictionid.geometry import flattened
 from frictionid.recordings import Motion
+from frictionid.simulate.film import write_film
 from frictionid.simulate.view import chain
 
 EASY = Film(LENGTHS, view=SMALL)
@@ -230,6 +232,16 @@ def test_a_still_chain_is_found_where_it_is():
     )
     angles = tracked(EASY, taken(EASY, still), marks_of(EASY, camera=Camera(calibrate=False)))
     np.testing.assert_allclose(np.degrees(angles.q), np.degrees(0.4), atol=0.1)
+
+
+def test_colour_at_full_resolution_is_more_exact(tmp_path):
+    slow, off = motion(60, speed=0.05, seed=3), []
+    for codec in ("jpeg", "jpeg444"):
+        film = replace(EASY, codec=codec, noise=0.0)
+        source = open_source(str(write_film(film, slow, tmp_path / codec)[0]))
+        # what dots show of the grid of pixels, not what a turned view does
+        off.append(np.std(errors(track(source, marks_of(film)), slow)[1:], axis=0))
+    assert (off[1] < 0.6 * off[0]).all()
 
 
 def test_followed_markers_lie_on_the_dots(easy):

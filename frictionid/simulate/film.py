@@ -19,6 +19,11 @@ from frictionid.simulate.view import View, chain
 
 CLOCK = 90_000  # ticks per second of time stamps
 _STREAK = 1.0  # [px] between two instants of an exposure
+_COLOUR = {  # resolution of the colour in JPEGs
+    "jpeg": cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420,
+    "jpeg444": cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+    "mpeg4": 0,
+}
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,8 @@ class Film:
     dropped : share of frames that are missing; jitter : standard deviation of the instants [s]
     hidden : share of frames in which something is before a dot
     lamp : Lamp that the camera sees, too; none by default
-    codec : "jpeg": a picture each, with its time stamp; "mpeg4": compressed, evenly spaced
+    codec : "jpeg": a picture each, with its time stamp, its colour at half the resolution, as in
+        most videos; "jpeg444": at full resolution; "mpeg4": compressed, evenly spaced
     """
 
     lengths: tuple[float, ...]
@@ -44,7 +50,7 @@ class Film:
     view: View = field(default_factory=View)
     look: Look = field(default_factory=Look)
     lamp: Lamp | None = None
-    codec: Literal["jpeg", "mpeg4"] = "jpeg"
+    codec: Literal["jpeg", "jpeg444", "mpeg4"] = "jpeg"
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -112,7 +118,8 @@ def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Arr
     InputError
         Where it cannot be written.
     """
-    jpeg = film.codec == "jpeg"
+    jpeg = film.codec != "mpeg4"
+    quality = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, _COLOUR[film.codec]]
     path = stem.with_suffix(".mov" if jpeg else ".mp4")
     code = cv2.VideoWriter.fourcc(*("jpeg" if jpeg else "mp4v"))
     rate, options = (CLOCK, [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]) if jpeg else (film.rate, [])
@@ -126,7 +133,7 @@ def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Arr
         if jpeg:
             writer.set(cv2.VIDEOWRITER_PROP_PTS, float(round((shot.time - times[0]) * CLOCK)))
             writer.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, 1.0)
-            writer.write(cv2.imencode(".jpg", shot.image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1])
+            writer.write(cv2.imencode(".jpg", shot.image, quality)[1])
         else:
             writer.write(shot.image)
     writer.release()
