@@ -46,9 +46,16 @@ def mlp(
     if solver == "adam" or inputs == "all":
         own = Network(law, epochs, batch, rate, patience=patience, device=device, compile=compile)
         return replace(own, members=members, inputs=inputs)
-    if compile or device != "cpu":
-        told = "compile = true" if compile else f'device = "{device}"'
-        raise InputError(f'{told} needs solver = "adam": Levenberg-Marquardt uses neither')
+    ours = (
+        ("compile = true", compile),
+        (f'device = "{device}"', device != "cpu"),
+        (f"epochs = {epochs}", epochs != Network.epochs),
+        (f"batch = {batch}", batch != Network.batch),
+        (f"rate = {rate}", rate != Network.rate),
+        (f"patience = {patience}", patience != Network.patience),
+    )
+    if told := [name for name, given in ours if given]:
+        raise InputError(f'{told[0]} needs solver = "adam": Levenberg-Marquardt does not use it')
     return CompressedNetwork(law, members=members)
 
 

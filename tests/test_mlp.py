@@ -204,6 +204,10 @@ def test_its_settings_choose_the_law():
         ({"odd": "perhaps"}, "odd.*'perhaps'"),
         ({"width": 0.0}, "width"),
         ({"hiden": [8]}, "'hiden'.* did you mean 'hidden'"),
+        ({"epochs": 5}, 'epochs = 5 needs solver = "adam"'),
+        ({"rate": 0.1, "solver": "levenberg_marquardt"}, 'rate = 0.1 needs solver = "adam"'),
+        ({"batch": 32}, "batch = 32 needs"),
+        ({"patience": 1}, "patience = 1 needs"),
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings, complaint):

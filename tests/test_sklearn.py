@@ -164,6 +164,9 @@ def test_its_settings_choose_the_estimator():
         ({"estimator": "knn", "settings": {"neighbours": 4}}, "neighbours"),
         ({"estimator": "knn", "settings": {"n_neighbors": -4}}, "n_neighbors"),
         ({"estimator": "knn", "bins": 1}, "bins"),
+        ({"estimator": "knn", "speeds": [2.0, 1.0]}, r"speeds = \[2.0, 1.0\] .* increase"),
+        ({"estimator": "sklearn.svm.SVC"}, r"SVC\(\) is no regressor"),
+        ({"estimator": "sklearn.cluster.KMeans"}, r"KMeans\(\) is no regressor"),
         ({}, "estimator"),
     ],
 )
@@ -180,3 +183,24 @@ def test_a_joint_that_never_slides_is_refused():
     G[:, :, 1] = 0.0
     with pytest.raises(InputError, match="joint 2 slides in no row of fold 0"):
         fit(replace(problem, G=G))
+
+
+@pytest.mark.parametrize(("neighbours", "bins"), [(1000, 200), (9, 2)])
+def test_what_an_estimator_says_only_when_it_learns_is_one_line_too(neighbours, bins):
+    with pytest.raises(InputError, match=r"cannot learn from \d+ lines: .*n_neighbors") as caught:
+        fit(practice_problem(1), KNeighborsRegressor(neighbours), bins=bins)
+    assert "\n" not in str(caught.value)
+
+
+def test_estimators_inside_others_and_of_ones_own_are_regressors():
+    from sklearn.pipeline import make_pipeline
+
+    class Own:
+        def fit(self, x, y):
+            return self
+
+        def predict(self, x):
+            return x[:, 0]
+
+    Regressor(make_pipeline(LinearRegression()))
+    Regressor(Own())

@@ -86,10 +86,13 @@ class Regressor:
         object.__setattr__(self, "inputs", tuple(self.inputs))
         if not all(callable(getattr(self.estimator, m, None)) for m in ("fit", "predict")):
             raise InputError(f"sklearn: {self.estimator!r} is no regressor with fit and predict")
+        _check_kind(self.estimator)
         if "w" not in self.inputs or not set(self.inputs) <= set(INPUTS):
             raise InputError(f"sklearn: inputs = {list(self.inputs)} must be w, with q and u if so")
         if self.bins < 2:
             raise InputError(f"sklearn: bins = {self.bins} must be at least 2")
+        if self.speeds is not None:
+            Table(self.speeds)  # now, and not after the first fit
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = relative(weights, problem)
@@ -167,14 +170,32 @@ def _learnt(estimator: Any, lesson: Lesson, inputs: tuple[str, ...], seed: int) 
     level = float(np.average(lesson.torque, weights=share))
     scale = max(float(np.sqrt(np.average((lesson.torque - level) ** 2, weights=share))), _SMALL)
     weighs = "sample_weight" in inspect.signature(copy.fit).parameters
+    taught = Taught(copy, centre, size, level, scale)
+    # what a setting is to the number of lines, some estimators only say when they fit or predict
     with warnings.catch_warnings():  # of the estimator's own convergence
         warnings.simplefilter("ignore")
-        copy.fit(
-            (table - centre) / size,
-            (lesson.torque - level) / scale,
-            **({"sample_weight": share} if weighs else {}),
+        try:
+            copy.fit(
+                (table - centre) / size,
+                (lesson.torque - level) / scale,
+                **({"sample_weight": share} if weighs else {}),
+            )
+            taught.predict(table[:1])
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"sklearn: {estimator} cannot learn from {len(table)} lines: {error}"
+            ) from None
+    return taught
+
+
+def _check_kind(estimator: Any) -> None:
+    """Refuse what scikit-learn itself says is something else than a regressor."""
+    from sklearn.base import BaseEstimator, is_regressor
+
+    if isinstance(estimator, BaseEstimator) and not is_regressor(estimator):
+        raise InputError(
+            f"sklearn: {estimator} is no regressor: choose one, such as sklearn.svm.LinearSVR"
         )
-    return Taught(copy, centre, size, level, scale)
 
 
 def _spread(problem: Problem) -> tuple[float, ...]:
