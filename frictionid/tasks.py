@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 
 from frictionid.compare import Contest, Ground, Result, Way, first_step, ground_of, run
 from frictionid.errors import InputError
-from frictionid.identifiers import Identifier, Nothing, Published
+from frictionid.identifiers import Identifier, Nothing, Published, is_seeded
 from frictionid.shooting import Corrected, Shooting, document_of
 from frictionid.store import model_document, read_json, remove_unfinished, write_json
 
@@ -221,11 +221,16 @@ def _finished(task: Task, path: Path) -> bool:
 
 
 def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
-    """Tasks in groups of one result: no recipe and no seed changes numbers that are given."""
+    """Tasks in groups of one result: no recipe and no seed changes numbers that are given.
+
+    Nor does a seed change what is found by an identifier that draws nothing.
+    """
     groups: dict[Any, list[Task]] = {}
     for task in tasks:
         given = isinstance(task.identifier, Nothing | Published)
-        key = (id(task.contest), id(task.identifier)) if given else task.file
+        key: Any = task.file
+        if given or not is_seeded(task.identifier):
+            key = (id(task.contest), id(task.identifier), None if given else task.recipe.name)
         groups.setdefault(key, []).append(task)
     return list(groups.values())
 

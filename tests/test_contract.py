@@ -246,6 +246,17 @@ class Local(Ill):
         return replace(friction, provenance={"by": lambda: None})
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """Says that no seed changes what it finds, and draws."""
+
+    seeded = False
+
+    def fit(self, problem, weights, seed):
+        friction = INNER.fit(problem, weights, seed)
+        return replace(friction, theta=friction.theta * (1.0 + 1e-3 * seed))
+
+
 VIOLATIONS = [
     (Bare(), "fit must give a Friction"),
     (Single(), r"theta must have shape \(3, 1, 2\), not \(1, 2\)"),
@@ -254,6 +265,7 @@ VIOLATIONS = [
     (Absolute(), "doubling all weights must change nothing"),
     (Unweighted(), "must have no influence"),
     (Random(), "the same seed must give the same numbers"),
+    (Drawing(), "another seed must give the same numbers"),
     (Spoiling(), "fit must not change the problem"),
     (Wasting(), "fit must not change the weights"),
     (Learning(), "fit must not change the settings"),

@@ -33,6 +33,14 @@ class Slow:
     def fit(self, problem, weights, seed):
         sleep(float(os.environ.get("PATIENCE", 0)) * self.patient)
         return coulomb_viscous().fit(problem, weights, seed)
+
+@dataclass(frozen=True)
+class Counted:
+    seeded: bool
+    def fit(self, problem, weights, seed):
+        with open(os.environ["CALLS"], "a") as file:
+            print(seed, file=file)
+        return coulomb_viscous().fit(problem, weights, seed)
 """
 SUITE = [
     ("recipes", [{"name": "integral"}]),
@@ -193,6 +201,22 @@ def test_without_resume_everything_is_made_anew(place):
     assert runs[0] == runs[1]
     assert runs[2][1] == runs[0][1]
     assert all(runs[2][0][name] != stamp for name, stamp in runs[0][0].items())
+
+
+@pytest.mark.parametrize("seeded", [False, True])
+def test_what_draws_nothing_is_fitted_once_for_all_seeds(place, seeded, tmp_path, monkeypatch):
+    recipes = [{"name": "study"}, {"name": "integral"}]
+    own = {"kind": "slow_part:Counted", "seeded": seeded}
+    changes = [("recipes", recipes), ("seeds", [0, 1, 2]), ("identifiers", [own])]
+    file = write_suite(place, changes, "seeds.toml")
+    monkeypatch.setenv("CALLS", str(tmp_path / "calls"))
+    out = place / f"seeds-{seeded}"
+    done = compare(file, out)
+    assert sum("Counted" in name for name in done) == 6
+    fits = (tmp_path / "calls").read_text().split()
+    assert fits == (["0"] * 2 if not seeded else ["0", "1", "2"] * 2)
+    table = pd.read_csv(out / "scores.csv")
+    assert set(table["seed"]) == {0, 1, 2}
 
 
 def test_what_does_not_belong_to_a_comparison_any_more_is_gone(place):

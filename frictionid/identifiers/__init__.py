@@ -2,7 +2,7 @@
 
 from frictionid.identifiers.black_box import BlackBox
 from frictionid.identifiers.compressed import CompressedNetwork
-from frictionid.identifiers.contract import Identifier, check_identifier
+from frictionid.identifiers.contract import Identifier, check_identifier, is_seeded
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.linear import Linear
 from frictionid.identifiers.network import Network
@@ -27,4 +27,5 @@ __all__ = [
     "SparseDynamics",
     "StateNetwork",
     "check_identifier",
+    "is_seeded",
 ]

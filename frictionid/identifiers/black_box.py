@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
-from frictionid.identifiers.contract import Identifier
+from frictionid.identifiers.contract import Identifier, is_seeded
 from frictionid.problem import Problem
 
 
@@ -30,6 +30,11 @@ class BlackBox:
     """
 
     inner: Identifier
+
+    @property
+    def seeded(self) -> bool:
+        """Whether a seed changes what the inner identifier finds."""
+        return is_seeded(self.inner)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         return replace(self.inner.fit(problem, weights, seed), mechanism="unit")

@@ -16,7 +16,10 @@ from frictionid.problem import Problem
 
 
 class Identifier(Protocol):
-    """Finds friction in a problem; an instance holds settings only, frozen."""
+    """Finds friction in a problem; an instance holds settings only, frozen.
+
+    One whose numbers no seed changes may say `seeded = False`: it is fitted once for all seeds.
+    """
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         """Friction whose theta has the batch axis of the weights, shape (F, n, P).
@@ -26,6 +29,17 @@ class Identifier(Protocol):
         seed gives the same numbers.
         """
         ...
+
+
+def is_seeded(identifier: Identifier) -> bool:
+    """Whether a seed may change what an identifier finds; so of each that does not say otherwise.
+
+    >>> from frictionid.identifiers import LeastSquares, Network
+    >>> from frictionid.laws import MLP, CoulombViscous
+    >>> is_seeded(LeastSquares(CoulombViscous())), is_seeded(Network(MLP()))
+    (False, True)
+    """
+    return bool(getattr(identifier, "seeded", True))
 
 
 def check_identifier(
@@ -62,6 +76,7 @@ def check_identifier(
         check.folds(friction)
         check.weights(friction)
         check.repetition(friction)
+        check.seeds(friction)
 
 
 class _Check(NamedTuple):
@@ -138,6 +153,13 @@ class _Check(NamedTuple):
         G = np.where(seen[:, None, None], self.problem.G, 3.0 * self.problem.G)
         other = self.identifier.fit(replace(self.problem, r=r, G=G), self.training, 0)
         self.equal(self.torque(other), torque, "rows whose weight is zero must have no influence")
+
+    def seeds(self, friction: Friction) -> None:
+        """What is said to depend on no seed does not."""
+        if not is_seeded(self.identifier):
+            other = self.identifier.fit(self.problem, self.training, 1)
+            same = np.array_equal(self.torque(other), self.torque(friction))
+            self.require(same, "with seeded = False another seed must give the same numbers")
 
     def repetition(self, friction: Friction) -> None:
         again = self.copy(self.identifier, "it").fit(self.problem, self.training, 0)

@@ -10,7 +10,7 @@ higher peak that falls off sooner) that saves most of the steps.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -60,6 +60,7 @@ class LeastSquares:
     iterations: int = 100
     tolerance: float = 1e-11
     robust: float | None = None
+    seeded: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.robust is not None and not self.robust > 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -44,6 +45,7 @@ class Linear:
     """
 
     law: Law
+    seeded: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_linear(self.law)

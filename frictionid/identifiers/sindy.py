@@ -82,6 +82,11 @@ class SINDy:
             if not getattr(self, name) >= low:
                 raise InputError(f"sindy: {name} = {getattr(self, name)} must be at least {low}")
 
+    @property
+    def seeded(self) -> bool:
+        """Whether a seed draws recordings: those of an ensemble."""
+        return self.ensemble > 0
+
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         n, P = problem.r.shape[-1], len(self.library.names)
         theta = np.empty((len(weights), n * P))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -47,6 +48,7 @@ class SparseDynamics:
     thresholds: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)
     ridge: float = 1e-6
     sure: float = 1.0
+    seeded: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "thresholds", tuple(self.thresholds))
