@@ -11,6 +11,8 @@ from frictionid.identifiers import BlackBox, Identifier, Network, SparseDynamics
 from frictionid.laws import StateLSTM, StateMLP
 from frictionid.network_settings import Count, Device, Hidden, Positive
 
+STATE_MLP_HIDDEN, STATE_LSTM_HIDDEN = list(StateMLP.hidden), list(StateLSTM.hidden)
+
 
 def sindy_dynamics(
     degree: Annotated[int, Field(ge=1)] = SparseDynamics.degree,
@@ -26,7 +28,7 @@ def sindy_dynamics(
 
 
 def blackbox_mlp(
-    hidden: Hidden = None,
+    hidden: Hidden = STATE_MLP_HIDDEN,
     turning: bool = StateMLP.turning,
     epochs: Count = Network.epochs,
     batch: Count = Network.batch,
@@ -45,7 +47,7 @@ def blackbox_mlp(
 
 def blackbox_lstm(
     cells: Count = StateLSTM.cells,
-    hidden: Hidden = None,
+    hidden: Hidden = STATE_LSTM_HIDDEN,
     turning: bool = StateLSTM.turning,
     burn_in: Annotated[int, Field(ge=0)] = Network.burn_in,
     targets: Count = Network.targets,

@@ -16,10 +16,13 @@ Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 Hidden = Annotated[list[Count], Field(min_length=1)] | None
 Device = Literal["cpu", "cuda"]
+# told as defaults: tuning begins with what a suite leaves out, too
+MLP_HIDDEN, WINDOW_MLP_HIDDEN = list(MLP.hidden), list(WindowMLP.hidden)
+LSTM_HIDDEN = list(LSTM.hidden)
 
 
 def mlp(
-    hidden: Hidden = None,
+    hidden: Hidden = MLP_HIDDEN,
     odd: bool = MLP.odd,
     dissipative: bool = MLP.dissipative,
     monotone_tail: bool = MLP.monotone_tail,
@@ -62,7 +65,7 @@ def mlp(
 def window_mlp(
     samples: Count = WindowMLP.samples,
     presliding: Annotated[float, Field(ge=0)] = WindowMLP.presliding,
-    hidden: Hidden = None,
+    hidden: Hidden = WINDOW_MLP_HIDDEN,
     odd: bool = WindowMLP.odd,
     dissipative: bool = WindowMLP.dissipative,
     monotone_tail: bool = WindowMLP.monotone_tail,
@@ -89,7 +92,7 @@ def window_mlp(
 
 def lstm(
     cells: Count = LSTM.cells,
-    hidden: Hidden = None,
+    hidden: Hidden = LSTM_HIDDEN,
     odd: bool = LSTM.odd,
     dissipative: bool = LSTM.dissipative,
     monotone_tail: bool = LSTM.monotone_tail,

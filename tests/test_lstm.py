@@ -13,7 +13,7 @@ from frictionid.identifiers import LeastSquares, Network, check_identifier
 from frictionid.identifiers.network import check_device
 from frictionid.identifiers.practice import practice_problem, practice_weights
 from frictionid.identifiers.sequences import Sequences, _Cells
-from frictionid.laws import LSTM, FilmLag, Stribeck, check_law
+from frictionid.laws import LSTM, MLP, FilmLag, Stribeck, check_law
 from frictionid.names import LAWS
 from frictionid.store import load_model, save_model
 from frictionid.suite import identifier_named
@@ -221,3 +221,17 @@ def test_a_device_that_is_not_there_is_told_in_one_line():
     with pytest.raises(InputError, match="sees no CUDA device"):
         problem = practice_problem(1)
         replace(SMALL, device="cuda").fit(problem, practice_weights(problem), 0)
+
+
+def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_rows():
+    problem = practice_problem(1)
+    longest = len(problem.r)
+    one, two = (
+        replace(SMALL, epochs=1, targets=t, batch=b).fit(problem, everything(problem), 0)
+        for t, b in ((longest, 256), (10**7, 10**12))
+    )
+    np.testing.assert_allclose(one.theta, two.theta, rtol=1e-6, atol=1e-9)
+    rows = Network(MLP((4,)), epochs=1, batch=10**12)
+    assert np.isfinite(rows.fit(problem, everything(problem), 0).theta).all()
+    with pytest.raises(InputError, match="burn_in = 100000 samples .* longest recording"):
+        replace(SMALL, burn_in=100000).fit(problem, everything(problem), 0)

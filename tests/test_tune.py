@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,6 +99,21 @@ def test_the_suites_own_settings_are_the_first_trial(place, tmp_path):
     assert found.trials[0].settings == {"factor": 0.9} and found.own == found.trials[0].value
     (found,) = tune([other], tuning, tmp_path / "b")
     assert all(t.settings["factor"] != 3.0 for t in found.trials) and math.isnan(found.own)
+
+
+def test_the_example_of_the_page_can_be_tuned_and_begins_with_what_the_suite_leaves_out(place):
+    page = (Path(__file__).parents[1] / "docs" / "identifiers.md").read_text()
+    example = tomllib.loads(
+        page.split("## Choosing settings")[1].split("```toml")[1].split("```")[0]
+    )
+    assert Tuning.model_validate(example["tune"]) == Tuning()
+    changes = [*example.items(), ("recipes", [{"name": "integral"}])]
+    file = write_suite(place, changes, "page.toml")
+    units = units_of(load_suite(file), file)
+    assert [u.name for u in units] == ["mlp", "lstm"]
+    for u in units:
+        assert set(u.own) == set(u.search)
+        assert all(space.holds(u.own[key]) for key, space in u.search.items())
 
 
 def test_choices_whole_numbers_and_rollouts(place, tmp_path):

@@ -38,7 +38,7 @@ class Network:
 
     epochs : how often the rows are gone through, at most; a fold ends where `patience` of them have
         brought no better cost on the recordings held out in it, a `share` of its weight
-    batch : rows of each fold in a step
+    batch : rows of each fold in a step, no more than there are
     rate : the first learning rate
     members : networks with other starts and other recordings held out; friction is their mean
     inputs : "all" for an `MLP` that sees the velocities of all joints
@@ -131,7 +131,8 @@ class Network:
         import torch  # late: who trains no network need not wait for it
 
         learn, judge = (self._lessons(law, problem, start, part) for part in parts)
-        size = max(1, self.batch // learn.rows)
+        # a batch larger than all rows, or the usual one, would only repeat them
+        size = max(1, min(self.batch, max(len(problem.r), Network.batch)) // learn.rows)
         steps = -(-len(problem.r) // (size * learn.rows))
         draws = batches(learn.counted(parts[0]), size, seeds)
         held = learn.tensor(side_by_side(judge.counted(parts[1]), judge.items))
@@ -162,8 +163,15 @@ class Network:
         from frictionid.identifiers.sequences import Sequences
 
         if hasattr(law, "cells"):
-            length = (self.burn_in, self.targets)
-            return Sequences(law, problem, start, weights, self.device, *length)
+            longest = -(-int(np.diff(problem.nodes.first).max()) // problem.nodes.per_sample)
+            if self.burn_in > max(longest, Network.burn_in):
+                raise InputError(
+                    f"burn_in = {self.burn_in} samples is more than the longest recording has "
+                    f"({longest}): choose a smaller one"
+                )
+            # pieces longer than a recording are the recording, and nothing
+            targets = min(self.targets, max(longest, Network.targets))
+            return Sequences(law, problem, start, weights, self.device, self.burn_in, targets)
         return Rows(law, problem, start, weights, self.device)
 
 
