@@ -16,7 +16,8 @@ from frictionid.acquire.camera.overlay import contact_sheet
 from frictionid.acquire.camera.source import Source, open_source
 from frictionid.acquire.camera.track import track
 from frictionid.cli import main
-from frictionid.simulate.film import write_film
+from frictionid.errors import InputError
+from frictionid.simulate.film import shots, write_film
 
 FILM = Film(LENGTHS, view=SMALL)
 MOTION = motion(60)
@@ -217,3 +218,61 @@ def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
     np.testing.assert_allclose(angles.q, track(open_source(film), marks).q[:25], atol=1e-3)
     with pytest.raises(KeyboardInterrupt):
         track(Live("film", "video", SMALL.size, 60.0, None, (film,)), marks)
+
+
+def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
+    film, rig = (place / "even.mov").read_bytes(), (place / "rig.toml").read_bytes()
+    for words, said in [
+        (["--out", "even.mov"], "the film itself"),
+        (["--out", "lost.csv", "--overlay", "./even.mov"], "the film itself"),
+        (["--out", "rig.toml"], "the rig's file"),
+        (["--out", "lost.csv", "--sheet", "lost.csv"], "another option"),
+        (["--out", "lost.csv", "--sheet", "."], "is a folder"),
+    ]:
+        status, out, err = command(monkeypatch, capsys, place, "track", "even.mov", *words)
+        assert status == 2 and said in err and err.count("\n") == 1 and not out
+    assert not (place / "lost.csv").exists()
+    assert (place / "even.mov").read_bytes() == film
+    assert (place / "rig.toml").read_bytes() == rig
+
+
+def test_a_missing_rig_is_told_as_missing(place, monkeypatch, capsys):
+    words = ["track", "even.mov", "--rig", "nosuch.toml", "--out", "lost.csv"]
+    status, _, err = command(monkeypatch, capsys, place, *words)
+    assert status == 2 and "No such file" in err and "TOML" not in err
+
+
+def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):
+    (tmp_path / "junk.mov").write_bytes(b"junk")
+    with pytest.raises(InputError, match="no video"):
+        open_source(str(tmp_path / "junk.mov"))
+    with pytest.raises(InputError, match="gives no pictures"):
+        open_source("97")
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Film((-0.1, 0.1)), "lengths"),
+        (lambda: replace(SMALL, scale=0.0), "view.scale"),
+        (lambda: replace(SMALL, size=(0, 10)), "view.size"),
+        (lambda: Look(dots=((), (0.0, 0.85))), "look.dots"),
+        (lambda: Look(dots=((), (0.0, 8.5, 0.85))), "look.dots"),
+        (lambda: Look(radius=-3.0), "look.radius"),
+    ],
+)
+def test_a_camera_that_cannot_be_is_refused(make, said):
+    with pytest.raises(InputError, match=said):
+        make()
+
+
+def test_a_film_that_broke_off_is_none(tmp_path, monkeypatch):
+    def broken(*_):
+        yield from itertools.islice(shots(FILM, MOTION), 3)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("frictionid.simulate.film.shots", broken)
+    with pytest.raises(KeyboardInterrupt):
+        write_film(FILM, MOTION, tmp_path / "half")
+    assert not list(tmp_path.iterdir())

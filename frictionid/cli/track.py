@@ -46,6 +46,7 @@ def track(
     from frictionid.acquire.camera.marks import load_marks
     from frictionid.report.files import write_bytes
 
+    _check_places(video, rig, out, sheet, overlay)
     marks = load_marks(rig)
     source = open_source(video, marks.camera.rate)
     if source.kind == "live" and (overlay or sheet):
@@ -71,6 +72,22 @@ def track(
     return None
 
 
+def _check_places(video: str, rig: Path, *places: Path | None) -> None:
+    """Complain now about what would be lost or could not be written after the film was followed."""
+    from frictionid.errors import InputError
+
+    taken = {Path(video).resolve(): "the film itself", rig.resolve(): "the rig's file"}
+    for place in places:
+        if place is None:
+            continue
+        if place.is_dir():
+            raise InputError(f"{place} is a folder; name a file in it")
+        whole = place.resolve()
+        if whole in taken:
+            raise InputError(f"{place} is {taken[whole]} and is not overwritten; name another file")
+        taken[whole] = "written already by another option"
+
+
 def _setup(video: str, rig: Path) -> None:
     from frictionid.acquire.camera.marks import marks_text
     from frictionid.acquire.camera.propose import propose
@@ -88,7 +105,11 @@ def _setup(video: str, rig: Path) -> None:
     _written(rig, lambda: write_bytes(rig, marks_text(marks, notes).encode()))
     for marker in marks.markers:
         place = f"at {marker.at[0]:.1f}, {marker.at[1]:.1f}" if marker.at else ""
-        dot = f"hue {marker.hue:.0f} deg, radius {marker.radius:.1f} px" if marker.hue else ""
+        dot = (
+            f"hue {marker.hue:.0f} deg, radius {marker.radius:.1f} px"
+            if marker.hue is not None
+            else ""
+        )
         print(f"{marker.name}: {dot or place}")
     lengths = ", ".join(f"{p:.1f}" for p in marks.links.pixels or ())
     print(f"links: {lengths} px\nwritten to {rig}")

@@ -60,6 +60,8 @@ class Film:
         for name in ("noise", "dropped", "jitter", "hidden"):
             if not getattr(self, name) >= 0:
                 raise InputError(f"{name} = {getattr(self, name):g} must not be negative")
+        if any(not length > 0 for length in self.lengths):
+            raise InputError(f"lengths = {list(self.lengths)} must be positive")
         if len(self.look.dots) != len(self.lengths) + 1:
             raise InputError(
                 f"look.dots has {len(self.look.dots)} entries for {len(self.lengths)} links: give "
@@ -127,15 +129,20 @@ def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Arr
     if not writer.isOpened():
         raise InputError(f"{path} cannot be written as a video; name another folder")
     times, hidden = [], []
-    for shot in shots(film, motion):
-        times.append(shot.time)
-        hidden.append(shot.hidden)
-        if jpeg:
-            writer.set(cv2.VIDEOWRITER_PROP_PTS, float(round((shot.time - times[0]) * CLOCK)))
-            writer.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, 1.0)
-            writer.write(cv2.imencode(".jpg", shot.image, quality)[1])
-        else:
-            writer.write(shot.image)
+    try:
+        for shot in shots(film, motion):
+            times.append(shot.time)
+            hidden.append(shot.hidden)
+            if jpeg:
+                writer.set(cv2.VIDEOWRITER_PROP_PTS, float(round((shot.time - times[0]) * CLOCK)))
+                writer.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, 1.0)
+                writer.write(cv2.imencode(".jpg", shot.image, quality)[1])
+            else:
+                writer.write(shot.image)
+    except BaseException:
+        writer.release()
+        path.unlink(missing_ok=True)  # half a film would pass for a whole one
+        raise
     writer.release()
     return path, np.array(times), np.array(hidden)
 

@@ -40,6 +40,16 @@ class Look:
     gradient: float = 0.0
     shadow: float = 0.0
 
+    def __post_init__(self) -> None:
+        for dot in self.dots:
+            if dot and not (len(dot) == 3 and all(0 <= part <= 1 for part in dot[1:])):
+                raise InputError(
+                    f"look.dots: {list(dot)} must be a hue [deg], a saturation and a value, "
+                    "both from 0 to 1, or [] where there is no dot"
+                )
+        if not self.radius > 0:
+            raise InputError(f"look.radius = {self.radius:g} must be positive")
+
 
 @dataclass(frozen=True)
 class Lamp:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from frictionid.errors import InputError
 from frictionid.signals import Array
 
 
@@ -28,6 +29,13 @@ class View:
     distance: float = 2.0
     tilt: tuple[float, float] = (0.0, 0.0)
     distortion: float = 0.0
+
+    def __post_init__(self) -> None:
+        if min(self.size) < 1:
+            raise InputError(f"view.size = {list(self.size)} must be positive")
+        for name in ("scale", "distance"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"view.{name} = {getattr(self, name):g} must be positive")
 
     def pixels(self, points: Array) -> Array:
         """Pixels (..., 2), x to the right and y downwards, of points (..., 2) [m] from the pivot.

@@ -164,8 +164,9 @@ def load_marks(path: Path) -> Marks:
     InputError
         Where the file cannot be read or a setting of these tables is wrong.
     """
+    content = content_of(path)
     try:
-        document = tomllib.loads(content_of(path).decode("utf-8"))
+        document = tomllib.loads(content.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is no TOML ({error}); correct it") from None
     tables = {key: document[key] for key in TABLES if key in document}

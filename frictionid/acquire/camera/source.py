@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.errors import InputError
+
+# FFmpeg, which OpenCV loads with its first video, would write lines beside our one; -8 is quiet
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 Image = NDArray[np.uint8]
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
@@ -171,10 +175,15 @@ def _pace(capture: Any) -> float:
 
 
 def _camera(what: str) -> Source:
-    capture = cv2.VideoCapture(int(what))
-    there = capture.isOpened() and capture.grab()
-    size, rate, _ = _about(capture)
-    capture.release()
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        capture = cv2.VideoCapture(int(what))
+        there = capture.isOpened() and capture.grab()
+        size, rate, _ = _about(capture)
+        capture.release()
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     if not there:
         raise InputError(f"camera {what} gives no pictures; name another number or a video file")
     return Source(what, "live", size, rate, None)
