@@ -169,19 +169,22 @@ def sindy(
     other: bool = False,
     optimizer: Literal["stlsq", "sr3"] = "stlsq",
     thresholds: Annotated[list[Positive], Field(min_length=1)] | None = None,
-    search: bool = True,
+    sets: bool = True,
     sure: Annotated[float, Field(ge=0)] = SINDy.sure,
     ensemble: Annotated[int, Field(ge=0)] = 0,
     width: Positive = 0.02,
     shape: Shape = "tanh",
 ) -> Identifier:
-    """A sparse sum of candidate functions, by pysindy's optimisers."""
+    """A sparse sum of candidate functions, by pysindy's optimisers.
+
+    sets : try sets of candidates, too: `search` of `SINDy`, which in a suite is a table for tuning
+    """
     given = {"widths": widths, "powers": powers, "velocities": velocities, "harmonics": harmonics}
     own = {name: tuple(values) for name, values in given.items() if values is not None}
     settings: dict[str, Any] = {**own, "gear": gear, "load": load, "direction": direction}
     library = Library(width, shape, other=other, **settings)
     limits = tuple(thresholds or SINDy.thresholds)
-    return SINDy(library, optimizer, limits, SINDy.ridge, search, sure, ensemble)
+    return SINDy(library, optimizer, limits, SINDy.ridge, sets, sure, ensemble)
 
 
 def sklearn(

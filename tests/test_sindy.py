@@ -349,6 +349,7 @@ def test_it_comes_back_from_its_file(tmp_path):
 
 def test_its_settings_choose_library_and_optimiser():
     assert identifier_named("sindy", {}) == SINDy()
+    assert identifier_named("sindy", {"sets": False}) == SINDy(search=False)
     made = identifier_named(
         "sindy",
         {"velocities": [1.0, 2.0], "harmonics": [1], "optimizer": "sr3", "ensemble": 5},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import tomllib
 from dataclasses import replace
@@ -14,6 +15,7 @@ from tiny import dataset, disturbed, write_suite
 from frictionid.compare import Contest
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.names import IDENTIFIERS
 from frictionid.recipe import INTEGRAL
 from frictionid.search import Objective, Space, Tuning
 from frictionid.suite import IdentifierEntry, identifier_of, load_suite, tasks_of
@@ -314,6 +316,12 @@ def test_each_mistake_is_one_line_that_names_the_way_out(place, entry, tuning, w
     with pytest.raises(InputError, match=words) as caught:
         units_of(load_suite(file), file)
     assert "\n" not in str(caught.value) and "wrong.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", IDENTIFIERS)
+def test_every_setting_can_be_written_in_a_suite_and_tuned(kind):
+    settings = set(inspect.signature(IDENTIFIERS[kind]).parameters)
+    assert not settings & set(IdentifierEntry.model_fields)
 
 
 def test_a_comparison_does_not_read_what_tuning_searches(place):
