@@ -138,6 +138,9 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
     [
         ({"rate": 0.0}, "rate = 0.0 must be positive"),
         ({"lag": -1.0}, "lag = -1.0 must not be negative"),
+        ({"rate": float("inf")}, "rate = inf must be a finite number"),
+        ({"rate": 1e12}, "lower it"),
+        ({"offset": float("nan")}, "offset = nan must be a finite number"),
         ({"drift": 1.0}, "given in ppm"),
         ({"torque": Signal(np.arange(3.0), np.zeros((3, 2)))}, "drives 2 joints, [motor] has 1"),
     ],
@@ -260,6 +263,7 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
         ("u2\n0\n", made, "has the columns u2"),
         ("time,u2\n1,0.1\n1,0.2\n", made, "row 3: time must increase"),
         ("time,u2\n0,0.1\n1,\n", made, "row 3: 'u2' is empty"),
+        ("time,u2\n0,0.1\n", made, "has 1 rows"),
     )
     for text, given_rig, said in cases:
         path.write_text(text)
@@ -268,6 +272,8 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
         assert said in str(complaint.value)
     with pytest.raises(InputError, match="ramp = 0 must be positive"):
         Playing(ramp=0)
+    with pytest.raises(InputError, match="rate = inf must be positive and finite"):
+        Playing(rate=float("inf"))
 
 
 # --- The commands --------------------------------------------------------------------------------
@@ -315,6 +321,8 @@ def test_bad_input_to_the_commands_is_one_line(place, monkeypatch, capsys):
     cases = (
         ("simulate-drive . --port drive --recording rum", "no recording 'rum'"),
         ("simulate-drive . --port drive --speed 0", "--speed 0 must be positive"),
+        ("simulate-drive . --port drive --sent .", ". cannot be written (Is a directory)"),
+        ("simulate-drive . --port drive --sent no/s", "no/s cannot be written (No such file"),
         ("simulate-drive . --port file", "file exists and is no link to a port"),
         ("simulate-drive . --port drive --rig gone.toml", "gone.toml does not exist"),
         ("excite --port /dev/ttyNO --signal signal.csv --out o.csv", "exceeds the limit of 1.5"),

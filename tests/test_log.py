@@ -237,6 +237,8 @@ def test_garbage_behind_good_lines_does_not_end_the_log(wire, tmp_path):
 def test_a_port_that_is_missing_or_busy_is_told_in_one_line(wire, tmp_path):
     with pytest.raises(InputError, match="there is no port /dev/ttyNONE"):
         Port("/dev/ttyNONE", 115200)
+    with pytest.raises(InputError, match="has no rate of 12345678901 baud"):
+        Port(str(wire.link), 12345678901)
     first = Port(str(wire.link), 115200)
     with pytest.raises(InputError, match="is busy: another program has it open"):
         Port(str(wire.link), 115200)

@@ -23,6 +23,7 @@ from frictionid.signals import Array, Signal, sample
 
 # Without a command for so long [s] a commanded drive ramps its torque down, within RAMP.
 SILENCE, RAMP = 0.2, 0.3
+_MOST_LINES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,9 @@ class Drive:
     faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
+        for name in ("rate", "offset", "drift", "gain", "bias", "lag", "noise"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f"{name} = {getattr(self, name)} must be a finite number")
         for name in ("rate", "gain"):
             if not getattr(self, name) > 0:
                 raise InputError(f"{name} = {getattr(self, name)} must be positive")
@@ -76,6 +80,11 @@ class Drive:
         columns, motors = self.torque.value.shape[1], len(self.setup.motors)
         if columns != motors:
             raise InputError(f"the recording drives {columns} joints, [motor] has {motors} motors")
+        if self.lines > _MOST_LINES:
+            raise InputError(
+                f"rate = {self.rate:g} Hz makes {self.lines} lines of this recording, more than "
+                f"{_MOST_LINES}; lower it"
+            )
 
     @property
     def lines(self) -> int:

@@ -41,8 +41,8 @@ class Playing:
 
     def __post_init__(self) -> None:
         for name in ("rate", "ramp", "silence"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name} = {getattr(self, name)} must be positive")
+            if not 0 < getattr(self, name) < float("inf"):
+                raise InputError(f"{name} = {getattr(self, name)} must be positive and finite")
 
 
 def load_signal(path: Path, setup: Setup) -> Signal:
@@ -64,6 +64,8 @@ def load_signal(path: Path, setup: Setup) -> Signal:
     table = read_table(content, str(path), ["time", *names])
     time_ = table.columns["time"]
     value = np.stack([table.columns[n] for n in names], axis=1)
+    if len(time_) < 2:
+        raise InputError(f"{path} has {len(time_)} rows; a signal ends with a second row at least")
     fault = first_fault(time_, value, ("time", *names))
     if fault:
         raise InputError(f"{path}, row {table.rows[fault[0]]}: {fault[1]}; repair or delete it")

@@ -39,7 +39,7 @@ class Port:
             self._serial: Any = serial.Serial(
                 name, baud, timeout=0, write_timeout=_PATIENCE, exclusive=True
             )
-        except (serial.SerialException, OSError, ValueError) as error:
+        except (serial.SerialException, OSError, ValueError, OverflowError) as error:
             raise InputError(_complaint(name, baud, error)) from None
 
     def read(self, timeout: float) -> bytes:
@@ -84,7 +84,7 @@ def _complaint(name: str, baud: int, error: Exception) -> str:
             f"port {name} is not open to you: become a member of its group "
             f"({_group(name)}), and log in again"
         )
-    if isinstance(error, ValueError):
+    if isinstance(error, ValueError | OverflowError):
         return f"port {name} has no rate of {baud} baud; choose another with --baud"
     return f"port {name} cannot be opened ({os.strerror(number) if number else text}); check it"
 

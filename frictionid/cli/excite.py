@@ -61,6 +61,8 @@ def excite(
         finally:
             show.end()
             logger.close()
+            if not file.rows and not append:
+                out.unlink(missing_ok=True)
     print(told(logger.counts))
     print(f"written to {out}")
     if reason:

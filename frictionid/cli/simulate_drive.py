@@ -56,7 +56,12 @@ def simulate_drive(
         faults=Faults(damaged, unplugged, restarts, seed),
     )
     with contextlib.ExitStack() as stack:
-        file = stack.enter_context(sent.open("wb")) if sent else None
+        try:
+            file = stack.enter_context(sent.open("wb")) if sent else None
+        except OSError as error:
+            raise InputError(
+                f"{sent} cannot be written ({error.strerror}); name another --sent"
+            ) from None
         terminal = stack.enter_context(plugged(Terminal(port)))
         print(f"{drive.lines} lines at {port}, as soon as somebody opens it", flush=True)
         good = play(drive, terminal, speed=speed, sent=file)
