@@ -290,6 +290,7 @@ def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motio
         (("a.csv", "log.csv", "--marker", "led"), "no column 'led'"),
         (("a.csv", "log.csv", "--out", "taken"), "holds another data set"),
         (("a.csv", "log.csv", "--out", "rig.toml"), "is a file; name a folder"),
+        (("a.csv", "log.csv", "--out", "new", "--offset", "nan"), "must be a finite number"),
     )
     for arguments, said in cases:
         extra = () if "--out" in arguments else ("--out", "data")

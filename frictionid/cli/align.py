@@ -30,6 +30,7 @@ def align(
 ) -> None:
     """Find offset and drift between two clocks from the motion itself (docs/drive.md)."""
     import json as texts
+    import math
 
     import tomli_w
 
@@ -43,6 +44,8 @@ def align(
 
     if hold not in ("linear", "previous"):
         raise InputError(f"--hold {hold!r} is unknown; known: linear, previous")
+    if offset is not None and not math.isfinite(offset):
+        raise InputError(f"--offset {offset} must be a finite number of seconds")
     name = name or recording_name(angles)
     session.check_out(out, name, rig, hold, replace)
     one = session.aligned(angles, torque, rig, session.Wanted(marker, offset, hold))

@@ -156,7 +156,12 @@ def add_recording(
     folder: Path, name: str, head: Mapping[str, Any], angle: Signal, torque: Signal
 ) -> None:
     """Add a recording to a data set; torque (n columns) is on the angles' clock by now."""
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder} cannot be made ({error.strerror}); name another --out"
+        ) from None
     text = _table(head, angle, torque)
     described = folder / "dataset.toml"
     document = _document(described) if described.exists() else {}
