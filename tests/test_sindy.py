@@ -232,7 +232,11 @@ def test_ensembles_say_how_often_a_term_is_there():
     share = sindy.inclusion(problem, everything(problem), 0, draws=12)[0]
     assert ((0 <= share) & (share <= 1)).all()
     assert (share[:, [sindy.library.names.index(n) for n in ("sign", "viscous")]] > 0.9).all()
-    assert terms(sindy.fit(problem, everything(problem), 0)[0]) == [["sign", "viscous"]] * 2
+    found = sindy.fit(problem, everything(problem), 0)
+    assert terms(found[0]) == [["sign", "viscous"]] * 2
+    for line, own in zip(found.provenance["inclusion"], share, strict=True):
+        for name, much in zip(sindy.library.names, own, strict=True):
+            assert (f"{name} {100 * much:.0f} %" in line) == (much > 0)
     again = sindy.inclusion(problem, everything(problem), 0, draws=12)[0]
     np.testing.assert_array_equal(share, again)
 

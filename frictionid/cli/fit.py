@@ -68,6 +68,7 @@ def fit(
         "sample_time": sample_time,
         "seed": seed,
     }
+    source |= {k: v for k, v in friction.provenance.items() if k == "inclusion"}
     found = None
     if isinstance(made, Shooting):
         found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
@@ -85,6 +86,8 @@ def _show(friction: Friction, source: Mapping[str, Any]) -> None:
     show_refined(source["refined"]) if "refined" in source else print(friction)
     if "equation" in source:
         print("\n  ".join(["with 95 % intervals:", *source["equation"]]))
+    if "inclusion" in source:
+        print("\n  ".join(["how often draws of the recordings had a term:", *source["inclusion"]]))
 
 
 def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Recipe | Shooting:

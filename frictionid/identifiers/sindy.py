@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -89,14 +89,28 @@ class SINDy:
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         n, P = problem.r.shape[-1], len(self.library.names)
-        theta = np.empty((len(weights), n * P))
+        theta, share = np.empty((len(weights), n * P)), np.zeros(0)
         for f, (G, scale, rules) in enumerate(self._folds(problem, weights)):
-            support = self._support(G, rules, seed)
+            if self.ensemble:
+                share = self._inclusion(G, rules, seed, self.ensemble)
+                support = self._often(share, G, rules)
+            else:
+                support = self._once(G, rules)
             theta[f] = 0.0
             if support:
                 S = np.array(support)
                 theta[f, S] = least(G.sum(0), S[None])[1][0] / scale[S]
-        return Friction(self.library, theta.reshape(len(weights), n, P))
+        found = Friction(self.library, theta.reshape(len(weights), n, P))
+        return replace(found, provenance={"inclusion": self._told(share)}) if share.size else found
+
+    def _told(self, share: Array) -> list[str]:
+        """A line for each joint: in what share of the draws a candidate was, most often first."""
+        lines = []
+        for j, own in enumerate(share.reshape(-1, len(self.library.names))):
+            order = [k for k in np.argsort(-own, kind="stable") if own[k] > 0]
+            terms = ", ".join(f"{self.library.names[k]} {100 * own[k]:.0f} %" for k in order)
+            lines.append(f"joint {j + 1}: {terms or 'none'}")
+        return lines
 
     def inclusion(self, problem: Problem, weights: Array, seed: int, draws: int = 50) -> Array:
         """How often (F, n, P) each candidate is in the support of a draw of the recordings."""
@@ -128,10 +142,7 @@ class SINDy:
                 Rules(joint, conflict, positive, usable),
             )
 
-    def _support(self, G: Array, rules: Rules, seed: int) -> tuple[int, ...]:
-        if not self.ensemble:
-            return self._once(G, rules)
-        share = self._inclusion(G, rules, seed, self.ensemble)
+    def _often(self, share: Array, G: Array, rules: Rules) -> tuple[int, ...]:
         total = rules.conflict @ share
         return lawful(np.where(total >= _HALF, share, 0.0), G.sum(0), rules)
 

@@ -24,6 +24,8 @@ from frictionid.report.tables import Table, code, escape_markdown, markdown
 from frictionid.report.why import memory_findings
 
 KINDS = {"recordings": "whole recordings", "blocks": "contiguous blocks"}
+EQUATIONS = "Equations from all data, coefficients with 95 % intervals (s: smooth sign)"
+INCLUSION = "How often draws of the recordings had a term, of all data"
 
 
 class Picture(NamedTuple):
@@ -104,7 +106,8 @@ def _section(
         "pictures": [_shown(picture) for picture in own.pictures],
         "details": [
             *({"title": t, "table": markdown(table)} for t, table in own.details),
-            *_equations(section),
+            *_lines(section, "equation", EQUATIONS),
+            *_lines(section, "inclusion", INCLUSION),
         ],
         "found": own.found and _found(own.found),
         "tests": [_test(evidence, section, test, parts[name, test]) for test in section.tests],
@@ -115,14 +118,13 @@ def _question(asked: Question | None) -> dict[str, Any] | None:
     return asked and {"words": asked.words, "table": markdown(asked.table)}
 
 
-def _equations(section: Section) -> list[dict[str, str]]:
-    """Equations of the models that have some, in one part of the page."""
+def _lines(section: Section, key: str, title: str) -> list[dict[str, str]]:
+    """What the models tell of themselves under a key, in one part of the page."""
     lines = [
         f"- {escape_markdown(entry.title)}: `{line}`\n"
         for entry in section.entries
-        for line in entry.model.get("provenance", {}).get("equation", ())
+        for line in entry.model.get("provenance", {}).get(key, ())
     ]
-    title = "Equations from all data, coefficients with 95 % intervals (s: smooth sign)"
     return [{"title": title, "table": "".join(lines)}] if lines else []
 
 
