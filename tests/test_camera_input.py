@@ -110,7 +110,7 @@ def test_setup_proposes_a_rig_that_tracks(tmp_path, monkeypatch, capsys):
 
 
 def test_an_overlay_has_every_frame(place, tmp_path, monkeypatch, capsys):
-    out = tmp_path / "over.mp4"
+    out = tmp_path / "new" / "over.mp4"
     words = ("track", "uneven.mov", "--out", str(tmp_path / "a.csv"), "--overlay", str(out))
     assert command(monkeypatch, capsys, place, *words)[0] == 0
     assert open_source(str(out)).count == open_source(str(place / "uneven.mov")).count

@@ -231,6 +231,7 @@ WRONG = {
     "state": ('"led"', '"state"', "'state' is another column of the table"),
     "comma": ('"led"', '"a,b"', "must have letters, digits, - and _ only"),
     "radius": ("radius = 4.0", "radius = 0.0", "lamp.radius"),
+    "table": ("[lamp]", "[lanp]", "unknown table [lanp]; did you mean 'lamp'?"),
     "no place": ("at = [290.0, 20.0]", "", "the key 'lamp.at' is missing"),
 }
 

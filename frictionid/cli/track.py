@@ -67,6 +67,7 @@ def track(
     if overlay is not None:
         from frictionid.acquire.camera.overlay import write_overlay
 
+        _written(overlay, lambda: overlay.parent.mkdir(parents=True, exist_ok=True))
         write_overlay(source, angles, overlay)
         print(f"video of what was found in {overlay}")
     return None

@@ -14,10 +14,11 @@ import tomli_w
 from pydantic import Field, field_validator, model_validator
 
 from frictionid.errors import InputError
-from frictionid.readers.strict import Strict, checked
+from frictionid.readers.strict import Strict, checked, nearest
 from frictionid.readers.table import content_of
 
 TABLES = ("markers", "links", "camera", "lamp")
+_OF_OTHERS = ("mechanism", "motor", "protocol", "angles")  # in the same rig.toml
 APART = 40.0  # [deg] of hue: nearer colours cannot be told apart
 
 Positive = Annotated[float, Field(gt=0)]
@@ -169,6 +170,10 @@ def load_marks(path: Path) -> Marks:
         document = tomllib.loads(content.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is no TOML ({error}); correct it") from None
+    for key in document:
+        close = nearest(key, TABLES)
+        if key not in (*TABLES, *_OF_OTHERS) and close.startswith("did"):
+            raise InputError(f"{path}: unknown table [{key}]; {close}")
     tables = {key: document[key] for key in TABLES if key in document}
     return checked(Marks, tables, str(path))
 
