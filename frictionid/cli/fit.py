@@ -57,9 +57,8 @@ def fit(
     recordings = load_dataset(dataset, data)
     plant, step = view_of(chosen, recordings, first_step(made))
     problem = training_problem(recordings, plant, step, sample_time, history)
-    unit = plant.mechanism.description.angle_unit
     everything = np.ones((1, len(problem.r)))
-    friction = find(chosen, problem, everything, seed, unit)[0]
+    friction = find(chosen, problem, everything, seed, plant.mechanism.description.angle_unit)[0]
     source: dict[str, Any] = {
         "dataset": recordings.name,
         "data": dict(recordings.hashes),
@@ -67,8 +66,8 @@ def fit(
         "recipe": repr(made),
         "sample_time": sample_time,
         "seed": seed,
+        **friction.provenance,  # what the identifier tells of its work; shooting begins anew
     }
-    source |= {k: v for k, v in friction.provenance.items() if k == "inclusion"}
     found = None
     if isinstance(made, Shooting):
         found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
