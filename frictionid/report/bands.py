@@ -9,9 +9,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.report.evidence import Entry
-from frictionid.report.style import DARK, GREY, Look, figure, key_above, plain
+from frictionid.report.panels import label, panels, side_by_side
+from frictionid.report.style import DARK, GREY, Look, key_above
 
-COLUMNS = 3  # fits side by side at most; more go to another picture
 SHADE, HATCH = "#F0F0F0", "#D4D4D4"
 LINE = (0, (4, 1.5))
 SLOW = 0.1  # [rad/s]: below it the smoothing of the sign would be compared, not friction
@@ -31,9 +31,7 @@ def curve_bands(
     fits: Sequence[Entry], about: Mapping[str, Any], looks: Mapping[str, Look]
 ) -> list[Any]:
     """Pictures of curves and, below each, of the bands about it: a column for each fit."""
-    count = -(-len(fits) // COLUMNS)
-    parts = [fits[len(fits) * i // count : len(fits) * (i + 1) // count] for i in range(count)]
-    return [_picture(part, fits, about, looks) for part in parts]
+    return [_picture(part, fits, about, looks) for part in side_by_side(fits)]
 
 
 def _picture(
@@ -42,36 +40,21 @@ def _picture(
     about: Mapping[str, Any],
     looks: Mapping[str, Look],
 ) -> Any:
-    joints = range(len(about["joints"]))
-    picture = figure(0.55 + 2.5 * len(joints))
-    axes = picture.subplots(
-        2 * len(joints),
-        len(shown),
-        squeeze=False,
-        gridspec_kw={"height_ratios": [1.5, 1.0] * len(joints)},
-    )
-    for joint in joints:
+    picture, axes = panels(len(shown), about, 1 / 1.5)
+    words = []
+    for joint in range(len(about["joints"])):
         bands = {entry: _band(entry, about, joint) for entry in every}
         tall = _tall(bands.values())
         near = {entry: _near(entry, bands[entry], about, joint) for entry in every}
         scale, prefix = prefixed(max(near.values()))
+        words.append(f"about the fit\n[{prefix}{about['torque_unit']}]")
         for c, entry in enumerate(shown):
             pair = axes[2 * joint : 2 * joint + 2, c]
             for axis, limit in zip(pair, (tall, near[entry]), strict=True):
                 frame(axis, bands[entry].velocity, about, joint, limit)
-            pair[0].tick_params(labelbottom=False, labelleft=c == 0)
             _curve(pair[0], bands[entry], about, joint, looks[entry.label])
             _about_zero(pair[1], entry, bands[entry], about, joint, looks[entry.label], scale)
-        unit = about["torque_unit"]
-        axes[2 * joint, 0].set_ylabel(f"{plain(about['joints'][joint])}\n[{unit}]")
-        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{unit}]")
-    recipes = {entry.recipe for entry in every}
-    for axis, entry in zip(axes[0], shown, strict=True):
-        beside = f", {entry.recipe}" if len(recipes) > 1 else ""
-        colour = looks[entry.label].colour
-        axis.set_title(plain(f"{entry.label}{beside}"), color=colour, weight="bold")
-    picture.align_ylabels(axes[:, 0])
-    picture.supxlabel(f"velocity [{about['angle_unit']}/s]", fontsize=8)
+    label(picture, axes, shown, every, about, looks, words)
     _key(picture, about)
     return picture
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.report.bands import (
-    COLUMNS,
     HATCH,
     LINE,
     SHADE,
@@ -21,7 +20,8 @@ from frictionid.report.bands import (
 )
 from frictionid.report.evidence import Entry, Section
 from frictionid.report.numbers import listed, percent
-from frictionid.report.style import DARK, GREY, Look, figure, key_above, plain
+from frictionid.report.panels import label, panels, side_by_side
+from frictionid.report.style import DARK, GREY, Look, key_above
 
 OPACITY = 0.3  # of the band of one standard deviation
 
@@ -72,9 +72,7 @@ def held(entry: Entry, about: Mapping[str, Any]) -> float:
 def spreads(section: Section, about: Mapping[str, Any], looks: Mapping[str, Look]) -> list[Any]:
     """Pictures of ensembles: curves and, below each, its members about it; a column for each."""
     own = ensembles(section)
-    count = -(-len(own) // COLUMNS)
-    parts = [own[len(own) * i // count : len(own) * (i + 1) // count] for i in range(count)]
-    return [_picture(part, own, about, looks) for part in parts]
+    return [_picture(part, own, about, looks) for part in side_by_side(own)]
 
 
 def _picture(
@@ -83,37 +81,22 @@ def _picture(
     about: Mapping[str, Any],
     looks: Mapping[str, Look],
 ) -> Any:
-    joints = range(len(about["joints"]))
-    picture = figure(0.55 + 2.5 * len(joints))
-    axes = picture.subplots(
-        2 * len(joints),
-        len(shown),
-        squeeze=False,
-        gridspec_kw={"height_ratios": [1.0, 1.3] * len(joints)},
-    )
-    for joint in joints:
+    picture, axes = panels(len(shown), about, 1.3)
+    words = []
+    for joint in range(len(about["joints"])):
         w = np.asarray(about["velocity"], dtype=float)[:, joint]
         tall = 1.12 * max(_tall(entry, joint) for entry in every)
         near = max(_near(entry, w, about, joint) for entry in every)
         scale, prefix = prefixed(near)
+        words.append(f"about the mean\n[{prefix}{about['torque_unit']}]")
         for c, entry in enumerate(shown):
             look, (above, below) = looks[entry.label], axes[2 * joint : 2 * joint + 2, c]
             frame(above, w, about, joint, tall)
             frame(below, w, about, joint, scale * near)
             _curve(above, entry, w, about, joint, look)
             _members(below, entry, w, about, joint, look, scale)
-            above.tick_params(labelbottom=False, labelleft=c == 0)
             below.tick_params(labelleft=c == 0)
-        unit = about["torque_unit"]
-        axes[2 * joint, 0].set_ylabel(f"{plain(about['joints'][joint])}\n[{unit}]")
-        axes[2 * joint + 1, 0].set_ylabel(f"about the mean\n[{prefix}{unit}]")
-    recipes = {entry.recipe for entry in every}
-    for axis, entry in zip(axes[0], shown, strict=True):
-        beside = f", {entry.recipe}" if len(recipes) > 1 else ""
-        colour = looks[entry.label].colour
-        axis.set_title(plain(f"{entry.label}{beside}"), color=colour, weight="bold")
-    picture.align_ylabels(axes[:, 0])
-    picture.supxlabel(f"velocity [{about['angle_unit']}/s]", fontsize=8)
+    label(picture, axes, shown, every, about, looks, words)
     _key(picture, about, looks[shown[0].label] if len(shown) == 1 else Look(GREY, "-"))
     return picture
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from frictionid.report.bands import COLUMNS, curve_bands
+from frictionid.report.bands import curve_bands
 from frictionid.report.correlation import STRONG, correlation, strong_pairs
 from frictionid.report.evidence import Entry, Section
 from frictionid.report.files import file_names
@@ -13,6 +13,7 @@ from frictionid.report.findings import Matter, named
 from frictionid.report.intervals import interval_table, window_table
 from frictionid.report.numbers import listed, short
 from frictionid.report.pairs import best
+from frictionid.report.panels import side_by_side
 from frictionid.report.refined import estimates
 from frictionid.report.remarks import coverage, doubts, findings
 from frictionid.report.style import Look
@@ -124,7 +125,7 @@ def correlation_caption(entry: Entry, dataset: str, about: Mapping[str, Any]) ->
 
 def band_stems(section: Section, name: str) -> list[str]:
     """Names of the files of the pictures of bands."""
-    count = -(-len(fits(section)) // COLUMNS)
+    count = len(side_by_side(fits(section)))
     return [f"bands--{name}" + (f"--{i + 1}" if count > 1 else "") for i in range(count)]
 
 
