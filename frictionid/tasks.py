@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, is_dataclass
@@ -263,6 +264,8 @@ def side_by_side(
             _one_torch_thread()
             yield from ((i, work(*call)) for i, call in enumerate(calls))
         return
+    # who interrupts a comparison knows that tasks were cancelled
+    warnings.filterwarnings("ignore", r"\d+ tasks .*(not used|cancelled)", UserWarning)
     with parallel_config(backend="loky", inner_max_num_threads=1):
         # max_nbytes: arrays travel with their task, no files are left behind in shared memory
         parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)

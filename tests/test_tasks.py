@@ -148,6 +148,16 @@ def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, monk
     assert {name: after[name] for name in done} == done  # what was done has not been done again
 
 
+def test_tasks_that_are_given_up_are_not_told_of():
+    code = (
+        "import time; from frictionid.tasks import side_by_side; "
+        "found = side_by_side(time.sleep, [(t,) for t in (0, 0.5, 0.5, 0.5)], 2); "
+        "next(found); found.close()"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
 def test_a_killed_comparison_leaves_nothing_behind_and_is_resumed(place):
     process = started(place, "killed", 2)
     done = stamps(place / "killed")
