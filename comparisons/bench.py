@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from frictionid import simulate as simulated
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import (
     Protocol,
     Split,
@@ -31,11 +32,10 @@ from frictionid.evaluation import (
     steady_state,
 )
 from frictionid.friction import Friction, along
+from frictionid.friction.laws import AsymmetricStribeck, Spline, Stribeck
 from frictionid.identifiers import LeastSquares, Linear, SINDy
-from frictionid.laws import AsymmetricStribeck, Spline, Stribeck
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.mechanics import plant_of
-from frictionid.readers.dataset import load_dataset
-from frictionid.recipe import INTEGRAL, STUDY, training_problem
 from frictionid.simulate import Curve, load_rig, noise_free, simulate
 
 DATA = Path(__file__).parent.parent / "data"

@@ -25,10 +25,10 @@ from frictionid.evaluation import (
     velocity_grid,
 )
 from frictionid.friction import along
+from frictionid.friction.laws import LSTM, MLP
 from frictionid.identifiers import CompressedNetwork, Network
-from frictionid.laws import LSTM, MLP
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of, training_problem
 from frictionid.mechanics import plant_of
-from frictionid.recipe import INTEGRAL, STUDY, problem_of, training_problem
 
 sys.path.append(str(Path(__file__).parent / "peers"))
 FOLDS, EPOCHS, BATCH = 10, 100, 32

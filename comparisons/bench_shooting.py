@@ -23,7 +23,9 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from frictionid.compare import Contest, run
+from frictionid.comparison.cross_validate import Contest, run
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
     Protocol,
     Split,
@@ -35,14 +37,12 @@ from frictionid.evaluation import (
     steady_state,
     velocity_grid,
 )
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
 from frictionid.identifiers import LeastSquares
-from frictionid.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
+from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.mechanics import plant_of
-from frictionid.readers.dataset import load_dataset
-from frictionid.recipe import INTEGRAL, training_problem
-from frictionid.recordings import Dataset
 from frictionid.shooting import Refined, Shooting, refine
-from frictionid.shooting.blocks import Block, DelayBlock, FrictionBlock, GainBlock, InertiaBlock
+from frictionid.shooting.parameters import Block, DelayBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.rig import world_of

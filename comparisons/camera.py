@@ -29,9 +29,9 @@ from frictionid.acquire.camera.marks import Links, Marker, Marks
 from frictionid.acquire.camera.propose import propose
 from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
+from frictionid.data.recordings import Motion
+from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.recordings import Motion
-from frictionid.signals import Signal
 from frictionid.simulate.film import Film, write_film
 from frictionid.simulate.scene import Look
 from frictionid.simulate.view import View

@@ -16,8 +16,8 @@ import time
 import numpy as np
 
 from frictionid.acquire.align import align
+from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
-from frictionid.recordings import Recording
 from frictionid.simulate import (
     Camera,
     Curve,

@@ -22,14 +22,14 @@ from rich.progress import track
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
+from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curves, steady_state, velocity_grid
+from frictionid.friction.laws import Stribeck
 from frictionid.identifiers import LeastSquares
-from frictionid.laws import Stribeck
+from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.mechanics import plant_of
-from frictionid.recipe import INTEGRAL, training_problem
-from frictionid.recordings import Dataset
 from frictionid.shooting import Refined, refine
-from frictionid.shooting.blocks import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.simulate import (
     Camera,
     Curve,

@@ -27,7 +27,7 @@ from frictionid.acquire.camera.marks import Links, Marks
 from frictionid.acquire.camera.propose import propose
 from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
-from frictionid.recordings import Recording
+from frictionid.data.recordings import Recording
 from frictionid.simulate.film import Film, write_film
 from frictionid.simulate.scene import Look
 from frictionid.simulate.view import View

@@ -18,11 +18,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from frictionid.comparison.suite import load_suite, tasks_of
+from frictionid.comparison.tasks import Task
+from frictionid.identifiers.formulation import training_problem
 from frictionid.mechanics import plant_of
-from frictionid.recipe import training_problem
 from frictionid.shooting import Refined, Shooting, refine
-from frictionid.suite import load_suite, tasks_of
-from frictionid.tasks import Task
 
 ERRORS = 2.0  # standard errors within which two halves agree
 

@@ -19,11 +19,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from wires import flood, logger, setup, until
+from fixtures.drive_ports import flood, logger, setup, until
 
 from frictionid.acquire.logfile import read_log
 from frictionid.acquire.protocol import parsed, written
-from frictionid.acquire.terminal import Terminal
+from frictionid.acquire.virtual_drive.terminal import Terminal
 
 LINES, DAMAGED, UNPLUGGED = 600_000, 0.01, 3
 KILLED, RATE = 50, 1000

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import torch
 
+from frictionid.friction.laws import TorchModule
 from frictionid.identifiers import Network
-from frictionid.laws import TorchModule
 
 
 class Bumps(torch.nn.Module):

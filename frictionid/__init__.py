@@ -5,19 +5,19 @@ The names below are imported when they are first asked for, so that `import fric
 
 >>> import frictionid
 >>> frictionid.Signal.__module__
-'frictionid.signals'
+'frictionid.data.signals'
 """
 
 from importlib import import_module
 from typing import Any
 
 _HOME = {
-    "Dataset": "frictionid.recordings",
+    "Dataset": "frictionid.data.recordings",
     "InputError": "frictionid.errors",
-    "Motion": "frictionid.recordings",
-    "Recording": "frictionid.recordings",
-    "Signal": "frictionid.signals",
-    "load_dataset": "frictionid.readers.dataset",
+    "Motion": "frictionid.data.recordings",
+    "Recording": "frictionid.data.recordings",
+    "Signal": "frictionid.data.signals",
+    "load_dataset": "frictionid.data.readers.dataset",
 }
 
 __all__ = ["__version__", *_HOME]

@@ -28,13 +28,13 @@ from exchange import Task, save
 from rich.console import Console
 from rich.table import Table
 
+from frictionid.data.recordings import Dataset
+from frictionid.data.states import RTS
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.friction import Friction
-from frictionid.laws import AsymmetricStribeck, CoulombViscous
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.mechanics import plant_of
-from frictionid.recordings import Dataset
 from frictionid.simulate import Curve, Rig, Stribeck, load_rig, simulate
-from frictionid.states import RTS
 
 HERE = Path(__file__).parent
 RIG = HERE.parent.parent / "data" / "acrobot_clean" / "rig.toml"

@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 from exchange import Task, load
 
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+from frictionid.data.states import RTS
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.identifiers import LeastSquares
-from frictionid.laws import AsymmetricStribeck, CoulombViscous
+from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.mechanics import plant_of
-from frictionid.recipe import INTEGRAL, training_problem
-from frictionid.recordings import Dataset, Recording
 from frictionid.shooting import refine
-from frictionid.signals import Signal
-from frictionid.states import RTS
 
 LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": AsymmetricStribeck()}
 

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import averages
 from frictionid.evaluation import Folds
+from frictionid.identifiers.formulation import STUDY, states_of
 from frictionid.mechanics import plant_of
-from frictionid.recipe import STUDY, states_of
-from frictionid.recordings import Dataset
-from frictionid.signals import averages
 
 WINDOW = 9  # velocity samples that the dynamic model sees
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.signals import Array
+from frictionid.data.signals import Array
 
 _NEAR = 5.0  # [s], how well a counter that begins anew must agree with the host's clock
 _OUTLIER = 60.0  # [s], a single time so far from both its neighbours is a damaged number

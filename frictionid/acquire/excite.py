@@ -17,10 +17,10 @@ import numpy as np
 
 from frictionid.acquire.log import Counts, Logger
 from frictionid.acquire.settings import Setup
+from frictionid.data.readers.table import content_of, read_table
+from frictionid.data.recordings import first_fault
+from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
-from frictionid.readers.table import content_of, read_table
-from frictionid.recordings import first_fault
-from frictionid.signals import Array, Signal, sample
 
 _PUMP = 0.05  # [s], longest wait for a line
 _AGAIN = 3  # times that a stop is sent: a line may be damaged

@@ -25,9 +25,9 @@ import numpy as np
 from frictionid.acquire.clocks import Runs, one_clock, runs_of
 from frictionid.acquire.protocol import SECOND, Cells
 from frictionid.acquire.settings import Setup
+from frictionid.data.readers.table import content_of, read_table
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.readers.table import content_of, read_table
-from frictionid.signals import Array
 
 _SYNC = 0.5  # [s] between two calls of the disk
 _DIGITS = {"s": 0, "ms": 3, "us": 6}

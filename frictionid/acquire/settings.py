@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from frictionid.acquire.protocol import Format
+from frictionid.config import Strict, mistake, nearest
+from frictionid.data.readers.table import content_of
 from frictionid.errors import InputError
-from frictionid.readers.strict import Strict, mistake, nearest
-from frictionid.readers.table import content_of
 
 # Tables of rig.toml that are read here; those of the simulated rig and the camera are theirs.
 TABLES = ("motor", "protocol", "mechanism")

@@ -10,9 +10,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import sample
 from frictionid.mechanics import Mechanism
-from frictionid.recordings import Dataset, Recording
-from frictionid.signals import sample
 
 # Remainder of most samples over the torque's root mean square: friction and inertia leave more in
 # any measurement. A few samples may differ (the controller's start and end).

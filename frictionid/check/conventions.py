@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.balance_windows import Rows, Speeds, mapped_motion, rows_of, speeds_of
 from frictionid.check.misfit import misfit
 from frictionid.check.motion import Motion
-from frictionid.check.rows import Rows, Speeds, mapped_motion, rows_of, speeds_of
-from frictionid.check.torque import Impulse
+from frictionid.check.torque_integral import Impulse
 from frictionid.mechanics import Mechanism
 
 # A convention is called wrong where another one leaves less than e^-MARGIN of the remainder, and

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.alone import effect, stack_of
-from frictionid.check.rows import FEWEST, Rows
-from frictionid.check.torque import Impulse
+from frictionid.check.balance_windows import FEWEST, Rows
+from frictionid.check.partial_regression import effect, stack_of
+from frictionid.check.torque_integral import Impulse
 
 # Largest delay looked for [s]; steps [s] of both searches and of the derivative.
 WIDEST = 0.6

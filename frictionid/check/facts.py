@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.balance_windows import speeds_of
 from frictionid.check.motion import Motion
-from frictionid.check.rows import speeds_of
-from frictionid.recordings import Recording
+from frictionid.data.recordings import Recording
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class ClockFacts:
 def clock_of(recordings: Sequence[Recording]) -> ClockFacts:
     """Facts of the clock of the angles.
 
-    >>> from frictionid.signals import Signal
+    >>> from frictionid.data.signals import Signal
     >>> time = np.delete(np.arange(100) * 0.01, [20, 50, 51])
     >>> angle = Signal(time, np.zeros((97, 1)))
     >>> clock = clock_of([Recording("a", angle, angle)])

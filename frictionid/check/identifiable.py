@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.check.facts import JointFacts
+from frictionid.check.hypothesis_tests import Trial
 from frictionid.check.regression import Estimate
-from frictionid.check.trial import Trial
 from frictionid.mechanics import Mechanism
 
 # A number counts as identified where its standard error is below this share of it.

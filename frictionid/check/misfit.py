@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.rows import Rows
+from frictionid.check.balance_windows import Rows
 
 # Below this share of the terms a balance is good; smaller differences mean nothing.
 FLOOR = 0.02

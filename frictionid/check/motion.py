@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.kinematic import likeliest, pad, smoothed
-from frictionid.recordings import Recording
-from frictionid.signals import Signal
-from frictionid.states import States
+from frictionid.data.kalman import likeliest, pad, smoothed
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Signal
+from frictionid.data.states import States
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.
 FINEST = 0.004

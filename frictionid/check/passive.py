@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.balance_windows import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.motion import Motion
 from frictionid.check.regression import Estimate
-from frictionid.check.rows import Rows
-from frictionid.check.torque import Impulse
+from frictionid.check.torque_integral import Impulse
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import sample
 from frictionid.mechanics import Mechanism
-from frictionid.recordings import Recording
-from frictionid.signals import sample
 
 # Shortest passive phase [s]; energy may seem to rise by this share of its range in it.
 PHASE, RISE = 0.5, 0.25

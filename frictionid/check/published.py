@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.balance_windows import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.regression import Estimate
-from frictionid.check.rows import Rows
 from frictionid.friction import Friction
 
 # Incompatible: the remainder is this many times that of least squares, and some number is off by

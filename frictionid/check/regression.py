@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.rows import Rows
+from frictionid.check.balance_windows import Rows
 
 FRICTION = ("coulomb", "viscous", "offset")
 # Errors are alike within a swing: this long a stretch [s] counts as one observation, or a whole

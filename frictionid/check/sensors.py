@@ -11,8 +11,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding
 from frictionid.check.motion import Motion
-from frictionid.recordings import Dataset
-from frictionid.signals import Signal
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import Signal
 
 TURN = 2 * np.pi
 # A reading is frozen where it repeats for at least this long [s] and this many samples ...
@@ -29,8 +29,8 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
 
     Examples
     --------
-    >>> from frictionid.recordings import Recording
-    >>> from frictionid.signals import Signal
+    >>> from frictionid.data.recordings import Recording
+    >>> from frictionid.data.signals import Signal
     >>> time = np.arange(50) * 0.02
     >>> angle = (4.0 * time[:, None] + np.pi) % TURN - np.pi
     >>> wrapped = Dataset("a", {}, (Recording("r", Signal(time, angle), Signal(time, 0 * angle)),))

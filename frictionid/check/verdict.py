@@ -8,27 +8,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.answers import Answer, answers
+from frictionid.check.balance_windows import Rows, sharp_rows, speeds_of
 from frictionid.check.commanded import commanded
 from frictionid.check.conventions import Scored
+from frictionid.check.coverage import advice, still_joints
 from frictionid.check.delay import Delay
-from frictionid.check.excitation import advice, still_joints
 from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
 from frictionid.check.findings import LEVELS, Finding
+from frictionid.check.frozen_torque import stuck
+from frictionid.check.hypothesis_tests import Trial, tried
 from frictionid.check.identifiable import Identifiable, identifiable
+from frictionid.check.model_errors import Suspect
 from frictionid.check.motion import Motion, motions_of
 from frictionid.check.passive import energy, gravity_at_rest, passive_time
 from frictionid.check.published import Compared, compared, incompatible
+from frictionid.check.questions import Answer, answers
 from frictionid.check.regression import Estimate, regress
-from frictionid.check.rows import Rows, sharp_rows, speeds_of
 from frictionid.check.sensors import frozen, unwrapped
-from frictionid.check.stuck import stuck
-from frictionid.check.told import Suspect
-from frictionid.check.torque import impulse_of
-from frictionid.check.trial import Trial, tried
+from frictionid.check.torque_integral import impulse_of
+from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction
 from frictionid.mechanics import plant_of
-from frictionid.recordings import Dataset
 
 
 @dataclass(frozen=True, eq=False)

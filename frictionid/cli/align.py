@@ -38,9 +38,8 @@ def align(
     from frictionid.acquire.align.table import recording_name
     from frictionid.acquire.align.words import described, document_of
     from frictionid.errors import InputError
-    from frictionid.report.alignment import clock_picture, command_picture
-    from frictionid.report.files import write_bytes
-    from frictionid.store import write_text
+    from frictionid.files import write_bytes, write_text
+    from frictionid.report.figures.alignment import clock_picture, command_picture
 
     if hold not in ("linear", "previous"):
         raise InputError(f"--hold {hold!r} is unknown; known: linear, previous")

@@ -23,9 +23,9 @@ def check(
     """
     from frictionid.check import LEVELS
     from frictionid.check import check as judged
-    from frictionid.readers.dataset import load_dataset
-    from frictionid.report.verdict import as_json, show_verdict
-    from frictionid.suite import friction_of
+    from frictionid.comparison.suite import friction_of
+    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.report.diagnostics import as_json, show_verdict
 
     model = friction_of(published) if published else None
     verdict = judged(load_dataset(dataset, data), model)
@@ -34,7 +34,7 @@ def check(
     else:
         show_verdict(verdict)
     if out:
-        from frictionid.report.verdict_pictures import write_pictures
+        from frictionid.report.figures.diagnostics import write_pictures
 
         for path in write_pictures(verdict, out):
             typer.echo(f"written to {path}", err=True)

@@ -30,11 +30,11 @@ def compare(
 ) -> None:
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from frictionid.cli.progress import counted
-    from frictionid.names import LAWS
+    from frictionid.comparison.registry import LAWS
+    from frictionid.comparison.results import describe
+    from frictionid.comparison.suite import load_suite, tasks_of
+    from frictionid.comparison.tasks import Task, grounds_of, lock, run_tasks
     from frictionid.report import build, show
-    from frictionid.results import describe
-    from frictionid.suite import load_suite, tasks_of
-    from frictionid.tasks import Task, grounds_of, lock, run_tasks
 
     table = load_suite(suite)
     folder = out or Path("report") / table.name

@@ -24,13 +24,13 @@ def evaluate(
 ) -> None:
     """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
     from frictionid.cli.progress import counted
+    from frictionid.comparison.results import model_scores
+    from frictionid.comparison.suite import friction_of
+    from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
     from frictionid.evaluation import Protocol, faced, judge, prepare
-    from frictionid.readers.dataset import load_dataset
+    from frictionid.files import write_text
     from frictionid.report import show_scores
-    from frictionid.results import model_scores
-    from frictionid.store import write_text
-    from frictionid.suite import friction_of
 
     if len(files) < 2:
         raise InputError("evaluate needs at least one model file and, last, a data set")

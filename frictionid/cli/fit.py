@@ -10,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from frictionid.friction import Friction
-    from frictionid.recipe import Recipe
+    from frictionid.identifiers.formulation import Recipe
     from frictionid.shooting import Shooting
 
 
@@ -39,26 +39,27 @@ def fit(
     """Fit friction to all recordings of a data set."""
     import numpy as np
 
-    from frictionid.compare import check_refinable, first_step, view_of, with_provenance
-    from frictionid.compare import fit as find
-    from frictionid.equations import equations
+    from frictionid.comparison import cross_validate as compare
+    from frictionid.comparison.equations import equations
+    from frictionid.comparison.registry import LAWS
+    from frictionid.comparison.suite import identifier_named
+    from frictionid.data.readers.dataset import load_dataset
     from frictionid.evaluation import Protocol, velocity_grid
-    from frictionid.names import LAWS
-    from frictionid.readers.dataset import load_dataset
-    from frictionid.recipe import training_problem
+    from frictionid.friction.model_files import save_model
+    from frictionid.identifiers.formulation import training_problem
     from frictionid.shooting import Shooting, document_of, refine
-    from frictionid.store import save_model
-    from frictionid.suite import identifier_named
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
     made = _recipe(recipe, by, free, fixed or [])
-    check_refinable(chosen, made)
+    compare.check_refinable(chosen, made)
     history = Protocol(sample_time=sample_time).history
     recordings = load_dataset(dataset, data)
-    plant, step = view_of(chosen, recordings, first_step(made))
+    plant, step = compare.view_of(chosen, recordings, compare.first_step(made))
     problem = training_problem(recordings, plant, step, sample_time, history)
     everything = np.ones((1, len(problem.r)))
-    friction = find(chosen, problem, everything, seed, plant.mechanism.description.angle_unit)[0]
+    friction = compare.fit(
+        chosen, problem, everything, seed, plant.mechanism.description.angle_unit
+    )[0]
     source: dict[str, Any] = {
         "dataset": recordings.name,
         "data": dict(recordings.hashes),
@@ -74,12 +75,11 @@ def fit(
         friction = found.friction
         source["refined"] = document_of(found, recordings, velocity_grid(problem.nodes.inputs.w))
     source |= equations(friction, problem, everything[0], found)
-    save_model(with_provenance(friction, source), out, LAWS)
-    _show(friction, source)
-    print(f"written to {out}")
+    save_model(compare.with_provenance(friction, source), out, LAWS)
+    _show(friction, source, out)
 
 
-def _show(friction: Friction, source: Mapping[str, Any]) -> None:
+def _show(friction: Friction, source: Mapping[str, Any], out: Path) -> None:
     from frictionid.report import show_refined
 
     show_refined(source["refined"]) if "refined" in source else print(friction)
@@ -87,12 +87,13 @@ def _show(friction: Friction, source: Mapping[str, Any]) -> None:
         print("\n  ".join(["with 95 % intervals:", *source["equation"]]))
     if "inclusion" in source:
         print("\n  ".join(["how often draws of the recordings had a term:", *source["inclusion"]]))
+    print(f"written to {out}")
 
 
 def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Recipe | Shooting:
     """Recipe that the options name."""
+    from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, shooting_of
     from frictionid.errors import InputError
-    from frictionid.suite_recipes import RecipeEntry, recipe_named, shooting_of
 
     if by is None:
         if free != "friction" or fixed:

@@ -18,9 +18,9 @@ def render(
 ) -> None:
     """Render simulated recordings as videos of coloured dots."""
     from frictionid.cli.progress import counted
+    from frictionid.config import nearest
+    from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
-    from frictionid.readers.dataset import load_dataset
-    from frictionid.readers.strict import nearest
     from frictionid.simulate.film import write_film
     from frictionid.simulate.settings import load_film
 

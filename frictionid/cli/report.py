@@ -12,9 +12,9 @@ def report(
     folder: Annotated[Path, typer.Argument(help="Result folder of a comparison.")],
 ) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
+    from frictionid.comparison.results import task_documents
+    from frictionid.comparison.tasks import lock
     from frictionid.report import build, show
-    from frictionid.results import task_documents
-    from frictionid.tasks import lock
 
     task_documents(folder)  # complains where there is nothing to report, before the lock is made
     with lock(folder):

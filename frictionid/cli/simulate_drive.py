@@ -34,12 +34,12 @@ def simulate_drive(
     """Play a recording's torque as a drive would report it, and obey commands."""
     import contextlib
 
-    from frictionid.acquire.drive import Drive, Faults, torque_of
-    from frictionid.acquire.playing import play, plugged
     from frictionid.acquire.settings import load_setup
-    from frictionid.acquire.terminal import Terminal
+    from frictionid.acquire.virtual_drive.drive import Drive, Faults, torque_of
+    from frictionid.acquire.virtual_drive.playing import play, plugged
+    from frictionid.acquire.virtual_drive.terminal import Terminal
+    from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
-    from frictionid.readers.dataset import load_dataset
 
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")

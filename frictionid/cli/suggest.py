@@ -68,8 +68,7 @@ def suggest(
 
 def _write(advice: Any, places: list[Path], figure: Path | None) -> None:
     from frictionid import excitation
-    from frictionid.report.files import write_bytes
-    from frictionid.store import write_text
+    from frictionid.files import write_bytes, write_text
 
     for number, path in enumerate(places):
         write_text(path, excitation.played(advice, number))

@@ -44,7 +44,7 @@ def track(
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
     from frictionid.acquire.camera.angles import table_of
     from frictionid.acquire.camera.marks import load_marks
-    from frictionid.report.files import write_bytes
+    from frictionid.files import write_bytes
 
     _check_places(video, rig, out, sheet, overlay)
     marks = load_marks(rig)
@@ -94,7 +94,7 @@ def _setup(video: str, rig: Path) -> None:
     from frictionid.acquire.camera.propose import propose
     from frictionid.acquire.camera.source import open_source
     from frictionid.errors import InputError
-    from frictionid.report.files import write_bytes
+    from frictionid.files import write_bytes
 
     if rig.exists():
         raise InputError(f"{rig} is there already; name another --rig, or delete it")

@@ -24,11 +24,12 @@ def tune(
     from joblib import cpu_count
 
     from frictionid.cli.progress import counted
+    from frictionid.comparison.suite import load_suite
+    from frictionid.comparison.tasks import lock
+    from frictionid.comparison.tuning import lanes_of, units_of
+    from frictionid.comparison.tuning import tune as search
     from frictionid.report.terminal import show_table
-    from frictionid.suite import load_suite
-    from frictionid.tasks import lock
-    from frictionid.tune import lanes_of, score_table, settings_tables, units_of, write_outcome
-    from frictionid.tune import tune as search
+    from frictionid.report.tuning import score_table, settings_tables, write_outcome
 
     table = load_suite(suite)
     tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})

@@ -15,7 +15,13 @@ from frictionid.evaluation.free_run import (
     make_course,
     powered,
 )
-from frictionid.evaluation.judge import (
+from frictionid.evaluation.ground_truth import steady_state, true_friction, true_rig
+from frictionid.evaluation.one_step import held_out_residual, one_step_rows
+from frictionid.evaluation.protocol import Protocol
+from frictionid.evaluation.rollout_starts import Starts, make_starts, start_folds
+from frictionid.evaluation.rollouts import predict, rollout_rows
+from frictionid.evaluation.score_rows import Row
+from frictionid.evaluation.scoring import (
     Observed,
     Prepared,
     faced,
@@ -28,12 +34,6 @@ from frictionid.evaluation.judge import (
     with_rig,
     without_physics,
 )
-from frictionid.evaluation.one_step import held_out_residual, one_step_rows
-from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.rollouts import predict, rollout_rows
-from frictionid.evaluation.rows import Row
-from frictionid.evaluation.starts import Starts, make_starts, start_folds
-from frictionid.evaluation.truth import steady_state, true_friction, true_rig
 
 __all__ = [
     "Folds",

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.rows import Row
+from frictionid.evaluation.score_rows import Row
 from frictionid.friction import Friction
-from frictionid.laws import Ensemble, members_of
+from frictionid.friction.laws import Ensemble, members_of
 
 POINTS = 401
 SLOW = 0.05  # [rad/s]: below it the smoothing of sgn(w) is compared, not friction

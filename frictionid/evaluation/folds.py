@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
-from frictionid.recordings import Recording
 
 KINDS = ("recordings", "blocks", "shuffled")
 
@@ -129,7 +129,7 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
 
     Examples
     --------
-    >>> from frictionid.signals import Signal
+    >>> from frictionid.data.signals import Signal
     >>> time = np.arange(5.0)
     >>> still = Signal(time, np.zeros((5, 1)))
     >>> recordings = [Recording(name, still, still) for name in "abcd"]

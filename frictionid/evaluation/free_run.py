@@ -14,19 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.actuator import Servo, motor_torque, servo_torque
 from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.servo import Servo, motor_torque, servo_torque
+from frictionid.data.signals import averages, sample
+from frictionid.data.states import States
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.step import State, inputs, step, substeps
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.rows import Row
+from frictionid.evaluation.score_rows import Row
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
-from frictionid.recordings import Dataset, Recording
-from frictionid.rig import Rig
-from frictionid.rollout import rollout
-from frictionid.signals import averages, sample
-from frictionid.states import States
-from frictionid.step import State, inputs, step, substeps
+from frictionid.mechanics.calibration import Rig
 
 # A servo's torque is held for so long [s]; with 0.5 ms in its place the mean errors of published
 # models on real logs are the same to 1e-4 of 0.06 rad

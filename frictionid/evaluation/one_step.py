@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.rows import Row, summarise
+from frictionid.evaluation.score_rows import Row, summarise
 from frictionid.friction import Friction, along
-from frictionid.problem import Problem
+from frictionid.identifiers.residual import Problem
 
 
 def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:

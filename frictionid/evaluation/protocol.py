@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from frictionid.errors import InputError
-from frictionid.evaluation.loops import Loops
+from frictionid.evaluation.hysteresis import Loops
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.observer import Past, found
-from frictionid.evaluation.rows import Row, far, summarise_rollouts
-from frictionid.evaluation.starts import Starts
+from frictionid.dynamics.rollout import Rollout, rollout
+from frictionid.dynamics.step import State
+from frictionid.evaluation.model_observer import Past, found
+from frictionid.evaluation.rollout_starts import Starts
+from frictionid.evaluation.score_rows import Row, far, summarise_rollouts
 from frictionid.friction import Friction, Inputs, Memory, memory_along
 from frictionid.mechanics import Plant
-from frictionid.rollout import Rollout, rollout
-from frictionid.step import State
 
 
 def predict(plant: Plant, friction: Friction, starts: Starts, past: Past | None = None) -> Rollout:

@@ -2,15 +2,15 @@
 
 from frictionid.excitation.advice import Advice, advise
 from frictionid.excitation.experiment import Experiment, mechanism_in
-from frictionid.excitation.guess import guessed
 from frictionid.excitation.information import Expected, covariances, expected, standard_errors
 from frictionid.excitation.limits import Limits, limits_of
+from frictionid.excitation.monte_carlo import Repeated, repeated
 from frictionid.excitation.motion import Motions, moved
 from frictionid.excitation.picture import picture
-from frictionid.excitation.repeated import Repeated, repeated
+from frictionid.excitation.prior_friction import guessed
 from frictionid.excitation.search import Search, best
-from frictionid.excitation.text import described, played
-from frictionid.excitation.waves import Waves
+from frictionid.excitation.signals import Waves
+from frictionid.excitation.summary import described, played
 
 __all__ = [
     "Advice",

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
 from frictionid.excitation.experiment import Experiment
+from frictionid.excitation.monte_carlo import Repeated, repeated
 from frictionid.excitation.motion import Motions, moved
-from frictionid.excitation.repeated import Repeated, repeated
 from frictionid.excitation.search import Search, best
-from frictionid.excitation.waves import Waves
+from frictionid.excitation.signals import Waves
 
 OTHERS = (0.5, 2.0)  # shares of the guessed friction at which the signal is tried as well
 

@@ -21,16 +21,16 @@ import numpy as np
 from scipy.stats import norm
 
 from frictionid.arrays import Array, inverse
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Signal
+from frictionid.data.states import States
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.motion import Motions
 from frictionid.excitation.smoothing import gains, jerk_ratio, seen
 from frictionid.friction import Friction, along
+from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.identifiers.residual import Problem, integral_problem
 from frictionid.mechanics import Plant
-from frictionid.problem import Problem, integral_problem
-from frictionid.recipe import INTEGRAL
-from frictionid.recordings import Recording
-from frictionid.signals import Signal
-from frictionid.states import States
 
 _BLIND = 1e-9  # smallest eigenvalue of a correlation matrix that is told from zero
 _SHIFT = 1e-6  # [rad], [rad/s]

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.signals import Signal, averages
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.step import Pace, State, stride
 from frictionid.excitation.experiment import Experiment
 from frictionid.friction import Friction
-from frictionid.rollout import rollout
-from frictionid.signals import Signal, averages
-from frictionid.step import Pace, State, stride
 
 MARGIN = 0.95  # of a limit: the machine will not move exactly as the guess
 QUICK = Pace(2, 3)  # of an interval, in the search: some mrad off after seconds, at a quarter

@@ -22,7 +22,7 @@ from frictionid.errors import InputError
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.information import Expected, covariances, expected
 from frictionid.excitation.motion import moved
-from frictionid.excitation.waves import Waves
+from frictionid.excitation.signals import Waves
 
 # A base parameter may be this many times farther from the best that could be done before it binds,
 # and friction of which plain sines hardly tell this many times.

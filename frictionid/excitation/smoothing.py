@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array, lil_array
 
 from frictionid.arrays import Array
-from frictionid.kinematic import Series, likeliest, smoothed
+from frictionid.data.kalman import Series, likeliest, smoothed
 
 _SUPPORT = 60  # samples; a smoothed state depends on those farther away by less than 1e-6
 _DECADES = 4  # parts of a decade to which jerk ratios are rounded

@@ -1,17 +1,17 @@
 """How the numbers of friction are found: one identifier per file, all behind one contract."""
 
 from frictionid.identifiers.black_box import BlackBox
-from frictionid.identifiers.compressed import CompressedNetwork
-from frictionid.identifiers.contract import Identifier, check_identifier, is_seeded
+from frictionid.identifiers.check_identifier import Identifier, check_identifier, is_seeded
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.linear import Linear
-from frictionid.identifiers.network import Network
+from frictionid.identifiers.networks.compressed import CompressedNetwork
+from frictionid.identifiers.networks.network import Network
+from frictionid.identifiers.networks.state_network import StateNetwork
 from frictionid.identifiers.nothing import Nothing
 from frictionid.identifiers.published import Published
 from frictionid.identifiers.regressor import Regressor
 from frictionid.identifiers.sindy import SINDy
 from frictionid.identifiers.sparse_dynamics import SparseDynamics
-from frictionid.identifiers.state_network import StateNetwork
 
 __all__ = [
     "BlackBox",

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
-from frictionid.identifiers.contract import Identifier, is_seeded
-from frictionid.problem import Problem
+from frictionid.identifiers.check_identifier import Identifier, is_seeded
+from frictionid.identifiers.residual import Problem
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class BlackBox:
 
     >>> import numpy as np
     >>> from frictionid.identifiers import SparseDynamics
-    >>> from frictionid.identifiers.practice import practice_problem
+    >>> from frictionid.identifiers.synthetic_problem import practice_problem
     >>> problem = practice_problem(joints=1)
     >>> BlackBox(SparseDynamics(degree=1)).fit(problem, np.ones((1, len(problem.r))), 0).mechanism
     'unit'

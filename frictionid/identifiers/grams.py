@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Law
 from frictionid.identifiers.linearised import Rows
-from frictionid.problem import Problem
+from frictionid.identifiers.residual import Problem
 
 FEW = 10  # recordings whose scatter says little
 _STRETCHES = 20
@@ -35,7 +35,7 @@ def columns(law: Law, problem: Problem) -> Array:
 def clusters(problem: Problem) -> Array:
     """Cluster (K,) of each row: its recording, or where these are few, a stretch of it.
 
-    >>> from frictionid.identifiers.practice import practice_problem
+    >>> from frictionid.identifiers.synthetic_problem import practice_problem
     >>> labels = clusters(practice_problem(1))  # three recordings
     >>> len(np.unique(labels))
     21

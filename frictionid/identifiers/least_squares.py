@@ -17,11 +17,11 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Law
-from frictionid.identifiers.bounded import bounded
+from frictionid.identifiers.box_qp import bounded
+from frictionid.identifiers.initial_guess import best_starts
 from frictionid.identifiers.linearised import Rows
-from frictionid.identifiers.starts import best_starts
-from frictionid.identifiers.weights import relative, shares
-from frictionid.problem import Problem
+from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.row_weights import relative, shares
 
 _EXACT = 1e-22  # costs below this part of that without friction are rounding
 _DAMPING = (1e-9, 1e9)
@@ -47,8 +47,8 @@ class LeastSquares:
 
     Examples
     --------
-    >>> from frictionid.identifiers.practice import practice_problem
-    >>> from frictionid.laws import CoulombViscous
+    >>> from frictionid.identifiers.synthetic_problem import practice_problem
+    >>> from frictionid.friction.laws import CoulombViscous
     >>> problem = practice_problem(joints=1)
     >>> friction = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> print(friction[0])

@@ -9,13 +9,13 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction, Inputs, Law
-from frictionid.identifiers.bounded import bounded
+from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.grams import check_linear, columns, grams
+from frictionid.identifiers.initial_guess import check_rows
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.linearised import Rows
-from frictionid.identifiers.starts import check_rows
-from frictionid.identifiers.weights import relative
-from frictionid.problem import Problem
+from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.row_weights import relative
 
 _RIDGE = 1e-13
 _LOOKS = 200  # nodes of each joint
@@ -36,8 +36,8 @@ class Linear:
 
     Examples
     --------
-    >>> from frictionid.identifiers.practice import practice_problem
-    >>> from frictionid.laws import Spline
+    >>> from frictionid.identifiers.synthetic_problem import practice_problem
+    >>> from frictionid.friction.laws import Spline
     >>> problem = practice_problem(joints=1)
     >>> friction = Linear(Spline((1.0, 4.0))).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> friction.curve(np.array([0.5, 2.0, 8.0])).round(2)[0].T

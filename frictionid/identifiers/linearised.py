@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Law, Nodes, along
-from frictionid.problem import Problem
+from frictionid.identifiers.residual import Problem
 
 _DIFFERENCE = 1e-6
 _NUMBERS = 1e7  # torques at a time

@@ -8,8 +8,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
-from frictionid.laws import NoFriction
-from frictionid.problem import Problem
+from frictionid.friction.laws import NoFriction
+from frictionid.identifiers.residual import Problem
 
 
 @dataclass(frozen=True)

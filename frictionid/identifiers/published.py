@@ -9,8 +9,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.problem import Problem
-from frictionid.rig import stacked
+from frictionid.identifiers.residual import Problem
+from frictionid.mechanics.calibration import stacked
 
 
 @dataclass(frozen=True)

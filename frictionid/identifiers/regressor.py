@@ -16,10 +16,10 @@ import numpy as np
 from frictionid.arrays import Array, times
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
-from frictionid.identifiers.weights import relative
-from frictionid.laws.predicted import Predicted, features
-from frictionid.laws.table import Table
-from frictionid.problem import Problem
+from frictionid.friction.laws.sklearn_law import Predicted, features
+from frictionid.friction.laws.table import Table
+from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.row_weights import relative
 
 INPUTS = ("w", "q", "u")
 _SPEEDS = 24
@@ -70,7 +70,7 @@ class Regressor:
     Examples
     --------
     >>> from sklearn.neighbors import KNeighborsRegressor
-    >>> from frictionid.identifiers.practice import practice_problem
+    >>> from frictionid.identifiers.synthetic_problem import practice_problem
     >>> problem = practice_problem(joints=1)
     >>> fit = Regressor(KNeighborsRegressor(3)).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> fit[0].curve(np.array([-4.0, 4.0])).round(1)[:, 0]  # truth: 0.18

@@ -20,11 +20,11 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
+from frictionid.friction.laws.library import Library
 from frictionid.identifiers.grams import clusters, columns, grams
-from frictionid.identifiers.supports import Rules, chosen, lawful, least, plain, searched
-from frictionid.identifiers.weights import relative
-from frictionid.laws.library import Library
-from frictionid.problem import Problem
+from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.sparse_support import Rules, chosen, lawful, least, plain, searched
 
 OPTIMIZERS = ("stlsq", "sr3")
 _HALF = 0.5
@@ -54,7 +54,7 @@ class SINDy:
 
     Examples
     --------
-    >>> from frictionid.identifiers.practice import practice_problem
+    >>> from frictionid.identifiers.synthetic_problem import practice_problem
     >>> problem = practice_problem(joints=1, noise=1e-4)
     >>> friction = SINDy().fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> print(*friction.law.equation(friction.theta[0]))

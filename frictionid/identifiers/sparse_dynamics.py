@@ -16,11 +16,11 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
+from frictionid.friction.laws.state_library import StateLibrary
 from frictionid.identifiers.grams import clusters, grams
-from frictionid.identifiers.supports import Found, chosen, least
-from frictionid.identifiers.weights import relative
-from frictionid.laws.state_library import StateLibrary
-from frictionid.problem import Problem
+from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.sparse_support import Found, chosen, least
 
 _DIGITS = 9
 _NOTHING = 1e-9  # of the largest column, below which a column is none

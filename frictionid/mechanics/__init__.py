@@ -8,7 +8,7 @@ from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import Plant, plant_of, unit_plant
 from frictionid.mechanics.table import mechanism_of, parameters_of
-from frictionid.mechanics.unit import unit
+from frictionid.mechanics.unit_inertia import unit
 
 __all__ = [
     "Base",

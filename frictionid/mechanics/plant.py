@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.data.recordings import Dataset
 from frictionid.mechanics.lagrange import Mechanism, Terms
 from frictionid.mechanics.table import mechanism_of, parameters_of
-from frictionid.mechanics.unit import unit
-from frictionid.recordings import Dataset
+from frictionid.mechanics.unit_inertia import unit
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.report.evidence import ANY, Entry, Section
+from frictionid.report.load import ANY, Entry, Section
 from frictionid.report.numbers import NOTHING, fixed
-from frictionid.report.refined import estimates
+from frictionid.report.shooting_numbers import estimates
 from frictionid.report.tables import Cell, Column, Line, Table
 
 DIGITS = 4  # significant, of the largest of a line

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from frictionid.report.evidence import Entry, Key, Scores, Section
+from frictionid.report.load import Entry, Key, Scores, Section
 from frictionid.report.numbers import NOTHING, decimals, far, fixed, percent, seconds, short
 from frictionid.report.tables import Cell, Column, Line, Table
 

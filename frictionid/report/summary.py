@@ -7,21 +7,21 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from frictionid.report.cautions import cautions
-from frictionid.report.evidence import Evidence, Section, folds_told
-from frictionid.report.findings import (
+from frictionid.report.figures.loops import loop_findings
+from frictionid.report.hybrid_text import Question, question
+from frictionid.report.learned_text import learned_findings
+from frictionid.report.load import Evidence, Section, folds_told
+from frictionid.report.memory_text import memory_findings
+from frictionid.report.shooting_section import Found
+from frictionid.report.tables import Table, code, escape_markdown, markdown
+from frictionid.report.text import (
     Matter,
     foretold,
     held_out_findings,
     matter,
     unseen_findings,
 )
-from frictionid.report.found import Found
-from frictionid.report.learned import learned_findings
-from frictionid.report.loops import loop_findings
-from frictionid.report.question import Question, question
-from frictionid.report.tables import Table, code, escape_markdown, markdown
-from frictionid.report.why import memory_findings
+from frictionid.report.warnings_text import cautions
 
 KINDS = {"recordings": "whole recordings", "blocks": "contiguous blocks"}
 EQUATIONS = "Equations from all data, coefficients with 95 % intervals (s: smooth sign)"

@@ -8,9 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from frictionid.report.evidence import Scores, gather, horizons_of, scores_of
-from frictionid.report.refined import estimates, interval, value_words
-from frictionid.report.remarks import doubts, findings
+from frictionid.report.load import Scores, gather, horizons_of, scores_of
 from frictionid.report.scoreboard import (
     DETAILS,
     Board,
@@ -18,6 +16,8 @@ from frictionid.report.scoreboard import (
     numbers_of,
     summary_table,
 )
+from frictionid.report.shooting_numbers import estimates, interval, value_words
+from frictionid.report.shooting_text import doubts, findings
 from frictionid.report.tables import Table, for_terminal
 
 WIDTH = 120  # columns, where the output is no terminal

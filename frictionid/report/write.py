@@ -8,33 +8,32 @@ from typing import Any
 
 import pandas as pd
 
-from frictionid.report.boxplots import one_step_boxes
-from frictionid.report.curves import friction_curves
-from frictionid.report.ensembles import spread_words, spreads
-from frictionid.report.evidence import Evidence, Section, gather
-from frictionid.report.files import file_names, remove_others, write_bytes
-from frictionid.report.findings import matter
-from frictionid.report.found import Found, drawn_of_shooting, found, stems
-from frictionid.report.horizons import rollout_errors
-from frictionid.report.intervals import (
+from frictionid.comparison.results import reduce
+from frictionid.files import file_names, remove_others, write_bytes, write_text
+from frictionid.report.figures.boxplots import one_step_boxes
+from frictionid.report.figures.curves import friction_curves
+from frictionid.report.figures.ensembles import spread_words, spreads
+from frictionid.report.figures.horizons import rollout_errors
+from frictionid.report.figures.learning import learning_curves
+from frictionid.report.figures.loops import loop_pictures, loop_table
+from frictionid.report.figures.motion import motions
+from frictionid.report.figures.speeds import speed_table, velocity_scatter
+from frictionid.report.figures.style import Look, drawing, looks, rendered
+from frictionid.report.figures.tradeoff import loss_against
+from frictionid.report.load import Evidence, Section, gather
+from frictionid.report.paired import differences
+from frictionid.report.parameters import parameter_numbers, parameter_table
+from frictionid.report.scoreboard import board, caption_of, summary_table
+from frictionid.report.shooting_section import Found, drawn_of_shooting, found, stems
+from frictionid.report.shooting_tables import (
     interval_numbers,
     interval_table,
     window_numbers,
     window_table,
 )
-from frictionid.report.learning import learning_curves
-from frictionid.report.loops import loop_pictures, loop_table
-from frictionid.report.motion import motions
-from frictionid.report.pairs import differences
-from frictionid.report.parameters import parameter_numbers, parameter_table
-from frictionid.report.scoreboard import board, caption_of, summary_table
-from frictionid.report.speeds import speed_table, velocity_scatter
-from frictionid.report.style import Look, drawing, looks, rendered
 from frictionid.report.summary import Part, Picture, summary
 from frictionid.report.tables import Table, latex, markdown
-from frictionid.report.tradeoff import loss_against
-from frictionid.results import reduce
-from frictionid.store import write_text
+from frictionid.report.text import matter
 
 Drawn = tuple[str, Any, str]  # name of a file, figure, caption
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from frictionid.arrays import Array
-from frictionid.contact import SLOW
+from frictionid.dynamics.stiction import SLOW
 from frictionid.friction import Inputs, Law, Memory
 
 _SHARPER = 0.2  # of the smoothing of the base law

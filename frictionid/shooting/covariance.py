@@ -8,10 +8,10 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.shooting.blocks.block import Entry
-from frictionid.shooting.idle import idle
-from frictionid.shooting.intervals import Intervals, values_of
-from frictionid.shooting.solve import Shot
+from frictionid.shooting.gauss_newton import Shot
+from frictionid.shooting.linearise import Intervals, values_of
+from frictionid.shooting.meaningless_parameters import idle
+from frictionid.shooting.parameters.parameter_block import Entry
 
 _FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _SOME = 3  # recordings whose own scatter counts as well, where it is larger

@@ -1,212 +1,139 @@
-"""All intervals of a track, each from its own node: their ends and derivatives in every block."""
+"""The recordings as one series of sample intervals, with measured angles and torque on demand."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Inputs, Nodes, memory_along
-from frictionid.mechanics import Plant
-from frictionid.rig import corrected, plant_under
-from frictionid.shooting.blocks.block import Block, Entry, Guess
-from frictionid.shooting.partials import Free, Seen, seen_by
-from frictionid.shooting.sampled import remembered
-from frictionid.shooting.settings import Settings
-from frictionid.shooting.tangent import Forces, Scene, ends
-from frictionid.shooting.track import Track, pushes
-from frictionid.signals import sample
-from frictionid.step import State, pace_of
-
-_PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz
-_ORDER = ("friction", "base", "torque", "angle", "actuator")
-_WHOLE = np.array([0.0, 1.0])  # an interval in one piece
-ROWS = 10000  # at a time, for the cache's sake; few near rest cost as much as many
-
-
-class Part(NamedTuple):
-    """A block with its free parameters, at `columns` of all parameters."""
-
-    block: Block
-    entries: tuple[Entry, ...]
-    columns: slice
-
-
-def parts_of(blocks: Sequence[Block], guess: Guess) -> tuple[Part, ...]:
-    """The blocks in the order of the derivatives, with their free parameters."""
-    out, first = [], 0
-    for block in sorted(blocks, key=lambda b: _ORDER.index(b.enters)):
-        entries = block.entries(guess)
-        out.append(Part(block, entries, slice(first, first + len(entries))))
-        first += len(entries)
-    return tuple(out)
-
-
-def put(guess: Guess, parts: Sequence[Part], values: Array) -> Guess:
-    """The guess with other values (D,) of all free parameters."""
-    for part in parts:
-        guess = part.block.put(guess, part.entries, values[part.columns])
-    return guess
-
-
-def values_of(guess: Guess, parts: Sequence[Part]) -> Array:
-    """Values (D,) of all free parameters in a guess."""
-    return np.array([entry.value for part in parts for entry in part.block.entries(guess)])
-
-
-class Lines(NamedTuple):
-    """Linearised intervals: ends (K, s), and their derivatives by_start (K, s, s), by (K, s, D).
-
-    `angle` (D, n): derivatives of the measured angle itself. Rows that are not used are zero.
-    """
-
-    end: Array
-    by_start: Array
-    by: Array
-    angle: Array
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import sample, unevenness
+from frictionid.data.states import RTS, States
+from frictionid.errors import InputError
+from frictionid.identifiers.formulation import states_of
+from frictionid.identifiers.residual import GAP
+from frictionid.mechanics.calibration import Rig
+from frictionid.shooting.torque_integrals import Pieces, Series, pieces_of, series_of
 
 
 @dataclass(frozen=True, eq=False)
-class Intervals:
-    """What of a track does not change while its parameters are fitted."""
+class Track:
+    """K intervals between samples, all recordings in one series.
 
-    track: Track
-    parts: tuple[Part, ...]
-    settings: Settings
-    seen: Seen
+    time, dt : (K,) [s] begin and length; recording, index : (K,), of the sample at its begin
+    before, after : (K, n) [rad] measured at begin and end
+    trust_before, trust_after : (K, n), by how much less they are off than usual
+    q, w : (K, n) smoothed states at the begin
+    joined : (K,), whether an interval begins where the one before it ends
+    """
+
+    dataset: Dataset
+    states: tuple[States, ...]
+    time: Array
+    dt: Array
+    recording: Array
+    index: Array
+    before: Array
+    after: Array
+    trust_before: Array
+    trust_after: Array
+    q: Array
+    w: Array
+    joined: Array
 
     @property
-    def count(self) -> int:
-        """Number of free parameters."""
-        return self.parts[-1].columns.stop if self.parts else 0
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.q.shape[1])
 
-    def lines(self, guess: Guess, nodes: Array, rows: Array) -> Lines:
-        """Ends and derivatives of some intervals that begin at nodes (K, s)."""
-        track, n = self.track, self.track.n
-        size, D = nodes.shape[1], self.count
-        out = Lines(
-            np.zeros_like(nodes),
-            np.zeros((len(nodes), size, size)),
-            np.zeros((len(nodes), size, D)),
-            self._angle(),
+    @cached_property
+    def torque(self) -> Series:
+        """Logged torque of all recordings."""
+        return series_of([r.torque for r in self.dataset.recordings])
+
+    def take(self, rows: Array) -> Track:
+        """Some of the intervals, as often as they are asked for."""
+        names = [f.name for f in fields(self) if f.name not in ("dataset", "states")]
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+def track_of(
+    dataset: Dataset, sample_time: float | None = None, states: tuple[States, ...] | None = None
+) -> Track:
+    """Intervals of a data set at samples at least `sample_time` [s] apart; gaps are none of them.
+
+    states : what the RTS smoother gives, where it has been asked before
+
+    Raises
+    ------
+    InputError
+        Where no recording has three intervals in one piece.
+    """
+    states = states or states_of(dataset, RTS(), sample_time)
+    parts = []
+    for i, (recording, s) in enumerate(zip(dataset.recordings, states, strict=True)):
+        dt = np.diff(s.time)
+        whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
+        measured = sample(recording.angle, s.time)
+        trust = 1.0 / sample(recording.angle._replace(value=unevenness(recording.angle)), s.time)
+        joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
+        columns = (
+            s.time[:-1],
+            dt,
+            np.full(len(dt), i),
+            np.arange(len(dt)),
+            measured[:-1],
+            measured[1:],
+            trust[:-1],
+            trust[1:],
         )
-        plant = self._plant(guess)
-        scene = self._scene(guess, plant)
-        pieces = self._pieces(guess, plant)
-        for count in np.unique(pieces[rows]):
-            alike = rows[pieces[rows] == count]
-            for some in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
-                start = State(nodes[some, :n], nodes[some, n : 2 * n], self._memory(nodes[some]))
-                own = scene._replace(plant=plant[track.recording[some]])
-                forces = self._forces(guess, some, int(count))
-                fine = int(np.ceil(float(track.dt[some].max()) / count / self.settings.fine))
-                end = ends(own, start, forces, track.dt[some], fine)
-                if start.memory and guess.friction.law.sample_time is not None:
-                    later = self._pushed(guess, self._following(some), _WHOLE)
-                    end = remembered(own, end, later, track.dt[some])
-                out.end[some] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
-                out.by_start[some] = end.by_start
-                out.by[some, :, : end.by_parameters.shape[-1]] = end.by_parameters
-        return out
-
-    def start(self, guess: Guess) -> Array:
-        """Nodes (K, s) from the smoothed motion."""
-        q, w = self.track.q - guess.rig.offset, self.track.w
-        return np.concatenate([q, w, *self.warm(guess)], axis=-1)
-
-    def warm(self, guess: Guess) -> tuple[Array, ...]:
-        """Memory (K, n) at each interval's begin, from the smoothed motion before it."""
-        track, friction = self.track, guess.friction
-        zero = 0.0 * track.q[:1]
-        if not friction.law.start(friction.theta, Inputs(zero, zero, zero, zero)):
-            return ()
-        sizes = [len(s.time) for s in track.states]
-        first = np.concatenate([[0], np.cumsum(sizes)])
-        ideal = corrected(track.dataset, guess.rig) if self.seen.u else track.dataset
-        pairs = zip(ideal.recordings, track.states, strict=True)
-        u = np.concatenate([sample(r.torque, s.time) for r, s in pairs])
-        time, q, w = (np.concatenate(column) for column in zip(*track.states, strict=True))
-        x = Inputs(q - guess.rig.offset, w, u, 0.0 * w)
-        steps = memory_along(friction, Nodes(x, time, first))
-        at = track.index, track.recording
-        return tuple(np.stack([s[m] for s in steps])[at] for m in range(len(steps[0])))
-
-    def _following(self, rows: Array) -> Array:
-        """The intervals (k,) behind some, or these where none follows."""
-        later = np.minimum(rows + 1, len(self.track.dt) - 1)
-        return np.where(self.track.joined[later], later, rows)
-
-    def _memory(self, nodes: Array) -> tuple[Array, ...]:
-        n = self.track.n
-        return tuple(nodes[:, i : i + n] for i in range(2 * n, nodes.shape[1], n))
-
-    def _scene(self, guess: Guess, plant: Plant) -> Scene:
-        free = [e.place for p in self.parts if p.block.enters == "friction" for e in p.entries]
-        base = [e.place[0] for p in self.parts if p.block.enters == "base" for e in p.entries]
-        joint, place = (np.array([f[i] for f in free], dtype=int) for i in (0, 1))
-        return Scene(plant, guess.friction, Free(joint, place), tuple(base), self.seen)
-
-    def _plant(self, guess: Guess) -> Plant:
-        plant = plant_under(self.track.dataset, guess.rig)
-        # only bearing loads need the physical parameters
-        return plant if guess.friction.law.uses_load else replace(plant, parameters={})
-
-    def _pieces(self, guess: Guess, plant: Plant) -> Array:
-        """Pieces (K,) of each interval."""
-        longest = float(self.track.dt.max())
-        away = pace_of(plant, guess.friction, longest, longest=_PIECE).pieces / longest
-        return np.maximum(np.ceil(self.track.dt * away - 1e-6), 1).astype(int)
-
-    def _forces(self, guess: Guess, rows: Array, pieces: int) -> Forces:
-        """Forces of some intervals in equal pieces."""
-        whole = self._pushed(guess, rows, np.arange(pieces + 1) / pieces)
-
-        def finer(some: Array, piece: int, parts: int) -> Forces:
-            share = (piece + np.arange(parts + 1) / parts) / pieces
-            return self._pushed(guess, rows[some], share)
-
-        return whole._replace(finer=finer)
-
-    def _pushed(self, guess: Guess, rows: Array, share: Array) -> Forces:
-        """Forces of some intervals between shares (S + 1,) of their time."""
-        rig, felt = guess.rig, pushes(self.track, guess.rig, rows, share)
-        driven = np.array(guess.mechanism.description.driven, dtype=float)
-        u = (rig.gain * felt.mean + rig.bias) * driven
-        moment = rig.gain * felt.moment * driven
-        by, moment_by = [], []
-        for part in self.parts:
-            if part.block.enters == "torque" and part.entries:
-                slope: Any = getattr(part.block, "slope")  # noqa: B009 (only those blocks have it)
-                by.append(slope(guess, part.entries, felt.mean, felt.mean_later) * driven)
-                own = slope(guess, part.entries, felt.moment, felt.moment_later)
-                # without what a bias adds: that has no moment
-                own = own - slope(guess, part.entries, 0.0 * moment, 0.0 * moment)
-                moment_by.append(own * driven)
-        none = np.empty((0, *u.shape))
-        return Forces(
-            u,
-            np.moveaxis(np.concatenate([none, *by]), 0, 1),
-            moment,
-            np.moveaxis(np.concatenate([none, *moment_by]), 0, 1),
+        parts.append([x[whole] for x in (*columns, s.q[:-1], s.w[:-1], joined)])
+    series = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    if len(series[0]) < 3:
+        raise InputError(
+            f"data set {dataset.name!r}: shooting needs recordings of at least 4 samples in one "
+            f"piece; there are {len(series[0])} intervals in all"
         )
-
-    def _angle(self) -> Array:
-        out = np.zeros((self.count, self.track.n))
-        for part in self.parts:
-            if part.block.enters == "angle":
-                for k, entry in enumerate(part.entries):
-                    out[part.columns.start + k, entry.place[0]] = 1.0
-        return out
+    return Track(dataset, tuple(states), *series)
 
 
-def intervals_of(
-    track: Track, guess: Guess, blocks: Sequence[Block], settings: Settings
-) -> Intervals:
-    """Intervals of a track with the blocks' free parameters."""
-    law, theta = guess.friction.law, np.asarray(guess.friction.theta)
-    some = slice(0, 64)
-    x = Inputs(track.q[some], track.w[some], 0.0 * track.q[some], 0.0 * track.q[some])
-    return Intervals(track, parts_of(blocks, guess), settings, seen_by(law, theta, x))
+def torques(track: Track, rig: Rig, rows: Array, pieces: int) -> tuple[Array, Array]:
+    """Logged torque (pieces, k, n) that acts in equal pieces of some intervals, and d/d delay.
+
+    Before gain and bias, but with the rig's delay: means of the logged signal, held or interpolated
+    as it was logged.
+    """
+    felt = pushes(track, rig, rows, np.arange(pieces + 1) / pieces)
+    return felt.mean, felt.mean_later
+
+
+def pushes(track: Track, rig: Rig, rows: Array, share: Array) -> Pieces:
+    """Logged torque of some intervals between shares (m + 1,) of their time, with the delay."""
+    edges = track.time[rows, None] + track.dt[rows, None] * share - float(rig.delay)
+    return pieces_of(track.torque, track.recording[rows], edges)
+
+
+def cut(track: Track, use: Array, seconds: float) -> Array:
+    """Windows (W, N) of about so many seconds, as indices of intervals, -1 behind their ends.
+
+    use : (K,), intervals that may be used; windows do not cross others, or gaps
+
+    Every unbroken run is divided into windows of nearly equal length, of at least 3 intervals.
+    """
+    index = np.flatnonzero(use)
+    breaks = ~track.joined[index] | (np.diff(index, prepend=-2) != 1)
+    runs = np.split(index, np.flatnonzero(breaks)[1:]) if breaks.any() else [index]
+    windows: list[Array] = []
+    for run in runs:
+        if len(run) >= 3:
+            span = float(track.dt[run].sum())
+            most = len(run) // 3
+            windows += np.array_split(run, min(max(1, round(span / seconds)), most))
+    if not windows:
+        raise InputError(
+            f"data set {track.dataset.name!r}: no three intervals in one piece are left to fit"
+        )
+    longest = max(len(w) for w in windows)
+    return np.stack([np.pad(w, (0, longest - len(w)), constant_values=-1) for w in windows])

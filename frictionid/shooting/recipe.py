@@ -9,16 +9,16 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction
-from frictionid.recipe import INTEGRAL, Recipe
-from frictionid.rig import stacked
-from frictionid.shooting.blocks import Block, FrictionBlock
-from frictionid.shooting.blocks.friction import on_support
-from frictionid.shooting.intervals import values_of
-from frictionid.shooting.learned import is_network
+from frictionid.identifiers.formulation import INTEGRAL, Recipe
+from frictionid.mechanics.calibration import stacked
+from frictionid.shooting.gauss_newton import settle
+from frictionid.shooting.intervals import Track
+from frictionid.shooting.linearise import values_of
+from frictionid.shooting.networks import is_network
+from frictionid.shooting.parameters import Block, FrictionBlock
+from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.refine import Refined, begin, refined
 from frictionid.shooting.settings import Settings
-from frictionid.shooting.solve import settle
-from frictionid.shooting.track import Track
 
 _STEPS = 4  # of folds, from the fit to all data
 

@@ -10,22 +10,22 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.data.states import States
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import mechanism_of, parameters_of
-from frictionid.recordings import Dataset
-from frictionid.rig import Rig
-from frictionid.shooting.blocks.block import Block, Guess
-from frictionid.shooting.blocks.friction import FrictionBlock, on_support
+from frictionid.mechanics.calibration import Rig
 from frictionid.shooting.covariance import Covariance, covariance_of
-from frictionid.shooting.driven import driven_of, has_actuator, motored
-from frictionid.shooting.intervals import Intervals, intervals_of
-from frictionid.shooting.learned import as_given, combined, is_network, on_arrays
+from frictionid.shooting.data_checks import complain, doubts
+from frictionid.shooting.gauss_newton import Shot, settle
+from frictionid.shooting.intervals import Track, track_of
+from frictionid.shooting.linearise import Intervals, intervals_of
+from frictionid.shooting.networks import as_given, combined, is_network, on_arrays
+from frictionid.shooting.parameters.friction import FrictionBlock, on_support
+from frictionid.shooting.parameters.parameter_block import Block, Guess
+from frictionid.shooting.servo_intervals import driven_of, has_actuator, motored
 from frictionid.shooting.settings import Settings
-from frictionid.shooting.solve import Shot, settle
-from frictionid.shooting.sound import complain, doubts
-from frictionid.shooting.track import Track, track_of
-from frictionid.states import States
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.shooting.intervals import Lines
-from frictionid.shooting.track import Track
+from frictionid.shooting.intervals import Track
+from frictionid.shooting.linearise import Lines
 
 _WILD = 1e4  # [rad per rad or rad/s of its start]: a prediction that tells nothing
 _FAR = 1e3  # [rad]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from frictionid.contact import SLOW
+from frictionid.dynamics.stiction import SLOW
 
 _WIDTHS = 5.0  # of a law's smoothing: what the step takes the width of laws for that have none
 

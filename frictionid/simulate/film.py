@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from frictionid.data.recordings import Motion
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.recordings import Motion
-from frictionid.signals import Array
 from frictionid.simulate.scene import Image, Lamp, Look, Scene
 from frictionid.simulate.view import View, chain
 

@@ -19,8 +19,8 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.signals import Array
 
 Numbers = tuple[float, ...]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from frictionid.signals import Array
+from frictionid.data.signals import Array
 from frictionid.simulate.modes import World, accelerations, margins, next_modes
 
 # A joint that neither slips nor holds to within rounding would change its mode for ever: after this

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.arrays import solve
+from frictionid.data.signals import Array
 from frictionid.mechanics import Mechanism
-from frictionid.signals import Array
 from frictionid.simulate.friction import Truth
 
 

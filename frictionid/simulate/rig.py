@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, mechanism_of, parameters_of
-from frictionid.signals import Array
 from frictionid.simulate.friction import FilmLag, LuGre, Stribeck
 from frictionid.simulate.modes import World
 from frictionid.simulate.torques import AnyCommand

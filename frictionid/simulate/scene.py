@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.signals import Array
 
 Image = NDArray[np.uint8]
 _SHIFT = 4  # fractional bits of the coordinates of lines

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
+from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.readers.strict import nearest
 from frictionid.simulate.rig import Rig
 
 if TYPE_CHECKING:

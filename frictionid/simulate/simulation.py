@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.recordings import Dataset, Motion, Recording
-from frictionid.signals import Array, Signal, sample
+from frictionid.data.recordings import Dataset, Motion, Recording
+from frictionid.data.signals import Array, Signal, sample
 from frictionid.simulate.integrate import motion
 from frictionid.simulate.rig import Rig, Run, told_mechanism, world_of
 

@@ -12,8 +12,8 @@ from typing import Annotated, Literal, Protocol
 import numpy as np
 from pydantic import Field
 
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.signals import Array
 
 
 class Command(Protocol):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.signals import Array
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of
-from frictionid.recordings import Dataset, Recording
-from frictionid.signals import Array
 from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
 
 # Of the tables: finer than the 1e-7 rad and rad/s that a noise-free twin has to keep.

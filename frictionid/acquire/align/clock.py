@@ -11,26 +11,26 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 from frictionid.acquire.align.drifting import drifting
 from frictionid.acquire.align.match import Match, around, match
 from frictionid.arrays import Array
-from frictionid.check.alone import LOOSE
+from frictionid.check.balance_windows import Rows, unit_rows
 from frictionid.check.delay import delay_of
 from frictionid.check.motion import motions_of
-from frictionid.check.rows import Rows, unit_rows
-from frictionid.check.torque import impulse_of
+from frictionid.check.partial_regression import LOOSE
+from frictionid.check.torque_integral import impulse_of
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
+from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.identifiers import LeastSquares
-from frictionid.laws import AsymmetricStribeck
+from frictionid.identifiers.formulation import INTEGRAL, states_of, training_problem
 from frictionid.mechanics import plant_of
-from frictionid.recipe import INTEGRAL, states_of, training_problem
-from frictionid.recordings import Dataset, Recording
-from frictionid.rig import Rig
-from frictionid.shooting.blocks import Block, FrictionBlock, InertiaBlock
-from frictionid.shooting.blocks.block import Guess
+from frictionid.mechanics.calibration import Rig
 from frictionid.shooting.covariance import Covariance, covariance_of
-from frictionid.shooting.intervals import values_of
+from frictionid.shooting.gauss_newton import Shot, settle
+from frictionid.shooting.intervals import Track, track_of
+from frictionid.shooting.linearise import values_of
+from frictionid.shooting.parameters import Block, FrictionBlock, InertiaBlock
+from frictionid.shooting.parameters.parameter_block import Guess
 from frictionid.shooting.settings import Settings
-from frictionid.shooting.solve import Shot, settle
-from frictionid.shooting.track import Track, track_of
-from frictionid.signals import Signal, cut
 
 LAW = AsymmetricStribeck()
 # Longer windows tell more. Where a joint sticks and slips they have kinks, the fit does not settle,

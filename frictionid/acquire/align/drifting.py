@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.rig import Rig
-from frictionid.shooting.blocks import Block, DelayBlock
-from frictionid.shooting.blocks.block import Entry, Guess
-from frictionid.shooting.intervals import Intervals, Lines, intervals_of, parts_of
+from frictionid.mechanics.calibration import Rig
+from frictionid.shooting.intervals import Track
+from frictionid.shooting.linearise import Intervals, Lines, intervals_of, parts_of
+from frictionid.shooting.parameters import Block, DelayBlock
+from frictionid.shooting.parameters.parameter_block import Entry, Guess
 from frictionid.shooting.settings import Settings
-from frictionid.shooting.track import Track
 
 MOST = 0.01  # of the drift: clocks further apart are broken
 QUARTZ = 5e-4  # standard deviation of the drift that is known beforehand

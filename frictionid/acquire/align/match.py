@@ -13,14 +13,14 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second to import
 
 from frictionid.arrays import Array
-from frictionid.check.alone import stack_of
-from frictionid.check.rows import FEWEST, WIDTH, Rows
-from frictionid.check.torque import impulse_of
+from frictionid.check.balance_windows import FEWEST, WIDTH, Rows
+from frictionid.check.partial_regression import stack_of
+from frictionid.check.torque_integral import impulse_of
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Array as Values
+from frictionid.data.signals import Signal, averages, cut
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
-from frictionid.recordings import Recording
-from frictionid.signals import Array as Values
-from frictionid.signals import Signal, averages, cut
 
 STEP = 0.01  # [s] of the offsets that are tried
 _OVERLAP, _NEARLY = 0.5, 0.9  # shares of the motion that the log must cover

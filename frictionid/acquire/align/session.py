@@ -19,10 +19,10 @@ from frictionid.acquire.clocks import Runs
 from frictionid.acquire.logfile import Log, read_log
 from frictionid.acquire.protocol import SECOND
 from frictionid.acquire.settings import Setup, load_document, setup_of
+from frictionid.data.readers.table import content_of
+from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, mechanism_of
-from frictionid.readers.table import content_of
-from frictionid.signals import Signal, cut
 
 _EPOCH = 1e8  # [s]: times beyond are Unix times, which other computers share
 _LOOSE = 600.0  # [s] by which clocks of two computers may differ

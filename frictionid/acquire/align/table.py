@@ -13,14 +13,14 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
+from frictionid.config import Strict, checked
+from frictionid.data.readers.columns import signal_of
+from frictionid.data.readers.layout import UNITS
+from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.signals import Signal
 from frictionid.errors import InputError
+from frictionid.files import write_text
 from frictionid.mechanics import Mechanism
-from frictionid.readers.columns import signal_of
-from frictionid.readers.layout import UNITS
-from frictionid.readers.strict import Strict, checked
-from frictionid.readers.table import Table, content_of, read_table, table_name
-from frictionid.signals import Signal
-from frictionid.store import write_text
 
 ORIGIN = "aligned by frictionid align"
 _TIMES = ("time", "time_camera", "time_angle")

@@ -10,8 +10,8 @@ from frictionid.acquire.camera.calibrate import Calibration, calibrate, contradi
 from frictionid.acquire.camera.follow import Followed
 from frictionid.acquire.camera.marks import Marks
 from frictionid.arrays import Array
+from frictionid.data.marker_geometry import flattened, mirror
 from frictionid.errors import InputError
-from frictionid.geometry import flattened, mirror
 
 FOUND, PREDICTED, LOST = "found", "predicted", "lost"
 _STRETCHED = 6.0  # deviations, and pixels, by which a link may seem longer than it is

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from frictionid.arrays import Array
-from frictionid.geometry import Plane, flattened
+from frictionid.data.marker_geometry import Plane, flattened
 
 _MOST = 600  # frames that are used
 _PRIORS = np.array([0.01, 0.01, 0.05, 0.05, 0.05])  # of stretch, slant and bulge, see Plane

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal, Self
 import tomli_w
 from pydantic import Field, field_validator, model_validator
 
+from frictionid.config import Strict, checked, nearest
+from frictionid.data.readers.table import content_of
 from frictionid.errors import InputError
-from frictionid.readers.strict import Strict, checked, nearest
-from frictionid.readers.table import content_of
 
 TABLES = ("markers", "links", "camera", "lamp")
 _OF_OTHERS = ("mechanism", "motor", "protocol", "angles")  # in the same rig.toml

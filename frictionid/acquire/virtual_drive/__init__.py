@@ -1,0 +1,1 @@
+"""A simulated motor drive at a pseudo-terminal."""

@@ -1,0 +1,1 @@
+"""The comparison: cross validation, tasks, results, suites, tuning."""

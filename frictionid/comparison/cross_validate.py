@@ -1,0 +1,355 @@
+"""The comparison: every identifier by every recipe on identical folds.
+
+What `run` does for one identifier and one recipe is a task: its folds are fitted together, the
+friction of all data with them, and each is judged on what it was not fitted to.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.comparison.equations import equations
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import (
+    Folds,
+    Prepared,
+    Protocol,
+    Row,
+    course_folds,
+    curves,
+    faced,
+    judge,
+    judge_folds,
+    member_curves,
+    prepare,
+    start_folds,
+    training_of,
+    with_rig,
+    without_physics,
+)
+from frictionid.evaluation.hysteresis import Loop, Loops, loops_of, remembers
+from frictionid.friction import Friction
+from frictionid.identifiers import BlackBox, Identifier, Nothing, Published
+from frictionid.identifiers.formulation import INTEGRAL, Recipe
+from frictionid.identifiers.residual import Problem
+from frictionid.mechanics import Plant, plant_of, unit_plant
+from frictionid.mechanics.calibration import Rig
+from frictionid.shooting import Corrected, Refined, Shooting, refine_folds
+from frictionid.shooting.calibrated_recipe import PARTS, groups, rigs_of, some_of_rig
+from frictionid.shooting.intervals import Track, track_of
+
+Way = Recipe | Shooting | Corrected
+
+
+class Result(NamedTuple):
+    """What a task found: rows of scores, friction of the folds and of all data, pictures' data.
+
+    `curves` stand at the velocities (V, n) of `grid`; `refined` is what shooting knows of the
+    friction of all data. `loops` are of the folds and of all data. `members` (N, V, n) are curves
+    of the N members of an ensemble of all data, none where it is no ensemble.
+    """
+
+    rows: tuple[Row, ...]
+    friction: Friction
+    overall: Friction
+    curves: Array
+    motions: tuple[dict[str, Any], ...]
+    tests: Mapping[str, tuple[Row, ...]]
+    seconds: Mapping[str, float]
+    grid: Array
+    refined: Refined | None = None
+    loops: tuple[Loop, ...] = ()
+    members: Array | None = None
+
+    def value(
+        self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
+    ) -> float:
+        """One held-out score, pooled over the folds.
+
+        Raises
+        ------
+        InputError
+            Where there is no such score.
+        """
+        for row in self.rows:
+            found = (row.score, row.statistic, row.horizon_s, row.joint)
+            if row.fold == "all" and found == (score, statistic, horizon, joint):
+                return row.value
+        raise InputError(f"no score {score!r}, {statistic!r} at {horizon} s for joint {joint}")
+
+
+@dataclass(frozen=True, eq=False)
+class Contest:
+    """A data set with its folds, and data sets that only test what was fitted to it."""
+
+    dataset: Dataset
+    folds: Folds
+    protocol: Protocol = field(default_factory=Protocol)
+    tests: tuple[Dataset, ...] = ()
+
+
+class Ground(NamedTuple):
+    """What all identifiers of a contest share, made once: see `ground_of`."""
+
+    prepared: Prepared
+    tests: tuple[Prepared, ...]
+    problems: Mapping[str, Problem]  # what each recipe fits, by its name
+    weights: Mapping[str, Array]  # (F + 1, K): the rows that train each fold, and all rows
+    track: Track | None = None  # what shooting fits, and the intervals (F + 1, K) of each fold
+    training: Array | None = None
+    rigs: Mapping[str, Rig] = {}  # of all folds and all data, by the name of the recipe they serve
+
+
+def ground_of(contest: Contest, recipes: Sequence[Way]) -> Ground:
+    """States, problems, training rows and rollout starts of a contest.
+
+    Raises
+    ------
+    InputError
+        Where recordings, folds and protocol do not fit together.
+    """
+    prepared = prepare(contest.dataset, contest.protocol)
+    start_folds(prepared.starts, contest.folds, prepared.observed.causal)
+    if prepared.course is not None:
+        course_folds(prepared.course, contest.folds)
+    begins = [r.by.start for r in recipes if isinstance(r, Corrected)]
+    steps = {recipe.name: recipe for recipe in (*map(first_step, recipes), *begins)}
+    problems = {name: training_of(prepared, recipe) for name, recipe in steps.items()}
+    weights = {name: _weights(contest, problem) for name, problem in problems.items()}
+    tests = tuple(prepare(test, contest.protocol) for test in contest.tests)
+    if not any(isinstance(recipe, Shooting | Corrected) for recipe in recipes):
+        return Ground(prepared, tests, problems, weights)
+    track = track_of(prepared.dataset, states=prepared.observed.smoothed)
+    training = contest.folds.training(track.recording, track.time, track.dt)
+    training = np.concatenate([training, np.ones((1, len(track.dt)))])
+    ground = Ground(prepared, tests, problems, weights, track, training)
+    return ground._replace(rigs=_rigs(contest, ground, recipes))
+
+
+def first_step(recipe: Way) -> Recipe:
+    """The one-step recipe that a fit uses, or begins with."""
+    if isinstance(recipe, Corrected):
+        return recipe.step
+    return recipe.start if isinstance(recipe, Shooting) else recipe
+
+
+def _rigs(contest: Contest, ground: Ground, recipes: Sequence[Way]) -> dict[str, Rig]:
+    """Rigs of all folds that each recipe corrects the data by; searched once for equal recipes."""
+    track, training = ground.track, ground.training
+    assert track is not None and training is not None
+    out: dict[str, Rig] = {}
+    known: dict[str, Rig] = {}
+    for recipe in recipes:
+        if isinstance(recipe, Corrected):
+            every = replace(recipe, use=tuple(p for p in PARTS if p in _freed(recipe)))
+            key = repr(replace(every, name="", step=INTEGRAL))
+            if key not in known:
+                start = recipe.by.start.name
+                given = ground.problems[start], ground.weights[start], training
+                known[key] = rigs_of(every, track, *given, whole=not contest.folds.contiguous)
+            out[recipe.name] = some_of_rig(known[key], recipe.use)
+    return out
+
+
+def _freed(recipe: Corrected) -> list[str]:
+    return [block.name for block in recipe.by.blocks]
+
+
+def _weights(contest: Contest, problem: Problem) -> Array:
+    training = contest.folds.training(problem.recording, problem.time, problem.dt)
+    if not training.any(axis=1).all():
+        raise InputError(
+            f"data set {contest.dataset.name!r}: fold {np.argmin(training.any(axis=1))} leaves "
+            "nothing to train on: choose a smaller folds.gap, fewer folds or a shorter history"
+        )
+    return np.concatenate([training, np.ones((1, len(problem.r)))])
+
+
+def run(
+    contest: Contest,
+    identifier: Identifier,
+    recipe: Way,
+    seed: int = 0,
+    ground: Ground | None = None,
+) -> Result:
+    """Fit by a recipe in every fold and on all data, and score it all on what was held out.
+
+    `ground` is what `ground_of` makes of the contest, where it has been made before.
+
+    Raises
+    ------
+    InputError
+        Where data, folds and settings do not fit together, or the identifier finds no numbers.
+    """
+    check_refinable(identifier, recipe)
+    begin = time.perf_counter()
+    ground = ground or ground_of(contest, [recipe])
+    step = first_step(recipe)
+    problem, weights = _problem(identifier, step, ground), ground.weights[step.name]
+    ready = time.perf_counter()
+    unit = ground.prepared.plant.mechanism.description.angle_unit
+    given = isinstance(identifier, Nothing | Published)
+    found = None
+    if isinstance(recipe, Corrected) and not given:
+        fitted, problem = _fit_corrected(identifier, recipe, ground, seed, unit)
+    else:
+        fitted = fit(identifier, problem, weights, seed, unit)
+    if isinstance(recipe, Shooting) and not given:
+        assert ground.track is not None and ground.training is not None
+        fitted, found = refine_folds(fitted, ground.track, recipe, ground.training)
+    fitted = with_provenance(fitted, equations(fitted[-1], problem, weights[-1], found))
+    done = time.perf_counter()
+    friction, overall = fitted[:-1], fitted[-1]
+    prepared = faced(ground.prepared, fitted)
+    rows, motions = judge_folds(friction, overall, prepared, contest.folds)
+    tests, pictures = {}, list(motions)
+    for test in ground.tests:
+        own, shown = judge(overall, faced(test, fitted))
+        tests[test.dataset.name] = tuple(own)
+        pictures += shown
+    lines = np.concatenate([curves(friction, prepared.grid), curves(overall, prepared.grid)[None]])
+    members = member_curves(overall, prepared.grid)
+    if fitted.mechanism:  # what is no torque is no friction curve
+        lines, members = np.full_like(lines, np.nan), members[:0]
+    seconds = {"prepare": ready - begin, "fit": done - ready, "score": time.perf_counter() - done}
+    return Result(
+        *(tuple(rows), friction, overall, lines, tuple(pictures)),
+        *(tests, seconds, prepared.grid, found, _loops(fitted, prepared, contest.protocol)),
+        members,
+    )
+
+
+def _fit_corrected(
+    identifier: Identifier, recipe: Corrected, ground: Ground, seed: int, unit: str
+) -> tuple[Friction, Problem]:
+    """Friction (F + 1, n, P) with the rigs that correct its data; the problem of all data."""
+    rig, weights = ground.rigs[recipe.name], ground.weights[recipe.step.name]
+    parts: list[Friction | None] = [None] * len(weights)
+    for folds in groups(rig, len(weights)):
+        problem = training_of(with_rig(ground.prepared, rig[int(folds[0])]), recipe.step)
+        fitted = fit(identifier, problem, weights[folds], seed, unit)
+        for place, fold in enumerate(folds):
+            parts[fold] = fitted[place]
+    known = [part for part in parts if part is not None]
+    if any(part.law != known[-1].law for part in known):
+        raise InputError(
+            f"{identifier!r} finds another law in each fold: give it a recipe without rig"
+        )
+    theta = np.stack([np.asarray(part.theta) for part in known])
+    fitted = replace(known[-1], theta=theta, rig=rig)
+    return with_provenance(fitted, _lessons(known)), problem
+
+
+def _lessons(parts: Sequence[Friction]) -> dict[str, Any]:
+    """What frictions fitted one by one tell of their learning, as one table; NaN after an end."""
+    told = [part.provenance.get("learning") for part in parts]
+    if not told or any(own is None or len(own["training"]) != 1 for own in told):
+        return {}
+    out = {}
+    for key in ("training", "held_out"):
+        lines = [np.asarray(own[key][0]) for own in told if own is not None]
+        longest = max(map(len, lines))
+        out[key] = np.stack(
+            [np.pad(x, (0, longest - len(x)), constant_values=np.nan) for x in lines]
+        )
+    return {"learning": out}
+
+
+def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Loop, ...]:
+    """Friction along sinusoids: of laws that remember, or of all where the protocol asks."""
+    if fitted.mechanism or not (protocol.loops or remembers(fitted)):
+        return ()
+    interval = float(np.median(prepared.euler.dt))
+    settings = protocol.loops or Loops()
+    return tuple(loops_of(fitted, prepared.plant[0], settings, prepared.grid, interval))
+
+
+def _problem(identifier: Identifier, recipe: Recipe, ground: Ground) -> Problem:
+    """The problem that an identifier fits: one of unit inertia, all of it, without physics."""
+    if isinstance(identifier, BlackBox):
+        return training_of(without_physics(ground.prepared), replace(recipe, rest=0.0))
+    return ground.problems[recipe.name]
+
+
+def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[Plant, Recipe]:
+    """Plant and recipe by which an identifier sees a data set: black boxes see no physics."""
+    if isinstance(identifier, BlackBox):
+        return unit_plant(dataset), replace(recipe, rest=0.0)
+    return plant_of(dataset), recipe
+
+
+def check_refinable(identifier: Identifier, recipe: Way) -> None:
+    """Refuse to refine by shooting what has no physics.
+
+    Raises
+    ------
+    InputError
+        Saying what to do.
+    """
+    if isinstance(recipe, Shooting | Corrected) and isinstance(identifier, BlackBox):
+        raise InputError(
+            f"recipe {recipe.name!r}: shooting needs the physics that a black box lacks: give it "
+            'recipes = ["integral"], or another one-step recipe'
+        )
+
+
+def fit(
+    identifier: Identifier, problem: Problem, weights: Array, seed: int, angle_unit: str = "rad"
+) -> Friction:
+    """Friction (F, n, P) that an identifier finds under weights (F, K), checked.
+
+    `angle_unit` is that of the mechanism's joints, "rad" or "m".
+
+    Raises
+    ------
+    InputError
+        Where it is not finite, or not one for each row of the weights and each joint.
+    """
+    friction = identifier.fit(problem, weights, seed)
+    shape = np.shape(friction.theta)
+    wanted = (len(weights), problem.r.shape[-1], len(friction.law.names))
+    if shape != wanted:
+        raise InputError(f"{identifier!r} gives theta of shape {shape}, it must be {wanted}")
+    finite = np.isfinite(friction.theta).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(f"{identifier!r} gives numbers that are not finite")
+    return replace(friction, angle_unit=angle_unit)
+
+
+def compare(
+    dataset: Dataset,
+    identifiers: Mapping[str, Identifier],
+    folds: Folds,
+    recipes: Sequence[Way] = (INTEGRAL,),
+    protocol: Protocol | None = None,
+    seed: int = 0,
+) -> dict[tuple[str, str], Result]:
+    """Result of every identifier by every recipe, keyed by (identifier, recipe) names, one by one.
+
+    Examples
+    --------
+    A comparison of one's own recordings::
+
+        dataset = frictionid.load_dataset("my_rig")
+        folds = make_folds(dataset.recordings, Split(count=10))
+        results = compare(dataset, {"none": Nothing(), "stribeck": LeastSquares(Stribeck())}, folds)
+    """
+    contest = Contest(dataset, folds, protocol or Protocol())
+    ground = ground_of(contest, recipes)
+    return {
+        (name, recipe.name): run(contest, identifier, recipe, seed, ground)
+        for recipe in recipes
+        for name, identifier in identifiers.items()
+    }
+
+
+def with_provenance(friction: Friction, entries: Mapping[str, Any]) -> Friction:
+    """The friction, saying also where it comes from."""
+    return replace(friction, provenance={**friction.provenance, **entries})

@@ -1,0 +1,274 @@
+"""The result folder of a comparison: its tables are a reduction of the tasks' files.
+
+tasks/*.json      one file for each task, all that is needed below
+datasets.json     velocities, true curves and parameters, and origin of the data sets
+provenance.json   versions, hashes of data and folds, settings
+scores.csv        all scores, one per line
+timings.csv       seconds of each task (no part of reproducibility)
+models/*.json     friction fitted to all data by each task
+summary.md, tables/, figures/   for people, see frictionid.report
+"""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from frictionid.arrays import Array
+from frictionid.comparison.cross_validate import Ground
+from frictionid.comparison.tasks import Task, file_name
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import Prepared, Row, curves, speeds, steady_state, true_friction
+from frictionid.evaluation.curves import SLOW
+from frictionid.files import read_json, remove_unfinished, write_json, write_text
+from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.shooting.result_document import recordings_own
+
+# What a task's document must have for tables and figures.
+DOCUMENT = (
+    *("dataset", "identifier", "fit", "seed", "settings", "rows"),
+    *("model", "folds", "curves", "motions", "seconds"),
+)
+COLUMNS = (
+    "suite",
+    "dataset",
+    "identifier",
+    "fit",
+    "fold",
+    "score",
+    "statistic",
+    "horizon_s",
+    "joint",
+    "value",
+    "unit",
+    "seed",
+)
+_LEVELS = (0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
+_SHOWN = 1200  # velocities in a scatter, about
+_PACKAGES = (
+    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
+    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
+)
+
+
+def describe(
+    folder: Path,
+    suite: str,
+    title: str,
+    settings: Any,
+    tasks: Sequence[Task],
+    grounds: Mapping[str, Ground],
+) -> None:
+    """Write provenance.json and datasets.json, and remove the tables of an earlier comparison."""
+    _make_room(folder)
+    contests = {t.contest.dataset.name: t.contest for t in tasks}
+    everything = {d.name: d for c in contests.values() for d in (c.dataset, *c.tests)}
+    document = {
+        "suite": suite,
+        "title": title,
+        "settings": settings,
+        "tasks": [task.file for task in tasks],
+        "versions": {"python": platform.python_version(), **{p: version(p) for p in _PACKAGES}},
+        "data": {name: dict(d.hashes) for name, d in everything.items()},
+        "origin": {name: dict(d.origin) for name, d in everything.items()},
+        "folds": {name: contest.folds.hash for name, contest in contests.items()},
+    }
+    write_json(folder / "provenance.json", document)
+    about = {}
+    for name, ground in grounds.items():
+        about[name] = {**_about(ground.prepared), "tests": None}
+        about |= {p.dataset.name: {**_about(p), "tests": name} for p in ground.tests}
+    write_json(folder / "datasets.json", about, None)
+
+
+def _make_room(folder: Path) -> None:
+    """Remove the tables and pictures of an earlier comparison, and nothing that is not ours."""
+    remove_unfinished(folder)
+    for name in ("scores.csv", "timings.csv", "summary.md"):
+        (folder / name).unlink(missing_ok=True)
+    for name in ("models", "tables", "figures"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+
+
+def _about(prepared: Prepared) -> dict[str, Any]:
+    dataset, grid = prepared.dataset, prepared.grid
+    w = speeds(dataset, prepared.observed.smoothed)
+    truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
+    density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
+    d = mechanism_of(dataset.mechanism).description
+    return {
+        "mechanism": dataset.mechanism,
+        "own_base": recordings_own(dataset),
+        "joints": list(d.joints),
+        "torque_unit": d.torque_unit,
+        "angle_unit": d.angle_unit,
+        "recordings": len(dataset.recordings),
+        "samples": sum(len(r.angle.time) for r in dataset.recordings),
+        "seconds": sum(float(r.angle.time[-1] - r.angle.time[0]) for r in dataset.recordings),
+        "velocity": grid,
+        "measured": [w.min(axis=0), w.max(axis=0)],
+        "truth": truth,
+        "true_parameters": None if dataset.truth is None else _true_parameters(dataset),
+        "density": density,
+        "velocities": w[:: max(len(w) // _SHOWN, 1)].round(4),
+        "speeds": _speeds(prepared, w),
+    }
+
+
+def _speeds(prepared: Prepared, w: Array) -> dict[str, Any]:
+    """How fast each joint is: levels that shares of its samples stay below, rest, reversals."""
+    each = [s.w for s in prepared.observed.smoothed]
+    seconds = sum(float(s.time[-1] - s.time[0]) for s in prepared.observed.smoothed)
+    joints = [
+        {
+            "speeds": np.quantile(np.abs(w[:, j]), _LEVELS),
+            "rest": float(np.mean(np.abs(w[:, j]) < SLOW)),
+            "reversals": sum(_turns(s[:, j]) for s in each) / seconds,
+        }
+        for j in range(w.shape[1])
+    ]
+    return {"levels": _LEVELS, "joints": joints}
+
+
+def _turns(w: Array) -> int:
+    """How often a velocity (T,) reverses, not counting what happens at rest."""
+    sign = np.sign(w[np.abs(w) >= SLOW])
+    return int(np.sum(sign[1:] != sign[:-1]))
+
+
+def _true_parameters(dataset: Dataset) -> dict[str, Any]:
+    """What the simulation knows of each block of parameters: friction's by name, for each joint.
+
+    Names of laws without a side have a value where both sides have the same one.
+    """
+    table: Any = dataset.truth
+    truth = true_friction(table) or steady_state(table)
+    friction: dict[str, Any] = {
+        name: truth.theta[:, i].tolist() for i, name in enumerate(truth.law.names)
+    }
+    for name in ("coulomb", "peak"):
+        sides = zip(friction[f"{name}_positive"], friction[f"{name}_negative"], strict=True)
+        friction[name] = [a if a == b else None for a, b in sides]
+    # without a peak its width is any
+    peaks = zip(friction["peak_positive"], friction["peak_negative"], strict=True)
+    friction["stribeck_velocity"] = [
+        v if any(p) else None for v, p in zip(friction["stribeck_velocity"], peaks, strict=True)
+    ]
+    out: dict[str, Any] = {"friction": friction}
+    if "rig" in table:
+        rig, told = table["rig"], cast(Any, dataset.mechanism)
+        mechanism = mechanism_of(told)
+        base = mechanism.base(parameters_of(told, rig.get("parameters", {})))
+        out |= {"inertia": dict(zip(mechanism.base_names, base.tolist(), strict=True))}
+        out |= {"delay": rig.get("torque_delay", 0.0), "gain": rig.get("torque_gain", 1.0)}
+        out |= {"bias": 0.0, "offset": 0.0}
+    return out
+
+
+def task_documents(folder: Path) -> list[dict[str, Any]]:
+    """Documents of the finished tasks, in the order of the suite.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds no comparison, or none of its tasks is finished.
+    """
+    order = read_json(folder / "provenance.json").get("tasks", [])
+    found = [folder / "tasks" / name for name in order]
+    documents = {path: read_json(path) for path in found if path.exists()}
+    if not documents:
+        raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
+    about = read_json(folder / "datasets.json")
+    for path, task in documents.items():
+        if not _whole(task, about):
+            raise InputError(
+                f"{path}: is no whole result, or does not fit datasets.json: finish the comparison "
+                "anew with --resume"
+            )
+    return [_counted(task) for task in documents.values()]
+
+
+def _counted(task: dict[str, Any]) -> dict[str, Any]:
+    """A task's document that counts all that was fitted, not the numbers of friction alone."""
+    parameters = (task.get("refined") or {"parameters": ()})["parameters"]
+    more = sum(entry["block"] != "friction" for entry in parameters)
+    rows = {
+        dataset: [[*r[:5], r[5] + more, r[6]] if r[1] == "n_parameters" else r for r in own]
+        for dataset, own in task["rows"].items()
+    }
+    return {**task, "rows": rows}
+
+
+def _whole(task: Mapping[str, Any], about: Mapping[str, Any]) -> bool:
+    """Whether a task's document has all its parts, and rows of data sets that are described."""
+    rows = task.get("rows")
+    if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(about):
+        return False
+    lengths = {len(row) if isinstance(row, list) else 0 for own in rows.values() for row in own}
+    return lengths <= {len(Row._fields)}
+
+
+def scores(folder: Path) -> pd.DataFrame:
+    """All scores of a result folder as one long table with the columns of scores.csv."""
+    suite = read_json(folder / "provenance.json")["suite"]
+    about = read_json(folder / "datasets.json")
+    lines = [
+        (
+            *(suite, dataset, task["identifier"], task["fit"]),
+            *_values(row, about[dataset]["angle_unit"]),
+            task["seed"],
+        )
+        for task in task_documents(folder)
+        for dataset, rows in task["rows"].items()
+        for row in rows
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS))
+
+
+def _values(row: Sequence[Any], angle_unit: str = "rad") -> tuple[Any, ...]:
+    """A row as scores.csv has it; rows count angles, positions of prismatic joints are in m."""
+    fold, score, statistic, horizon, joint, value, unit = row
+    number = float("nan") if value is None else float(value)
+    return fold, score, statistic, horizon, joint, number, unit.replace("rad", angle_unit)
+
+
+def reduce(folder: Path) -> pd.DataFrame:
+    """The scores, written with timings.csv and models/*.json from the tasks' files."""
+    table = scores(folder)
+    write_text(folder / "scores.csv", table.to_csv(index=False, float_format="%.9g"))
+    lines, models = [], {}
+    for task in task_documents(folder):
+        key = (task["dataset"], task["identifier"], task["fit"], task["seed"])
+        lines += [(*key, part, seconds) for part, seconds in task["seconds"].items()]
+        models[file_name(*key)] = _model(task)
+    columns = ["dataset", "identifier", "fit", "seed", "part", "seconds"]
+    timings = pd.DataFrame(lines, columns=columns)
+    write_text(folder / "timings.csv", timings.to_csv(index=False, float_format="%.3f"))
+    for path in (folder / "models").glob("*.json"):
+        if path.name not in models:
+            path.unlink()
+    for name, document in models.items():
+        write_json(folder / "models" / name, document)
+    return table
+
+
+def _model(task: Mapping[str, Any]) -> dict[str, Any]:
+    source = {key: task[key] for key in ("dataset", "identifier", "fit", "seed", "settings")}
+    model = dict(task["model"])
+    return {**model, "provenance": {**model.get("provenance", {}), **source}}
+
+
+def model_scores(dataset: str, rows: Mapping[str, Sequence[Any]]) -> pd.DataFrame:
+    """Scores of given models on one data set, in the columns of scores.csv; `fit` is "given"."""
+    lines = [
+        ("", dataset, name, "given", *_values(row), 0) for name, own in rows.items() for row in own
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS))

@@ -1,0 +1,96 @@
+"""Parts of a data set: what trains a fold, as recordings of their own, and what is held out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.comparison.cross_validate import Contest
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+from frictionid.errors import InputError
+from frictionid.evaluation import Split, make_folds
+
+
+def training_contest(contest: Contest, fold: int | None, inner: Split) -> Contest:
+    """A contest among the recordings that train a fold, all of them for None; held-out ones test.
+
+    The truth of simulated data stays behind: nothing is tuned to it.
+
+    Raises
+    ------
+    InputError
+        For shuffled folds, where every held-out sample has neighbours in the training set.
+    """
+    dataset = contest.dataset
+    whole = replace(dataset, truth=None, recordings=tuple(map(_untold, dataset.recordings)))
+    if fold is None:
+        return _contest(whole, contest, inner, ())
+    if not contest.folds.contiguous:
+        raise InputError(
+            "tuning is nested in the training folds, which shuffled samples do not part: set "
+            'folds.kind = "recordings" or "blocks", or tune.nested = false'
+        )
+    shortest = contest.protocol.history + min(contest.protocol.horizons)
+    seen = _some(whole, _training(contest, fold), shortest)
+    if seen is None:
+        raise InputError(
+            f"data set {dataset.name!r}: fold {fold} leaves no {shortest:g} s of motion in one "
+            "piece to tune on: use fewer folds"
+        )
+    unseen = _some(whole, _held_out(contest, fold), shortest)
+    tests = () if unseen is None else (replace(unseen, name=f"{dataset.name}, held out"),)
+    return _contest(seen, contest, inner, tests)
+
+
+def _contest(
+    dataset: Dataset, contest: Contest, inner: Split, tests: tuple[Dataset, ...]
+) -> Contest:
+    few = len(dataset.recordings) < inner.count
+    split = replace(inner, kind="blocks") if few else inner
+    return Contest(dataset, make_folds(dataset.recordings, split), contest.protocol, tests)
+
+
+def _untold(recording: Recording) -> Recording:
+    return replace(recording, truth=None)
+
+
+def _training(contest: Contest, fold: int) -> list[Array]:
+    """Whether each interval of each recording trains a fold."""
+    out = []
+    for i, time in enumerate(contest.folds.times):
+        rows = np.full(len(time) - 1, i)
+        out.append(contest.folds.training(rows, time[:-1], np.diff(time))[fold] > 0)
+    return out
+
+
+def _held_out(contest: Contest, fold: int) -> list[Array]:
+    return [label[:-1] == fold for label in contest.folds.labels]
+
+
+def _some(dataset: Dataset, use: list[Array], shortest: float) -> Dataset | None:
+    """The pieces of recordings that consist of intervals in use, without those too short."""
+    pieces = [
+        piece
+        for recording, intervals in zip(dataset.recordings, use, strict=True)
+        for piece in _pieces(recording, intervals)
+        if piece.angle.time[-1] - piece.angle.time[0] >= shortest - 1e-9
+    ]
+    return replace(dataset, recordings=tuple(pieces)) if pieces else None
+
+
+def _pieces(recording: Recording, use: Array) -> Iterator[Recording]:
+    if use.all():
+        yield recording
+        return
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], use.astype(int), [0]])))
+    for number, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+        angle = _between(recording.angle, int(first), int(last) + 1)
+        yield replace(recording, name=f"{recording.name}, piece {number}", angle=angle)
+
+
+def _between(signal: Signal, first: int, stop: int) -> Signal:
+    return signal._replace(time=signal.time[first:stop], value=signal.value[first:stop])

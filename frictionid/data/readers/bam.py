@@ -1,0 +1,180 @@
+"""Reader `bam`: logs of a position-controlled servo with a pendulum [Duclusaud2025].
+
+Torque is not measured, it follows from the model of a DC motor that the firmware drives:
+
+    duty = gain kp (goal - q), within +-limit;  u = kt (vin duty - kt w)/R
+
+and is exactly zero while the firmware has the motor disconnected.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from frictionid.config import Strict, checked
+from frictionid.data.readers.table import content_of, table_name, unzip
+from frictionid.data.recordings import Recording, first_fault
+from frictionid.data.servo import Servo, servo_torque, terminal_voltage
+from frictionid.data.signals import Array, Signal
+from frictionid.errors import InputError
+
+# Firmware of the XL330: 4096 counts a turn, divided by 256 times a full duty of 885.
+XL330_GAIN = 4096 / (2 * math.pi) / (256 * 885)
+WORD = 65536
+ENTRY = ("timestamp", "position", "goal_position", "load", "temp", "input_volts", "torque_enable")
+Positive = Annotated[float, Field(gt=0)]
+
+
+class BamSettings(Strict):
+    """Settings of the reader `bam`.
+
+    kt : torque constant [N m/A]; R : resistance [Ohm]; gain : duty per radian and unit of kp;
+    limit : largest duty; vin : supply [V], the log's where it is not given; offset : [rad] that is
+    added to the angles so that 0 hangs down; phase : which part of each log
+    """
+
+    kt: Positive
+    R: Positive
+    gain: Positive = XL330_GAIN
+    limit: Annotated[float, Field(gt=0, le=1)] = 1.0
+    vin: Positive | None = None
+    offset: float = 0.0
+    phase: Literal["all", "driven", "passive"] = "all"
+
+
+def read_bam(path: Path, settings: Mapping[str, Any]) -> Recording:
+    """Angle, servo and modelled motor torque of a log (.json, .json.gz), its pendulum's dimensions.
+
+    The velocity behind the back-EMF is the central difference of the angles: the servo's own lags
+    by more than 20 ms. Covariates are the voltage [V] at the motor, zero where it is disconnected,
+    and as logged load (the duty, 885 is full), supply [V] and temperature [deg C].
+
+    Raises
+    ------
+    InputError
+        For wrong settings, damaged logs, and a phase that the log does not have.
+    """
+    given = checked(BamSettings, dict(settings), f"{path}: [reader]")
+    file = str(path)
+    log = _log(unzip(content_of(path), file), file)
+    columns = _columns(log["entries"], file)
+    keep = _phase(columns["torque_enable"] > 0, given.phase, file)
+
+    def signal(value: Array) -> Signal:
+        return Signal(columns["timestamp"], value[:, None])
+
+    angle = signal(columns["position"] + given.offset)
+    servo = _servo(log, signal(columns["goal_position"] + given.offset), columns, given)
+    signals = {
+        "angle": angle,
+        "torque": servo_torque(servo, angle),
+        "voltage": terminal_voltage(servo, angle),
+        "load": signal(signed_word(columns["load"])),
+        "supply": signal(columns["input_volts"]),
+        "temperature": signal(columns["temp"]),
+    }
+    kept = {key: Signal(s.time[keep], s.value[keep]) for key, s in signals.items()}
+    return Recording(
+        table_name(path.name),
+        angle=kept.pop("angle"),
+        torque=kept.pop("torque"),
+        parameters=_pendulum(log),
+        covariates=kept,
+        servo=servo,
+    )
+
+
+def signed_word(word: Array) -> Array:
+    """Signed values of unsigned 16-bit words.
+
+    >>> signed_word(np.array([3.0, 65535.0]))
+    array([ 3., -1.])
+    """
+    return np.where(word >= WORD / 2, word - WORD, word)
+
+
+def _servo(
+    log: Mapping[str, Any], goal: Signal, columns: Mapping[str, Array], given: BamSettings
+) -> Servo:
+    """The log's firmware: it acts on the counts of its own encoder, whose zero does not matter."""
+    enabled = (columns["torque_enable"] > 0).astype(float)[:, None]
+    return Servo(
+        goal=goal,
+        enabled=Signal(goal.time, enabled, hold="previous"),
+        gain=given.gain * log["kp"],
+        limit=given.limit,
+        supply=log["vin"] if given.vin is None else given.vin,
+        kt=given.kt,
+        R=given.R,
+    )
+
+
+def _pendulum(log: Mapping[str, Any]) -> dict[str, float]:
+    """Parameters of the pendulum: a point mass at the end of an arm, a uniform rod."""
+    mass, arm, length = log["mass"], log["arm_mass"], log["length"]
+    if arm == 0:
+        return {"mass": mass, "length": length}
+    # Gravity counts half of the arm's mass at the end, inertia a third of it.
+    return {"mass": mass + arm / 2, "length": length, "inertia": -arm * length**2 / 6}
+
+
+def _log(content: bytes, file: str) -> dict[str, Any]:
+    """The log with its numbers checked; without an arm's mass it has none."""
+    try:
+        log = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file} is no JSON ({str(error)[:80]}); copy it again") from None
+    if not isinstance(log, dict) or not isinstance(log.get("entries"), list):
+        raise InputError(f"{file} is no log of bam: it has no list of entries")
+    if len(log["entries"]) < 3:
+        raise InputError(f"{file} has {len(log['entries'])} entries; a motion needs at least 3")
+    log["arm_mass"] = log.get("arm_mass", log.get("arm-mass", 0.0))
+    for name in ("mass", "length", "kp", "vin", "arm_mass"):
+        log[name] = _number(log.get(name), f"{file}: {name}")
+        if log[name] <= 0 and not (name == "arm_mass" and log[name] == 0):
+            raise InputError(f"{file}: {name} must be positive, not {log[name]:g}")
+    return log
+
+
+def _columns(entries: Sequence[Any], file: str) -> dict[str, Array]:
+    """Each quantity of the entries, shape (T,); times increase and all is finite."""
+    table = np.empty((len(entries), len(ENTRY)))
+    for row, entry in enumerate(entries):
+        where = f"{file}, entry {row} (the first is 0)"
+        if not isinstance(entry, dict):
+            raise InputError(f"{where} is no object; delete it")
+        table[row] = [_number(entry.get(name), f"{where}: {name}") for name in ENTRY]
+    fault = first_fault(table[:, 0], table[:, 1:], ENTRY)
+    if fault:
+        raise InputError(f"{file}, entry {fault[0]} (the first is 0): {fault[1]}; delete it")
+    return dict(zip(ENTRY, table.T, strict=True))
+
+
+def _number(value: Any, where: str) -> float:
+    if not isinstance(value, int | float):
+        given = "is missing" if value is None else f"is {repr(value)[:40]}, which is no number"
+        raise InputError(f"{where} {given}; repair the log")
+    try:
+        return float(value)
+    except OverflowError:
+        raise InputError(f"{where} is too large; repair the log") from None
+
+
+def _phase(driven: np.ndarray, phase: str, file: str) -> np.ndarray:
+    """Which entries belong to a phase: those from the first to the last of its only stretch."""
+    if phase == "all":
+        return np.ones_like(driven)
+    keep = driven if phase == "driven" else ~driven
+    stretches = int(np.count_nonzero(np.diff(keep.astype(int)) == 1) + keep[0])
+    if stretches != 1:
+        raise InputError(
+            f"{file} has {stretches} {phase} phases; leave it out, or use phase = 'all'"
+        )
+    return keep

@@ -1,0 +1,268 @@
+"""Data sets: dataset.toml and the tables that it describes, as checked recordings in SI units."""
+
+import hashlib
+import math
+import os
+import tomllib
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.config import nearest
+from frictionid.data.readers.columns import signal_of
+from frictionid.data.readers.kinds import Reader, reader_of
+from frictionid.data.readers.layout import UNITS, ColumnNames, Layout, check_layout
+from frictionid.data.readers.registry import cached, check_file, is_cached, way_to_get
+from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.recordings import Dataset, Motion, Recording
+from frictionid.data.signals import Signal, cut
+from frictionid.errors import InputError
+
+
+def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
+    """The data set that a dataset.toml describes.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder with a dataset.toml, or that file.
+    data : str or Path, optional
+        Folder of the tables. Default: the folder of dataset.toml or, where it names a collection,
+        the folder of that name in the folder that the variable FRICTIONID_DATA names.
+
+    Returns
+    -------
+    Dataset
+        Angles, torques and velocities in SI units, each on the clock of its file.
+
+    Raises
+    ------
+    InputError
+        Where a file is missing or damaged, or does not hold what dataset.toml says.
+    """
+    file = _description(Path(path))
+    document = _parse(file)
+    layout = check_layout(document, str(file))
+    folder = _tables_folder(layout, file, None if data is None else Path(data))
+    names = _matching(layout.recordings.patterns, folder, file)
+    _check_names(layout.sha256, names, f"{file}: sha256")
+    _check_names(layout.recordings.parameters, names, f"{file}: recordings.parameters")
+    read = None if layout.reader is None else reader_of(layout.reader.kind, file)
+    recordings, hashes = [], {}
+    for name in names:
+        content = content_of(folder / name)
+        hashes[name] = _sha256(content, folder / name, layout.sha256.get(name))
+        if layout.collection is not None:
+            check_file(layout.collection, name, hashes[name], folder)
+        recordings.append(_recording(content, folder, name, layout, read))
+    origin = {key: getattr(layout, key) for key in ("description", "origin", "licence", "citation")}
+    return Dataset(
+        name=layout.name,
+        mechanism=document["mechanism"],
+        recordings=tuple(recordings),
+        hashes=hashes,
+        origin={key: text for key, text in origin.items() if text},
+        truth=layout.truth,
+    )
+
+
+def _description(path: Path) -> Path:
+    """The dataset.toml that the user means."""
+    file = path / "dataset.toml" if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")
+    return file
+
+
+def _parse(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(content_of(file).decode("utf-8"))
+    # ValueError: no UTF-8, no TOML, or an integer with thousands of digits.
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{file} is no TOML ({error}); correct it") from None
+
+
+def _tables_folder(layout: Layout, file: Path, data: Path | None) -> Path:
+    """Folder that the patterns are relative to."""
+    collection = layout.collection
+    if data is not None:
+        folder = data
+    elif collection is None:
+        folder = file.parent
+    elif collections := os.environ.get("FRICTIONID_DATA"):
+        folder = Path(collections) / collection
+    elif is_cached(collection):
+        folder = cached(collection)
+    else:
+        raise InputError(
+            f"{file}: its tables are in the collection {collection!r}; name their folder "
+            "with --data FOLDER, or set FRICTIONID_DATA to the folder of the collections"
+            f"{way_to_get(collection)}"
+        )
+    if not folder.is_dir():
+        raise InputError(
+            f"{file}: the folder of its tables, {folder}, does not exist; create it, "
+            "or name another one with --data FOLDER"
+        )
+    return folder
+
+
+def _matching(patterns: Iterable[str], folder: Path, file: Path) -> list[str]:
+    """Sorted names, relative to the folder, of the files that match any pattern."""
+    names: set[str] = set()
+    for pattern in patterns:
+        where = f"{file}: recordings.patterns: {pattern!r}"
+        if ".." in Path(pattern).parts:
+            raise InputError(f'{where} leaves the folder of the tables; write it without ".."')
+        try:
+            found = [path for path in folder.glob(pattern) if path.is_file()]
+        # Python's own limits on patterns: empty, absolute, "**" within a name, a null byte.
+        except (ValueError, NotImplementedError, OSError) as error:
+            raise InputError(f"{where} is no relative pattern ({error})") from None
+        if not found:
+            raise InputError(
+                f"{where} matches no file in {folder}; correct it, or name another "
+                "folder with --data FOLDER"
+            )
+        names.update(path.relative_to(folder).as_posix() for path in found)
+    return sorted(names)
+
+
+def _check_names(keys: Iterable[str], names: list[str], where: str) -> None:
+    for key in keys:
+        if key not in names:
+            raise InputError(f"{where}: {key!r} is no file of this data set; {nearest(key, names)}")
+
+
+def _sha256(content: bytes, file: Path, expected: str | None) -> str:
+    found = hashlib.sha256(content).hexdigest()
+    if expected not in (None, found):
+        raise InputError(
+            f"{file} is not the described file: its SHA-256 is {found}, dataset.toml says "
+            f"{expected}; get the original, or correct [sha256]"
+        )
+    return found
+
+
+def _recording(
+    content: bytes, folder: Path, name: str, layout: Layout, read: Reader | None
+) -> Recording:
+    if read is None:
+        recording = _from_table(content, folder, name, layout)
+    else:
+        assert layout.reader is not None
+        own = read(folder / name, layout.reader.settings)
+        parameters = {**own.parameters, **layout.recordings.parameters.get(name, {})}
+        recording = replace(own, name=table_name(name), parameters=parameters)
+        recording = _with_sigma(recording, layout)
+    start, stop = layout.recordings.start, layout.recordings.stop
+    return recording if (start, stop) == (0.0, math.inf) else _within(recording, start, stop)
+
+
+def _from_table(content: bytes, folder: Path, name: str, layout: Layout) -> Recording:
+    columns = layout.columns
+    assert columns is not None
+    table = read_table(content, str(folder / name), columns.names())
+    whole = table
+    if columns.missing == "drop":
+        table = _seen(table, columns)
+    signals = partial(_signal, table, layout, columns)
+    truth = None
+    if columns.truth:
+        truth = Motion(
+            signals("angle", columns.truth.angle)._replace(sigma=None),
+            signals("velocity", columns.truth.velocity)._replace(sigma=None),
+        )
+    return Recording(
+        name=table_name(name),
+        angle=_with_deviations(signals("angle", columns.angle), table, layout, columns),
+        torque=_signal(whole, layout, columns, "torque", columns.torque),
+        velocity=signals("velocity", columns.velocity) if columns.velocity else None,
+        parameters=layout.recordings.parameters.get(name, {}),
+        covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
+        truth=truth,
+    )
+
+
+def _seen(table: Table, columns: ColumnNames) -> Table:
+    """The rows on the angles' clock whose angles are there."""
+    cells = np.stack([table.columns[name] for name in columns.angle])
+    keep = ~np.isnan(cells).any(axis=0)
+    if not keep.any():
+        raise InputError(f"{table.file}: no row has all angles; name other columns")
+    return Table(table.file, table.rows[keep], {k: v[keep] for k, v in table.columns.items()})
+
+
+def _with_deviations(angle: Signal, table: Table, layout: Layout, columns: ColumnNames) -> Signal:
+    """The angles with the standard deviation of each sample, where a table has them."""
+    if columns.sigma is None:
+        return angle
+    return angle._replace(sigma=_signal(table, layout, columns, "angle", columns.sigma).value)
+
+
+def _with_sigma(recording: Recording, layout: Layout) -> Recording:
+    """The recording with the stated noise, in SI units: a reader leaves no others."""
+    signals: dict[str, Any] = {}
+    for quantity, deviations in layout.sigma:
+        signal = getattr(recording, quantity)
+        if deviations is not None and signal is not None:
+            joints = signal.value.shape[1]
+            if len(deviations) not in (1, joints):
+                raise InputError(
+                    f"sigma.{quantity} has {len(deviations)} numbers for {joints} joints; "
+                    "give one, or one per joint"
+                )
+            signals[quantity] = signal._replace(sigma=np.broadcast_to(deviations, joints).copy())
+    return replace(recording, **signals)
+
+
+def _signal(
+    table: Table, layout: Layout, columns: ColumnNames, quantity: str, names: list[str]
+) -> Signal:
+    """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
+    torque = quantity == "torque"
+    clock = columns.time.torque if torque and any(names) else columns.time.angle
+    sigma = getattr(layout.sigma, quantity) if quantity else None
+    return signal_of(
+        table,
+        clock,
+        names,
+        second=UNITS["time"][layout.units.time],
+        unit=UNITS[quantity][getattr(layout.units, quantity)] if quantity else 1.0,
+        hold=layout.hold.torque if torque else "linear",
+        sparse=columns.two_clocks,
+        sigma=None if sigma is None else np.full(len(names), sigma),
+    )
+
+
+def _within(recording: Recording, start: float, stop: float) -> Recording:
+    """The recording from ``start`` to ``stop`` [s] after its first angle sample."""
+    first = float(recording.angle.time[0])
+    span = partial(cut, start=first + start, stop=first + stop)
+    try:
+        angle = span(recording.angle)
+    except InputError as error:
+        raise InputError(f"recording {recording.name!r}: {error}") from None
+    truth, velocity = recording.truth, recording.velocity
+    return replace(
+        recording,
+        angle=angle,
+        torque=_around(recording.torque, angle.time[0], angle.time[-1]),
+        velocity=velocity and span(velocity),
+        covariates={key: span(signal) for key, signal in recording.covariates.items()},
+        truth=truth and Motion(span(truth.angle), span(truth.velocity)),
+    )
+
+
+def _around(torque: Signal, start: float, stop: float) -> Signal:
+    """The samples that set the torque from start to stop: one more at each end than lie inside."""
+    time = torque.time
+    before = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
+    behind = min(int(np.searchsorted(time, stop, side="left")), len(time) - 1)
+    return cut(torque, time[before], time[behind])

@@ -1,0 +1,41 @@
+"""Reader `dfki_double_pendulum`: logs of the two-joint arm of [Wiebe2024]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from frictionid.config import Strict, checked
+from frictionid.data.readers.columns import signal_of
+from frictionid.data.readers.table import content_of, read_table, table_name
+from frictionid.data.recordings import Recording
+
+
+class DoublePendulumSettings(Strict):
+    """Settings of the reader `dfki_double_pendulum`.
+
+    torque : "measured" is what the drives report, "commanded" what they were told, friction
+        compensation included
+    """
+
+    torque: Literal["measured", "commanded"] = "measured"
+
+
+def read_dfki_double_pendulum(path: Path, settings: Mapping[str, Any]) -> Recording:
+    """Angles and torques of both joints: q1 = 0 hangs down, q2 is relative, torques at the joints.
+
+    The velocities of the file are raw differences with spikes and stay unread. A reported torque is
+    a snapshot of a current that keeps moving, which lines between the samples follow better than
+    steps; a commanded one is held by the drive.
+    """
+    given = checked(DoublePendulumSettings, dict(settings), f"{path}: [reader]")
+    measured = given.torque == "measured"
+    angle = ["pos_meas1", "pos_meas2"]
+    torque = [f"tau_{'meas' if measured else 'con'}{joint}" for joint in (1, 2)]
+    table = read_table(content_of(path), str(path), ["time", *angle, *torque])
+    return Recording(
+        table_name(path.name),
+        signal_of(table, "time", angle),
+        signal_of(table, "time", torque, hold="linear" if measured else "previous"),
+    )

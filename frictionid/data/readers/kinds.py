@@ -1,0 +1,94 @@
+"""Readers by the names that dataset.toml calls them, and readers of the user's own."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from frictionid.config import nearest
+from frictionid.data.readers.bam import read_bam
+from frictionid.data.readers.dfki_double_pendulum import read_dfki_double_pendulum
+from frictionid.data.readers.dfki_simple_pendulum import read_dfki_simple_pendulum
+from frictionid.data.readers.emps import read_emps
+from frictionid.data.readers.ibm import read_ibm
+from frictionid.data.readers.markers import read_markers
+from frictionid.data.readers.phy180 import read_phy180
+from frictionid.data.readers.ros import read_ros
+from frictionid.data.recordings import Recording
+from frictionid.errors import InputError
+
+# A reader makes a recording in SI units of a file and the settings that stand in [reader].
+Reader = Callable[[Path, Mapping[str, Any]], Recording]
+
+READERS: Mapping[str, Reader] = {
+    "bam": read_bam,
+    "dfki_double_pendulum": read_dfki_double_pendulum,
+    "dfki_simple_pendulum": read_dfki_simple_pendulum,
+    "emps": read_emps,
+    "ibm": read_ibm,
+    "markers": read_markers,
+    "phy180": read_phy180,
+    "ros": read_ros,
+}
+
+
+def reader_of(kind: str, file: Path) -> Reader:
+    """Reader that a dataset.toml names: one of ours, or `package.module:function`.
+
+    One's own is looked for beside the dataset.toml, in the current folder and among what is
+    installed.
+
+    Raises
+    ------
+    InputError
+        Where there is no such reader.
+    """
+    if ":" in kind:
+        return _checked(_imported(kind, file), kind)
+    if kind not in READERS:
+        raise InputError(
+            f"{file}: [reader] kind = {kind!r} is unknown; {nearest(kind, READERS)}; "
+            "one's own is package.module:function"
+        )
+    return READERS[kind]
+
+
+def _imported(kind: str, file: Path) -> Reader:
+    module, _, name = kind.partition(":")
+    for place in (str(file.parent.resolve()), str(Path.cwd())):
+        if place not in sys.path:
+            sys.path.append(place)
+    try:
+        found = getattr(importlib.import_module(module), name)
+    except Exception as error:  # whatever stands in the user's own module
+        raise InputError(
+            f"{file}: [reader] kind = {kind!r} cannot be imported ({error}); correct it"
+        ) from error
+    if not callable(found):
+        raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")
+    return found
+
+
+def _checked(read: Reader, kind: str) -> Reader:
+    """The user's reader, whose failures name it and the file."""
+
+    def checked(path: Path, settings: Mapping[str, Any]) -> Recording:
+        try:
+            recording = read(path, settings)
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(
+                f"{path}: the reader {kind!r} failed ({type(error).__name__}: {error})"
+            ) from error
+        if not isinstance(recording, Recording):
+            raise InputError(
+                f"{path}: the reader {kind!r} must return a Recording, "
+                f"not {type(recording).__name__}"
+            )
+        return recording
+
+    return checked

@@ -1,0 +1,114 @@
+"""Reader `markers`: where a camera saw pivot, joints and tip, turned into joint angles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from frictionid.config import Strict, checked
+from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
+from frictionid.data.readers.bare import read_bare
+from frictionid.data.readers.columns import signal_of
+from frictionid.data.readers.layout import UNITS, Column
+from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Array, Signal
+from frictionid.errors import InputError
+
+FRAME = "time of the frame"
+
+
+class MarkerSettings(Strict):
+    """Settings of the reader `markers`.
+
+    x, y : columns of the markers, pivot first, then the joints and the tip; any unit of length
+    time : column of the time, in `time_unit`; or rate : frames per second, for tables without one
+    header : false where the first line holds numbers already: columns are then called "1", "2", ...
+    y_points : "down" as pixels count, or "up"
+    pivot : "moving": each frame's own, or "fixed": its median over the recording
+    mirrored : true for a camera that looks from where counter-clockwise appears clockwise
+    missing : what to do with rows where a marker is not seen (an empty cell): "refuse" or "drop"
+    """
+
+    x: Annotated[list[Column], Field(min_length=2)]
+    y: Annotated[list[Column], Field(min_length=2)]
+    time: Column | None = None
+    time_unit: Literal["s", "ms", "us"] = "s"
+    rate: Annotated[float, Field(gt=0)] | None = None
+    header: bool = True
+    y_points: Literal["down", "up"] = "down"
+    pivot: Literal["moving", "fixed"] = "moving"
+    mirrored: bool = False
+    missing: Literal["refuse", "drop"] = "refuse"
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Self:
+        if len(self.x) != len(self.y):
+            raise ValueError(f"x names {len(self.x)} columns and y {len(self.y)}; give one each")
+        if len({*self.x, *self.y}) != 2 * len(self.x):
+            raise ValueError("x and y name a column twice; each coordinate has its own")
+        if (self.time is None) == (self.rate is None):
+            raise ValueError("give either time (a column) or rate (frames per second)")
+        return self
+
+
+def read_markers(path: Path, settings: Mapping[str, Any]) -> Recording:
+    """Angles of a passive chain of links, one joint per link, from a table of its markers.
+
+    Raises
+    ------
+    InputError
+        For wrong settings, damaged tables, and markers that coincide.
+    """
+    given = checked(MarkerSettings, dict(settings), f"{path}: [reader]")
+    table = _seen(_table(path, given), given)
+    second = 1.0 if given.time is None else UNITS["time"][given.time_unit]
+    column = partial(signal_of, table, given.time or FRAME, second=second)
+    x, y = column(given.x), column(given.y)
+    markers = np.stack([x.value, y.value], axis=-1)
+    angle = Signal(x.time, _angles(markers, given, table))
+    return Recording(table_name(path.name), angle, angle._replace(value=np.zeros_like(angle.value)))
+
+
+def _table(path: Path, given: MarkerSettings) -> Table:
+    """The table as it stands, with the time of each frame where it has none of its own."""
+    names = [*given.x, *given.y, *([] if given.time is None else [given.time])]
+    read = read_table if given.header else read_bare
+    table = read(content_of(path), str(path), names)
+    if given.rate is None:
+        return table
+    return table._replace(columns={**table.columns, FRAME: np.arange(len(table.rows)) / given.rate})
+
+
+def _seen(table: Table, given: MarkerSettings) -> Table:
+    """The rows where all markers are seen."""
+    if given.missing == "refuse":
+        return table
+    cells = np.stack([table.columns[name] for name in (*given.x, *given.y)])
+    keep = ~np.isnan(cells).any(axis=0)
+    if not keep.any():
+        raise InputError(f"{table.file}: no row has all markers; name other columns")
+    columns = {name: column[keep] for name, column in table.columns.items()}
+    return Table(table.file, table.rows[keep], columns)
+
+
+def _angles(markers: Array, given: MarkerSettings, table: Table) -> Array:
+    """Joint angles (T, n) [rad] of markers (T, n + 1, 2) as they stand in the table."""
+    if given.y_points == "up":
+        markers = turn_up(markers)
+    if given.mirrored:
+        markers = mirror(markers)
+    if given.pivot == "fixed":
+        markers = hold_pivot(markers)
+    touching = (link_lengths(markers) == 0).any(axis=1)
+    if touching.any():
+        raise InputError(
+            f"{table.file}, row {table.rows[int(np.argmax(touching))]}: two neighbouring markers "
+            "coincide, which tells no angle; repair or delete the row"
+        )
+    return link_angles(markers)

@@ -1,0 +1,153 @@
+"""MAT files of versions 5 to 7: their numbers and structures, and single columns by their names.
+
+They are read here and not by scipy, whose reader can bring the whole interpreter down with a
+damaged file. The format is that of [MathWorks2024]: tagged elements, nested and padded to 8 bytes.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from frictionid.data.signals import Array
+from frictionid.errors import InputError
+
+_HEADER = 128
+_MATRIX, _COMPRESSED = 14, 15
+# How an element's numbers are stored; MATLAB packs doubles that are small whole numbers.
+_STORED = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
+_STRUCTURE = 2
+_NUMERIC = range(6, 16)
+_COMPLEX = 0x800
+_MOST = 1 << 31  # [bytes] of an unpacked variable
+_NAME = re.compile(r"([A-Za-z]\w*(?:\.[A-Za-z]\w*)*)(?:\(:,\s*([1-9]\d*)\))?")
+
+
+def read_mat(content: bytes, file: str) -> dict[str, Any]:
+    """Variables of a MAT file: arrays, structures as dicts, and None for all that is no numbers.
+
+    Raises
+    ------
+    InputError
+        Where the content is no MAT file, or one of version 7.3, which is another format (HDF5).
+    """
+    order = {b"IM": "<", b"MI": ">"}.get(content[_HEADER - 2 : _HEADER])
+    if order is None:
+        raise InputError(f"{file} is no whole MAT file of version 5 to 7; export it again")
+    if struct.unpack_from(f"{order}H", content, _HEADER - 4)[0] != 0x0100:
+        raise InputError(f"{file} is a MAT file of version 7.3; save it again with '-v7'")
+    found: dict[str, Any] = {}
+    try:
+        for kind, data in _elements(memoryview(content)[_HEADER:], order):
+            if kind == _COMPRESSED:
+                kind, data = next(_elements(_unpacked(data), order))
+            if kind == _MATRIX and len(data):
+                name, value = _variable(data, order)
+                found[name] = value
+    # Whatever is cut off or overwritten leads to one of these.
+    except (ValueError, LookupError, StopIteration, struct.error, zlib.error, RecursionError):
+        raise InputError(f"{file} is no whole MAT file; copy or export it again") from None
+    return found
+
+
+def mat_column(variables: dict[str, Any], name: str, file: str) -> Array:
+    """Column of the variables, shape (R,): "q", "data(:,2)", "log.q" or "log.q(:,2)".
+
+    Raises
+    ------
+    InputError
+        Where there is no such variable or column, or it holds no real numbers.
+
+    Examples
+    --------
+    >>> mat_column({"log": {"q": np.array([[1.0, 5.0], [2.0, 6.0]])}}, "log.q(:,2)", "a.mat")
+    array([5., 6.])
+    """
+    match = _NAME.fullmatch(name.strip())
+    if match is None:
+        raise InputError(f"{file}: {name!r} names no column; write q, data(:,2) or log.q(:,2)")
+    found: Any = variables
+    for part in match[1].split("."):
+        if not isinstance(found, dict) or part not in found:
+            known = ", ".join(map(repr, found)) if isinstance(found, dict) else "no fields"
+            raise InputError(f"{file} has no column {name!r}; it has {known or 'nothing'}")
+        found = found[part]
+    if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu" or found.ndim > 2:
+        raise InputError(f"{file}: column {name!r} holds no real numbers; convert it to double")
+    if match[2] is not None:
+        return _picked(found, int(match[2]), name, file)
+    if found.ndim == 2 and min(found.shape) > 1:
+        raise InputError(
+            f"{file}: {name!r} has {found.shape[1]} columns; name one of them, as {match[1]}(:,1)"
+        )
+    return found.ravel().astype(float)
+
+
+def _picked(value: Array, column: int, name: str, file: str) -> Array:
+    table = value if value.ndim == 2 else value[:, None]
+    if column > table.shape[1]:
+        raise InputError(f"{file}: there is no {name!r}, it has {table.shape[1]} columns")
+    return table[:, column - 1].astype(float)
+
+
+def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Type and data of each element; ValueError where one goes beyond the end."""
+    at = 0
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        begin = at + 8
+        if kind >> 16:  # up to 4 bytes stand within the tag
+            size, kind, begin = kind >> 16, kind & 0xFFFF, at + 4
+        if begin + size > (len(data) if begin > at + 4 else at + 8):
+            raise ValueError("an element is cut off")
+        yield kind, data[begin : begin + size]
+        at = begin + size
+        at += 0 if kind == _COMPRESSED else -at % 8
+
+
+def _unpacked(data: memoryview) -> memoryview:
+    stream = zlib.decompressobj()
+    content = stream.decompress(data, _MOST)
+    if stream.unconsumed_tail or not stream.eof:
+        raise ValueError("a compressed variable is cut off")
+    return memoryview(content)
+
+
+def _variable(data: memoryview, order: str) -> tuple[str, Any]:
+    """Name and value of a matrix element: array (as MATLAB shapes it), dict, or None."""
+    parts = list(_elements(data, order))
+    flags = int(np.frombuffer(parts[0][1], f"{order}u4")[0])
+    shape = tuple(int(size) for size in np.frombuffer(parts[1][1], f"{order}i4"))
+    if len(shape) < 2 or min(shape) < 0:
+        raise ValueError("a variable has no shape")
+    name = bytes(parts[2][1]).decode("ascii")
+    kind = flags & 0xFF
+    if kind == _STRUCTURE and math.prod(shape) == 1:
+        width = int(np.frombuffer(parts[3][1], f"{order}i4")[0])
+        names = [bytes(parts[4][1][k : k + width]) for k in range(0, len(parts[4][1]), width)]
+        fields = [_variable(field, order)[1] if len(field) else None for _, field in parts[5:]]
+        keys = [key.partition(b"\0")[0].decode("ascii") for key in names]
+        return name, dict(zip(keys, fields, strict=True))
+    if kind not in _NUMERIC or flags & _COMPLEX:
+        return name, None
+    stored, numbers = parts[3]
+    value = np.frombuffer(numbers, order + _STORED[stored])
+    # Data of another length than the shape tells raise a ValueError.
+    return name, value.astype(value.dtype.newbyteorder("=")).reshape(shape, order="F")

@@ -1,0 +1,29 @@
+"""Reader `phy180`: a string pendulum tracked by a phone's camera, time and angle in columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.config import Strict, checked
+from frictionid.data.readers.bare import read_bare
+from frictionid.data.readers.columns import signal_of
+from frictionid.data.readers.table import content_of, table_name
+from frictionid.data.recordings import Recording
+
+
+def read_phy180(path: Path, settings: Mapping[str, Any]) -> Recording:
+    """Angle of a pendulum without motor; the third column, a residual, stays unread.
+
+    Raises
+    ------
+    InputError
+        For any setting, there are none, and for damaged tables.
+    """
+    checked(Strict, dict(settings), f"{path}: [reader]")
+    table = read_bare(content_of(path), str(path), ["1", "2"], comma=False)
+    angle = signal_of(table, "1", ["2"])
+    return Recording(table_name(path.name), angle, angle._replace(value=np.zeros_like(angle.value)))

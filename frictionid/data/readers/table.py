@@ -1,0 +1,208 @@
+"""Tables of numbers: CSV, gzipped CSV, Parquet and MAT, by column, with the rows of the file."""
+
+import csv
+import gzip
+import io
+import zlib
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictionid.data.readers.mat import mat_column, read_mat
+from frictionid.data.signals import Array
+from frictionid.errors import InputError
+
+SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
+# Formats that only readers of their own understand.
+OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", ".mcap", ".db3")
+
+
+class Table(NamedTuple):
+    """Columns of numbers.
+
+    Attributes
+    ----------
+    file : str
+        Where they come from, for errors.
+    rows : integer array, shape (R,)
+        Row of the file for each entry; the header is row 1.
+    columns : dict of str to array, shape (R,)
+        In the unit of the file; nan where the cell is empty.
+    """
+
+    file: str
+    rows: NDArray[np.int64]
+    columns: dict[str, Array]
+
+
+def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    r"""Table with the asked columns of a file's content.
+
+    Parameters
+    ----------
+    content : bytes
+    file : str
+        Name of the file; its ending tells the format, errors repeat it.
+    columns : sequence of str
+
+    Raises
+    ------
+    InputError
+        Where the content is no such table, a column is missing or a cell is no number.
+
+    Examples
+    --------
+    >>> read_table(b"time,q\n0.0,1.5\n0.1,\n", "a.csv", ["q"]).columns
+    {'q': array([1.5, nan])}
+    """
+    lower = file.lower()
+    if lower.endswith(".parquet"):
+        table = _parquet(content, file, columns)
+    elif lower.endswith(".mat"):
+        table = _mat(content, file, columns)
+    elif lower.endswith(".csv.gz"):
+        table = _csv(unzip(content, file), file, columns)
+    elif lower.endswith(".csv"):
+        table = _csv(content, file, columns)
+    else:
+        raise InputError(f"{file}: tables end with {', '.join(SUFFIXES)}; narrow the patterns")
+    if not len(table.rows):
+        raise InputError(f"{file} has no rows below its header; record again or leave it out")
+    return table
+
+
+def table_name(file: str) -> str:
+    """Name of a table's file without the ending that tells the format.
+
+    Examples
+    --------
+    >>> table_name("day_1/07.csv.gz")
+    'day_1/07'
+    """
+    for suffix in sorted(SUFFIXES + OTHERS, key=len, reverse=True):
+        if file.lower().endswith(suffix):
+            return file[: -len(suffix)]
+    return file
+
+
+def content_of(file: Path) -> bytes:
+    """Bytes of a file, or the reason why there are none as an InputError."""
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}); check it") from None
+
+
+def unzip(content: bytes, file: str) -> bytes:
+    """Content of a file, unpacked where its name ends with .gz; InputError where it is damaged."""
+    if not file.lower().endswith(".gz"):
+        return content
+    try:
+        return gzip.decompress(content)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{file} is no whole gzip file ({error}); copy it again") from None
+
+
+def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    try:
+        text = io.StringIO(content.decode("utf-8-sig"), newline="")
+        reader = csv.reader(text, strict=True)
+        header = [cell.strip() for cell in next(reader, [])]
+        below = reader.line_num
+        # A blank line is no row, but it counts where rows are named.
+        lines = [(reader.line_num, cells) for cells in reader]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{file} is no CSV text in UTF-8 ({error}); export it again") from None
+    _check_header(file, header, columns)
+    _check_lines(file, header, lines, below)
+    lines = [(row, cells) for row, cells in lines if cells]
+    picked = {name: _numbers(lines, header.index(name), name, file) for name in columns}
+    return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
+
+
+def _check_lines(
+    file: str, header: list[str], lines: list[tuple[int, list[str]]], below: int
+) -> None:
+    for expected, (row, cells) in enumerate(lines, start=below + 1):
+        if row != expected:
+            # Two stray quotes would otherwise swallow all the rows between them.
+            raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
+        if cells and len(cells) != len(header):
+            raise InputError(
+                f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
+                "repair or delete the row"
+            )
+
+
+def _numbers(lines: list[tuple[int, list[str]]], at: int, name: str, file: str) -> Array:
+    """Column ``at`` as numbers, nan where it is empty."""
+    numbers = np.full(len(lines), np.nan)
+    for k, (row, cells) in enumerate(lines):
+        text = cells[at].strip()
+        if text:
+            try:
+                numbers[k] = float(text)
+            except ValueError:
+                raise InputError(
+                    f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
+                    "write a decimal point, or leave the cell empty"
+                ) from None
+    return numbers
+
+
+def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    # What pyarrow raises at damaged files: its own errors, OSError, and ValueError at broken text.
+    damage = (pa.ArrowException, OSError, ValueError)
+    try:
+        whole = pq.ParquetFile(io.BytesIO(content))
+        _check_header(file, list(whole.schema_arrow.names), columns)
+        table = whole.read(columns=list(columns))
+    except InputError:
+        raise
+    except damage as error:
+        raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
+    picked = {}
+    for name in columns:
+        try:
+            cells = table.column(name).cast(pa.float64(), safe=False)
+        except damage as error:
+            raise InputError(
+                f"{file}: column {name!r} holds no numbers ({_first_line(error)})"
+            ) from None
+        picked[name] = cells.to_numpy().astype(float)
+    # Rows are counted as in a CSV file: the first one below the header is row 2.
+    return Table(file, np.arange(2, table.num_rows + 2), picked)
+
+
+def _mat(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    variables = read_mat(content, file)
+    picked = {name: mat_column(variables, name, file) for name in columns}
+    lengths = {name: len(column) for name, column in picked.items()}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name!r} {length}" for name, length in lengths.items())
+        raise InputError(f"{file}: the columns differ in length ({told}); export them alike")
+    # MATLAB counts from 1, and there is no header.
+    return Table(file, np.arange(1, next(iter(lengths.values()), 0) + 1), picked)
+
+
+def _first_line(error: Exception) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)
+
+
+def _check_header(file: str, header: Sequence[str], columns: Sequence[str]) -> None:
+    if not any(header):
+        raise InputError(f"{file} is empty; record again or leave it out")
+    named = ", ".join(repr(name) for name in header)
+    count = Counter(header)
+    for name in columns:
+        if count[name] == 0:
+            raise InputError(f"{file} has no column {name!r}; it has {named}")
+        if count[name] > 1:
+            raise InputError(f"{file} has {count[name]} columns called {name!r}; rename them")

@@ -1,0 +1,155 @@
+"""Velocities from measured angles: backward differences, local polynomials, Kalman/RTS smoothing.
+
+Every estimator takes the angle signals of some recordings and returns one `States` for each, on the
+signals' own time stamps; nothing is carried from one recording to another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.kalman import Series, followed, likeliest, pad, smoothed
+from frictionid.data.signals import Signal
+from frictionid.errors import InputError
+
+
+class States(NamedTuple):
+    """Estimated motion: time (T,) [s], q (T, n) [rad], w (T, n) [rad/s]."""
+
+    time: Array
+    q: Array
+    w: Array
+
+
+class Estimator(Protocol):
+    """Estimates states; `support` [samples] is how far to either side a sample reaches."""
+
+    @property
+    def support(self) -> int: ...
+
+    def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]: ...
+
+
+@dataclass(frozen=True)
+class Backward:
+    """Backward differences, w_k = (q_k - q_{k-1})/(t_k - t_{k-1}): the study's [DeMeester2020].
+
+    The first sample has no velocity and is dropped.
+
+    >>> ramp = Signal(np.array([0.0, 0.1, 0.2]), np.array([[0.0], [0.1], [0.3]]))
+    >>> Backward()([ramp])[0].w.ravel().round(6)
+    array([1., 2.])
+    """
+
+    support: int = 1
+
+    def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
+        return tuple(
+            States(a.time[1:], a.value[1:], np.diff(a.value, axis=0) / np.diff(a.time)[:, None])
+            for a in angles
+        )
+
+
+@dataclass(frozen=True)
+class SavitzkyGolay:
+    """Local polynomials of `order` over `window` samples [SavitzkyGolay1964], on any time stamps.
+
+    At the ends the window is one-sided.
+
+    >>> t = np.linspace(0.0, 1.0, 11)
+    >>> s = SavitzkyGolay(window=5, order=2)([Signal(t, t[:, None] ** 2)])[0]
+    >>> bool(np.allclose(s.w[:, 0], 2 * t))
+    True
+    """
+
+    window: int = 7
+    order: int = 3
+
+    def __post_init__(self) -> None:
+        if self.window % 2 == 0 or self.window <= self.order:
+            raise InputError(
+                f"savgol: window = {self.window} must be odd and larger than order = {self.order}"
+            )
+
+    @property
+    def support(self) -> int:
+        """Samples to either side that a value depends on."""
+        return self.window // 2
+
+    def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
+        return tuple(self._one(angle) for angle in angles)
+
+    def _one(self, angle: Signal) -> States:
+        time, value = angle.time, angle.value
+        if len(time) < self.window:
+            raise InputError(f"savgol: {len(time)} samples are fewer than window = {self.window}")
+        start = np.clip(np.arange(len(time)) - self.support, 0, len(time) - self.window)
+        index = start[:, None] + np.arange(self.window)[None]
+        span = (time[index[:, -1]] - time[index[:, 0]])[:, None] / 2
+        x = (time[index] - time[:, None]) / span
+        powers = x[..., None] ** np.arange(self.order + 1)
+        coefficients = np.linalg.pinv(powers) @ value[index]
+        return States(time, coefficients[:, 0], coefficients[:, 1] / span)
+
+
+@dataclass(frozen=True)
+class RTS:
+    """Kinematic Kalman/RTS smoother driven by white jerk [RauchTungStriebel1965].
+
+    The ratio of jerk intensity to measurement noise maximises the innovation likelihood of each
+    recording and joint, so no window has to be chosen; uneven sampling and gaps are exact.
+
+    >>> t = np.linspace(0.0, 2.0, 121)
+    >>> s = RTS()([Signal(t, np.sin(3 * t)[:, None])])[0]
+    >>> bool(np.abs(s.w[:, 0] - 3 * np.cos(3 * t)).max() < 0.01)
+    True
+    """
+
+    support: int = 6
+
+    def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
+        series = pad(angles)
+        return _states(angles, series, smoothed(series, likeliest(series)))
+
+
+@dataclass(frozen=True)
+class Causal:
+    """The filter of `RTS`: each state depends on samples up to its own time only.
+
+    So does the noise ratio it is filtered with, the likeliest so far. Rollouts start from it.
+    """
+
+    support: int = 0
+
+    def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
+        series = pad(angles)
+        return _states(angles, series, followed(series))
+
+
+def thin(states: States, sample_time: float) -> States:
+    """States at samples at least `sample_time` [s] apart, on their own time stamps.
+
+    >>> t = np.arange(5) * 0.01
+    >>> thin(States(t, t[:, None], t[:, None]), 0.02).time.tolist()
+    [0.0, 0.02, 0.04]
+    """
+    slack = 0.25 * float(np.median(np.diff(states.time)))
+    keep = [0]
+    for k, time in enumerate(states.time):
+        if time >= states.time[keep[-1]] + sample_time - slack:
+            keep.append(k)
+    index = np.unique(keep)
+    return States(states.time[index], states.q[index], states.w[index])
+
+
+def _states(angles: Sequence[Signal], series: Series, mean: Array) -> tuple[States, ...]:
+    out = []
+    for angle, rows in zip(angles, series.rows, strict=True):
+        motion = mean[: len(angle.time), rows]
+        out.append(States(angle.time, motion[..., 0], motion[..., 1]))
+    return tuple(out)

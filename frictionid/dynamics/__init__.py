@@ -1,0 +1,1 @@
+"""The physics step: what happens between two samples, stiction and zero crossings included."""

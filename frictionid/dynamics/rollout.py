@@ -1,0 +1,143 @@
+"""Prediction over many samples: the physics step, repeated for all starts side by side."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace, plain
+from frictionid.dynamics.step import (
+    Pace,
+    State,
+    euler_step,
+    inputs,
+    pace_of,
+    semi_implicit_step,
+    stride,
+)
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.mechanics import Plant
+
+_RUNAWAY = 1e4  # [rad/s]: faster joints have diverged, they are frozen as NaN
+
+
+class Rollout(NamedTuple):
+    """Predicted motion: q, w (T + 1, ..., n), the start first; NaN after a divergence."""
+
+    q: Array
+    w: Array
+
+
+def rollout(
+    plant: Plant,
+    friction: Friction,
+    start: State,
+    u: Array,
+    dt: Array,
+    *,
+    method: str = "rk4",
+    refine: int = 1,
+) -> Rollout:
+    """Motion from start states under the given motor torques.
+
+    Parameters
+    ----------
+    plant, friction
+        Batch axes broadcast against those of the start: one for all, or one for each start.
+    start : State, arrays of shape (..., n)
+        Without memory, that of a law which remembers begins with the motion.
+    u : array, shape (T, ..., n) [N m], mean motor torque of each interval
+    dt : array, shape (T, ...) [s], length of each interval
+    method : "rk4" (the physics step, with its hold), "euler" or "semi_implicit" (one step a sample)
+    refine : int
+        Multiplies the number of RK4 steps.
+
+    Raises
+    ------
+    InputError
+        For an unknown method.
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> from frictionid.mechanics import pendulum
+    >>> plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    >>> tf = Friction(CoulombViscous(), np.array([[0.01, 0.0]]))
+    >>> start = State(np.array([1.0]), np.array([0.0]))
+    >>> motion = rollout(plant, tf, start, np.zeros((600, 1)), np.full(600, 1 / 60))
+    >>> bool(motion.w[-1, 0] == 0.0)                            # it came to rest, exactly
+    True
+    """
+    xp = namespace(start.q, u)
+    paces = _paces(plant, friction, dt, refine) if method == "rk4" else [Pace(1, 1)] * len(u)
+    state, alive = _begin(plant, friction, start, u, dt), None
+    q, w = [state.q], [state.w]
+    for k in range(u.shape[0]):
+        with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
+            state = _one(method, plant, friction, state, u[k], dt[k][..., None], paces[k])
+        wild = ~(xp.abs(state.w).sum(-1) < _RUNAWAY)
+        if bool(wild.any()):
+            state, alive = _freeze(state, wild, alive)
+        # the newest sample of a law that remembers samples has the torque logged with it
+        newest = u[min(k + 1, u.shape[0] - 1)]
+        state = _sampled(plant, friction, state, newest, dt[k][..., None])
+        q.append(_masked(state.q, alive))
+        w.append(_masked(state.w, alive))
+    return Rollout(xp.stack(q), xp.stack(w))
+
+
+def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:
+    """Start state with the batch axes of everything that takes part, and with a memory."""
+    xp = namespace(start.q)
+    others = (u.shape[1:], friction.theta.shape[:-1], (*dt.shape[1:], 1), (*plant.p.shape[:-1], 1))
+    shape = np.broadcast_shapes(start.q.shape, *others)
+    state = State(xp.broadcast_to(start.q, shape), xp.broadcast_to(start.w, shape), start.memory)
+    if state.memory:
+        return state
+    x = inputs(plant, friction, state, u[0])
+    return state._replace(memory=friction.law.start(friction.theta, x))
+
+
+def _paces(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[Pace]:
+    """How each interval is divided: a gap in the recording must not refine all the others."""
+    longest = plain(dt).reshape(len(dt), -1).max(axis=1)
+    most = pace_of(plant, friction, float(longest.max()))
+    counts = [int(np.ceil(most.pieces * share - 1e-9)) for share in longest / longest.max()]
+    return [Pace(refine * count, most.fine) for count in counts]
+
+
+def _one(
+    method: str, plant: Plant, friction: Friction, state: State, u: Array, dt: Array, pace: Pace
+) -> State:
+    if method == "rk4":
+        return stride(plant, friction, state, u, dt, pace)
+    if method == "euler":
+        return euler_step(plant, friction, state, u, dt)
+    if method == "semi_implicit":
+        return semi_implicit_step(plant, friction, state, u, dt)
+    raise InputError(f"the step {method!r} is unknown; known are 'rk4', 'euler', 'semi_implicit'")
+
+
+def _sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
+    """Memory of laws that advance once a sample."""
+    law = friction.law
+    if not state.memory or law.sample_time is None:
+        return state
+    x = inputs(plant, friction, state, u)
+    return state._replace(memory=law.advance(friction.theta, x, state.memory, dt))
+
+
+def _freeze(state: State, wild: Array, alive: Array | None) -> tuple[State, Array]:
+    """Put diverged motions to rest, so that they stay finite, and remember them."""
+    xp = namespace(state.w)
+    still = xp.where(wild[..., None], xp.zeros_like(state.w), state.w)
+    place = xp.where(wild[..., None], xp.zeros_like(state.q), state.q)
+    alive = ~wild if alive is None else alive & ~wild
+    return State(place, still, state.memory), alive
+
+
+def _masked(value: Array, alive: Array | None) -> Array:
+    xp = namespace(value)
+    return value if alive is None else xp.where(alive[..., None], value, float("nan"))

@@ -1,0 +1,190 @@
+"""The physics step: one place for what happens between two samples.
+
+    M(q) dw/dt = h(q, w) + B u - Tf
+
+integrated by RK4 on the friction law, in substeps that its slope needs, and finely where a joint
+comes near rest; what friction does there is in `contact`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from frictionid.arrays import Array, namespace, solve
+from frictionid.dynamics.step_size import Pace, pace_of, stiffness, substeps
+from frictionid.dynamics.stiction import (
+    SLOW,
+    Grip,
+    State,
+    constrained,
+    driven,
+    grip,
+    inputs,
+    resistance,
+    rows,
+)
+from frictionid.dynamics.zero_crossing import Crossing, beyond, crossing, release, released
+from frictionid.friction import Friction, Memory
+from frictionid.mechanics import Plant
+
+__all__ = [
+    "Crossing",
+    "Grip",
+    "Pace",
+    "State",
+    "acceleration",
+    "euler_step",
+    "inputs",
+    "near_rest",
+    "pace_of",
+    "semi_implicit_step",
+    "step",
+    "stiffness",
+    "stride",
+    "substep",
+    "substeps",
+]
+
+_MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
+
+
+def step(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, substeps: int
+) -> State:
+    """State after dt under held motor torques u, by RK4 and the grip at rest.
+
+    Parameters
+    ----------
+    plant, friction
+        Their batch axes, and those of state, u and dt, broadcast against each other.
+    state : State, arrays of shape (..., n)
+    u : array, shape (..., n) [N m]
+    dt : array, shape (..., 1) [s]
+    substeps : int
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> from frictionid.mechanics import pendulum
+    >>> plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
+    >>> raised = State(np.array([0.4]), np.array([0.0]))       # gravity 0.076, break-away 0.1 N m
+    >>> step(plant, tf, raised, np.zeros(1), np.array([1.0]), 200).q
+    array([0.4])
+    """
+    part = dt / substeps
+    for _ in range(substeps):
+        state = substep(plant, friction, state, u, part)[0]
+    return state
+
+
+def stride(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, pace: Pace
+) -> State:
+    """State after dt in some pieces, refined only for the rows that come near rest in a piece."""
+    part = dt / pace.pieces
+    for _ in range(pace.pieces):
+        near = near_rest(plant, friction, state, u, part)
+        if not bool(near.any()):
+            state = substep(plant, friction, state, u, part)[0]
+        elif bool(near.all()):
+            state = step(plant, friction, state, u, part, pace.fine)
+        else:
+            fine = step(*rows(near, plant, friction, state, u, part), pace.fine)
+            coarse = substep(*rows(~near, plant, friction, state, u, part))[0]
+            state = _joined(near, fine, coarse, state)
+    return state
+
+
+def _joined(which: Array, yes: State, no: State, like: State) -> State:
+    xp = namespace(like.q)
+
+    def one(y: Array, n: Array, x: Array) -> Array:
+        out = 1.0 * xp.broadcast_to(x, (*which.shape, x.shape[-1]))
+        out[which], out[~which] = y, n
+        return out
+
+    memory = zip(yes.memory, no.memory, like.memory, strict=True)
+    return State(one(yes.q, no.q, like.q), one(yes.w, no.w, like.w), tuple(one(*z) for z in memory))
+
+
+def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
+    """Rows (...) in which a joint is slow, or will be within dt, unless it is held all the time."""
+    xp = namespace(state.w)
+    held = grip(plant, friction, state, u)
+    a = acceleration(plant, friction, state, u, held)
+    speed = xp.abs(state.w)
+    brakes = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + SLOW)
+    near = brakes | (speed <= SLOW)
+    return (near if held.firm is None else near & ~held.firm).any(-1)
+
+
+def substep(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array
+) -> tuple[State, Grip, Crossing | None]:
+    """State after one substep, the grip of friction in it, and what joints crossed w = 0."""
+    held = grip(plant, friction, state, u)
+    memory = advanced(plant, friction, state, u, dt / 2)
+
+    def accelerate(q: Array, w: Array) -> Array:
+        return acceleration(plant, friction, State(q, w, memory), u, held)
+
+    q, w = rk4(accelerate, state.q, state.w, dt)
+    memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
+    after = State(q, w, memory)
+    crossed = crossing(plant, friction, state, after, u, held, dt)
+    after = after if crossed is None else beyond(crossed, state, after, dt)
+    freed = release(plant, friction, after, u, held, crossed, dt)
+    return after if freed is None else released(freed, after), held, crossed
+
+
+def rk4(
+    accelerate: Callable[[Array, Array], Array], q: Array, w: Array, dt: Array
+) -> tuple[Array, Array]:
+    """Angles and velocities after dt by the Runge-Kutta method of order 4, dw/dt = accelerate."""
+    a1 = accelerate(q, w)
+    w2 = w + dt / 2 * a1
+    a2 = accelerate(q + dt / 2 * w, w2)
+    w3 = w + dt / 2 * a2
+    a3 = accelerate(q + dt / 2 * w2, w3)
+    w4 = w + dt * a3
+    a4 = accelerate(q + dt * w3, w4)
+    return q + dt / 6 * (w + 2 * w2 + 2 * w3 + w4), w + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+
+def acceleration(
+    plant: Plant, friction: Friction, state: State, u: Array, grip: Grip | None = None
+) -> Array:
+    """Joint accelerations dw/dt (..., n) [rad/s^2]."""
+    M, h = plant.dynamics(state.q, state.w)
+    f = h + driven(plant, u)
+    Tf = resistance(friction, inputs(plant, friction, state, u), state.memory, grip)
+    if grip is None or grip.held is None:
+        return solve(M, f - Tf)
+    return constrained(M, f - Tf, grip.held)
+
+
+def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:
+    """Memory after dt at a state, for laws whose memory advances with each substep."""
+    law = friction.law
+    if not state.memory or law.sample_time is not None:
+        return state.memory
+    return law.advance(friction.theta, inputs(plant, friction, state, u), state.memory, dt)
+
+
+def euler_step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
+    """State after dt by explicit Euler, q' = q + w dt: the study's step, kept for comparison."""
+    a = acceleration(plant, friction, state, u)
+    memory = advanced(plant, friction, state, u, dt)
+    return State(state.q + dt * state.w, state.w + dt * a, memory)
+
+
+def semi_implicit_step(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array
+) -> State:
+    """State after dt by semi-implicit Euler, q' = q + w' dt: what backward differences imply."""
+    a = acceleration(plant, friction, state, u)
+    memory = advanced(plant, friction, state, u, dt)
+    w = state.w + dt * a
+    return State(state.q + dt * w, w, memory)

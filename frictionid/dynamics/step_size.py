@@ -1,0 +1,114 @@
+"""How a step is divided: by the slope of friction, and finely where a joint comes near rest."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array, inverse, namespace, plain
+from frictionid.dynamics.stiction import SLOW, holds
+from frictionid.errors import InputError
+from frictionid.friction import Friction, at_rest
+from frictionid.mechanics import Plant
+
+_STABLE = 2.0  # RK4 is stable up to 2.78 / rate
+_LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
+_FINE = 0.0007  # [s], near rest: joints lose some 0.05 rad/s in it
+_FASTEST = 2e5  # [1/s], 1700 substeps in a sample of 1/60 s
+
+
+class Pace(NamedTuple):
+    """How a step is divided: into pieces, and those that come near rest into fine substeps."""
+
+    pieces: int
+    fine: int
+
+
+def pace_of(plant: Plant, friction: Friction, dt: float, *, longest: float = _LONGEST) -> Pace:
+    """Pieces of a step of dt [s], and their substeps near rest.
+
+    Where friction can hold a joint, its slope through w = 0 is no matter of stability: a joint
+    under too little load is gripped there, one under more passes through. It is for laws with a
+    bristle, whose break-away level is zero.
+
+    Raises
+    ------
+    InputError
+        When the law is so steep that no reasonable number of substeps resolves it.
+    """
+    substeps(plant, friction, dt)
+    away = stiffness(plant, friction, SLOW)
+    pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
+    near = away if holds(friction) else stiffness(plant, friction)
+    part = dt / pieces
+    return Pace(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
+
+
+def substeps(plant: Plant, friction: Friction, dt: float) -> int:
+    """Substeps that RK4 needs in dt [s]: law slope times largest eigenvalue of 1/M sets them.
+
+    Raises
+    ------
+    InputError
+        When the law is so steep that no reasonable number of substeps resolves it.
+    """
+    rate = stiffness(plant, friction)
+    count = int(np.ceil(max(dt / _LONGEST, dt * rate / _STABLE, 1.0)))
+    if rate > _FASTEST:
+        raise InputError(
+            f"{friction.law}: slopes of {slopes(friction)} N m s/rad slow a joint down within "
+            f"{1 / rate:.1g} s and need {count} substeps in {dt:.3g} s: widen the law's "
+            "smoothing, or check its parameters"
+        )
+    return count
+
+
+def stiffness(plant: Plant, friction: Friction, beyond: float = 0.0) -> float:
+    """Fastest rate [1/s] at which friction slows a joint: largest eigenvalue of M^-1 dTf/dw.
+
+    The worst case over a grid of configurations and over the batches of plant and friction, at
+    speeds `beyond` some [rad/s]; where friction grows with the load or the motor torque, under
+    those that hold the joints still.
+    """
+    grid = np.linspace(-np.pi, np.pi, 9)
+    q = np.stack(np.meshgrid(*[grid] * plant.n, indexing="ij"), axis=-1).reshape(-1, plant.n)
+    p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
+    A = inverse(plant.mechanism.inertia(p[:, None], q))
+    root = np.sqrt(slopes(friction, beyond, *_holding(plant, friction, p, q)))
+    return float(np.linalg.eigvalsh(root[:, None] * A * root).max())
+
+
+def _holding(plant: Plant, friction: Friction, p: Array, q: Array) -> tuple[Array, Array]:
+    """Largest motor torque (n,) that holds machines p (B, nb) at angles q (C, n), and its load."""
+    u = np.abs(plant.mechanism.dynamics(p[:, None], q, 0.0 * q)[1]).max(axis=(0, 1))
+    if not friction.law.uses_load:
+        return u, 0.0 * u
+    batch = plant.p.ndim - 1
+    some = plant[(0,) * batch] if batch else plant
+    return u, plain(some.load(q, 0.0 * q, 0.0 * q)).max(axis=0)
+
+
+def slopes(
+    friction: Friction, beyond: float = 0.0, u: Array | float = 0.0, load: Array | float = 0.0
+) -> Array:
+    """Largest slope dTf/dw of each joint over all batches, or zero, shape (n,) [N m s/rad].
+
+    At speeds `beyond` some [rad/s], with motor torques 0, u, -u, and a load, (n,) each.
+    """
+    w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])
+    w = w[w >= beyond]
+    theta = friction.theta[..., None, :, :]
+    xp, width = namespace(theta), 1e-5
+    grid = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
+
+    def torque(w: Array, u: Array) -> Array:
+        columns, pushed = (xp.asarray(v, dtype=theta.dtype) for v in (w, u + 0.0 * w))
+        x = at_rest(columns)._replace(u=pushed, load=xp.asarray(load + 0.0 * w, dtype=theta.dtype))
+        return plain(friction.law.torque(theta, x, friction.law.start(theta, x)))
+
+    most = np.zeros(friction.n)
+    for push in (0.0, u, -u) if np.any(u) else (0.0,):
+        rise = (torque(grid + width, push) - torque(grid - width, push)) / (2 * width)
+        most = np.maximum(most, rise.reshape(-1, friction.n).max(axis=0))
+    return most

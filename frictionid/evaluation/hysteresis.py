@@ -1,0 +1,181 @@
+"""Friction along prescribed sinusoids: loops over velocity, how wide they are, and how late.
+
+Reversing motion is the study's [DeMeester2020]; there, the change of sign hides most of it. Motion
+that never reverses is the test of frictional lag: what is open there is memory, or a torque clock
+that is off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, Nodes, along, at_rest
+from frictionid.mechanics import Plant
+
+KINDS = ("reversing", "offset")
+# w = A sin, or between these shares of A: never slower than a tenth
+CENTRE, SWING = {"reversing": 0.0, "offset": 0.6}, {"reversing": 1.0, "offset": 0.5}
+_SETTLE = 1.0  # [s] at least, before the period that is read
+_FINE = 0.005  # [s] between nodes of memories that advance at any time
+_POINTS = 120  # of a period, at least
+_FLAT = 1e-4  # variation of a torque, in units of its size, below which nothing can be late
+_TRIALS = 2048
+
+
+@dataclass(frozen=True)
+class Loops:
+    """Sinusoids on which friction is shown.
+
+    amplitude : [rad/s] of each joint; None takes 0.8 of the speed that 95 % of its motion is below
+    frequency : [Hz] of each joint; None takes 1 Hz
+    factors : of these frequencies, each is shown
+    """
+
+    amplitude: tuple[float, ...] | None = None
+    frequency: tuple[float, ...] | None = None
+    factors: tuple[float, ...] = (0.5, 1.0, 2.0)
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "frequency", "factors"):
+            values = getattr(self, name)
+            if values is not None and not (len(values) and all(v > 0 for v in values)):
+                raise InputError(f"loops: {name} = {values} must be positive numbers")
+
+    def check(self, joints: int) -> None:
+        """Complain where amplitudes or frequencies are not those of so many joints."""
+        for name in ("amplitude", "frequency"):
+            values = getattr(self, name)
+            if values is not None and len(values) != joints:
+                raise InputError(
+                    f"loops: {name} has {len(values)} entries, the mechanism has {joints} joints: "
+                    "give one for each"
+                )
+
+
+class Loop(NamedTuple):
+    """One joint's friction over one period: velocity (T,) [rad/s], torque (F, T) [N m].
+
+    width (F,) [N m]: the torque at rising less that at falling speed, mean over the speeds; where
+    friction falls with speed and is late, it is positive. lag (F,) [s]: how much later velocity
+    must be taken for the loop to close best, NaN where the torque does not vary.
+    """
+
+    joint: int
+    kind: str
+    frequency: float
+    velocity: Array
+    torque: Array
+    width: Array
+    lag: Array
+
+    def document(self) -> dict[str, Any]:
+        """The loop as result files have it."""
+        return self._asdict()
+
+
+def remembers(friction: Friction) -> bool:
+    """Whether friction depends on the motion before.
+
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> remembers(Friction(CoulombViscous(), np.array([[0.1, 0.02]])))
+    False
+    """
+    return bool(friction.law.start(friction.theta, at_rest(np.zeros(friction.n))))
+
+
+def loops_of(
+    friction: Friction, plant: Plant, settings: Loops, grid: Array, interval: float
+) -> list[Loop]:
+    """Loops of a batch of frictions (F, n, P), each joint's on all kinds of motion.
+
+    plant : of one recording, without batch axes; grid (V, n): velocities of the curves, see
+    `velocity_grid`; interval : [s] between samples, for laws whose memory advances with them
+
+    Raises
+    ------
+    InputError
+        Where the settings are those of another number of joints.
+    """
+    settings.check(friction.n)
+    amplitude = np.array(settings.amplitude or 0.8 * grid[-1])
+    frequency = np.array(settings.frequency or (1.0,) * friction.n)
+    out = []
+    for kind in KINDS:
+        for factor in settings.factors:
+            out += _loops(friction, plant, kind, amplitude, factor * frequency, interval)
+    return sorted(out, key=lambda loop: loop.joint)
+
+
+def _loops(
+    friction: Friction, plant: Plant, kind: str, amplitude: Array, frequency: Array, interval: float
+) -> list[Loop]:
+    dt = friction.law.sample_time or min(_FINE, 1.0 / (_POINTS * float(frequency.max())))
+    if friction.law.sample_time is not None:
+        dt = interval
+    # whole numbers of steps in each period
+    steps = np.maximum(np.round(1.0 / (frequency * dt)).astype(int), 8)
+    longest = int(steps.max())
+    count = (math.ceil(_SETTLE / (dt * longest)) + 1) * longest
+    time = dt * np.arange(count)
+    phase = 2 * np.pi * (np.arange(count)[:, None] % steps) / steps
+    rate = 2 * np.pi / (steps * dt)
+    w = amplitude * (CENTRE[kind] + SWING[kind] * np.sin(phase))
+    q = CENTRE[kind] * amplitude * time[:, None]
+    q = q - SWING[kind] * amplitude / rate * (np.cos(phase) - 1.0)
+    zero = np.zeros_like(w)
+    nodes = Nodes(Inputs(q, w, zero, plant.load(q, w, zero)), time, np.array([0, count]))
+    torque = np.asarray(along(friction, nodes))
+    out = []
+    for j, size in enumerate(steps):
+        last = (count // size - 1) * size + np.arange(size)
+        own = torque[:, last, j]
+        measured = loop_width(w[last, j], own), loop_lag(own, size * dt)
+        out.append(Loop(j, kind, float(1.0 / (size * dt)), w[last, j], own, *measured))
+    return out
+
+
+def loop_width(velocity: Array, torque: Array) -> Array:
+    """Mean over the speeds of rising less falling branch (...), of a closed loop (..., T) [N m].
+
+    >>> w = 3 + np.sin(np.linspace(0, 2 * np.pi, 400, endpoint=False))
+    >>> float(loop_width(w, np.roll(w, 10)).round(3))  # late, and rising with speed: lower
+    -0.246
+    """
+    turned = velocity * np.roll(torque, -1, axis=-1) - np.roll(velocity, -1) * torque
+    return np.asarray(-0.5 * turned.sum(axis=-1) / np.ptp(velocity))
+
+
+def loop_lag(torque: Array, period: float) -> Array:
+    """How late a torque (..., T) follows a velocity that is a sine from its first sample on [s].
+
+    A function of the velocity alone is the same before and after the velocity's highest point. The
+    lag is by how much the torque's own axis of symmetry comes later, at most a quarter period.
+
+    >>> t = np.arange(200) / 200
+    >>> late = np.tanh(0.5 + np.sin(2 * np.pi * (t - 0.015)))
+    >>> float(loop_lag(late, period=1.0).round(4))
+    0.015
+    """
+    size = torque.shape[-1]
+    level = np.sqrt(np.mean(torque**2, axis=-1))
+    c = np.fft.rfft(torque - torque.mean(axis=-1, keepdims=True), axis=-1)[..., 1:] / size
+    k = np.arange(1, c.shape[-1] + 1)
+    shift = np.linspace(-0.25, 0.25, _TRIALS + 1)  # of a period
+    # mean of T(x) T(pi + 2 shift - x), highest where both halves agree
+    turn = np.exp(1j * k[:, None] * (np.pi + 4 * np.pi * shift))
+    agree = np.real(np.einsum("...k,ks->...s", c**2, turn))
+    at = np.clip(agree.argmax(axis=-1), 1, _TRIALS - 1)
+    low, top, high = (
+        np.take_along_axis(agree, (at + d)[..., None], -1)[..., 0] for d in (-1, 0, 1)
+    )
+    bend = low - 2 * top + high
+    part = np.where(bend < 0, 0.5 * (low - high) / np.where(bend < 0, bend, 1.0), 0.0)
+    lag = (shift[at] + np.clip(part, -0.5, 0.5) * (shift[1] - shift[0])) * period
+    moves = np.sqrt(2 * np.sum(np.abs(c) ** 2, axis=-1)) > _FLAT * np.maximum(level, 1e-300)
+    return np.asarray(np.where(moves, lag, np.nan))

@@ -1,0 +1,183 @@
+"""Where rollouts start, what drives them, what they are compared with, who holds them out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import averages, sample
+from frictionid.data.states import States
+from frictionid.errors import InputError
+from frictionid.evaluation.folds import Folds
+from frictionid.friction import Inputs, Nodes
+from frictionid.identifiers.residual import GAP
+from frictionid.mechanics import Plant
+
+
+class Starts(NamedTuple):
+    """Rollouts to be made, S side by side over at most T intervals; behind a recording's end: NaN.
+
+    recording, index (S,): where each starts; q, w (S, n): start states; u (T, S, n) [N m];
+    dt (T, S) [s]; measured (T + 1, S, n) [rad]; truth the same or None; horizons (H,) [s] and
+    last (H, S): interval count that reaches each horizon, -1 where the recording is too short;
+    nodes: motion of all recordings up to the starts, for the friction's memory.
+    """
+
+    recording: Array
+    index: Array
+    q: Array
+    w: Array
+    u: Array
+    dt: Array
+    measured: Array
+    truth: Array | None
+    horizons: Array
+    last: Array
+    nodes: Nodes
+
+
+def make_starts(
+    dataset: Dataset,
+    states: Sequence[States],
+    plant: Plant,
+    horizons: Sequence[float],
+    *,
+    every: float = 0.25,
+    begin: float = 0.1,
+) -> Starts:
+    """Starts each `every` seconds in every recording, from `begin` on, as long as a horizon fits.
+
+    A horizon is reached at the sample nearest to it. `states` must be known from samples up to each
+    time only (`Causal`) for a fair prediction.
+
+    Raises
+    ------
+    InputError
+        When no recording is long enough for a horizon, or none sampled fast enough.
+    """
+    horizons_ = np.unique(np.asarray(horizons, dtype=float))
+    owner, index, last = _places(dataset.name, states, horizons_, every, begin)
+    pairs = list(zip(owner, index, strict=True))
+    T = int(last.max())
+    torques = [averages(r.torque, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
+    measured = [sample(r.angle, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
+    known = all(r.truth is not None for r in dataset.recordings)
+    steps = [np.diff(s.time)[:, None] for s in states]
+    return Starts(
+        recording=owner,
+        index=index,
+        q=np.stack([states[r].q[k] for r, k in pairs]),
+        w=np.stack([states[r].w[k] for r, k in pairs]),
+        u=_windows(torques, pairs, T, 0.0),
+        dt=_windows(steps, pairs, T, 1e-3)[..., 0],
+        measured=_windows(measured, pairs, T + 1, np.nan),
+        truth=_windows(_truths(dataset, states), pairs, T + 1, np.nan) if known else None,
+        horizons=horizons_,
+        last=last,
+        nodes=_nodes(dataset, states, plant),
+    )
+
+
+def true_states(dataset: Dataset, states: Sequence[States]) -> list[States] | None:
+    """True states at the times of others; None where some recording's motion is not known."""
+    out = []
+    for recording, s in zip(dataset.recordings, states, strict=True):
+        if recording.truth is None:
+            return None
+        angle, velocity = recording.truth.angle, recording.truth.velocity
+        out.append(s._replace(q=sample(angle, s.time), w=sample(velocity, s.time)))
+    return out
+
+
+def _places(
+    name: str, states: Sequence[States], horizons: Array, every: float, begin: float
+) -> tuple[Array, Array, Array]:
+    """Recording, index (S,) and reached intervals (H, S) of all starts that reach a horizon."""
+    chosen = [_indices(s.time, horizons[0], every, begin) for s in states]
+    owner = np.repeat(np.arange(len(chosen)), [len(c) for c in chosen])
+    index = np.concatenate(chosen)
+    reached = [_reach(states[int(r)].time, k, horizons) for r, k in zip(owner, index, strict=True)]
+    last = np.array(reached, dtype=int).reshape(len(index), len(horizons)).T
+    fits = (last > 0).any(axis=1)
+    if not fits.all():
+        horizon = horizons[np.argmin(fits)]
+        raise InputError(
+            f"data set {name!r}: no recording holds {begin + horizon:g} s of motion sampled finely "
+            f"enough for a rollout of {horizon:g} s: choose other horizons"
+        )
+    use = (last > 0).any(axis=0)
+    return owner[use], index[use], last[:, use]
+
+
+def _indices(time: Array, shortest: float, every: float, begin: float) -> Array:
+    if len(time) < 2:
+        return np.empty(0, dtype=int)
+    step = max(every, float(np.diff(time).min()))  # no two starts at one sample
+    wanted = np.arange(time[0] + begin, time[-1] - shortest + 1e-9, step)
+    return np.unique(np.searchsorted(time, wanted - 1e-9))
+
+
+def _reach(time: Array, index: int, horizons: Array) -> Array:
+    """Intervals from a start to the sample nearest each horizon, -1 where none is near.
+
+    That is beyond the recording's end, in or behind a gap, or before the next sample.
+    """
+    ahead = time[index:] - time[index]
+    nearest = np.searchsorted((ahead[1:] + ahead[:-1]) / 2, horizons)
+    interval = float(np.median(np.diff(time)))
+    off = np.abs(ahead[nearest] - horizons)
+    inside = horizons <= ahead[-1] + 0.5 * interval
+    gaps = np.flatnonzero(np.diff(ahead) > GAP * interval)
+    whole = nearest <= (gaps[0] if len(gaps) else len(ahead))
+    return np.where(inside & whole & (nearest > 0) & (off <= interval), nearest, -1)
+
+
+def _truths(dataset: Dataset, states: Sequence[States]) -> list[Array]:
+    pairs = zip(dataset.recordings, states, strict=True)
+    return [sample(r.truth.angle, s.time) for r, s in pairs if r.truth is not None]
+
+
+def _windows(
+    series: Sequence[Array], pairs: Sequence[tuple[int, int]], length: int, fill: float
+) -> Array:
+    out = np.full((length, len(pairs), series[0].shape[1]), fill)
+    for i, (r, k) in enumerate(pairs):
+        part = series[r][k : k + length]
+        out[: len(part), i] = part
+    return out
+
+
+def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
+    sizes = [len(s.time) for s in states]
+    pairs = zip(dataset.recordings, states, strict=True)
+    u = np.concatenate([sample(recording.torque, s.time) for recording, s in pairs])
+    time, q, w = (np.concatenate(column) for column in zip(*states, strict=True))
+    load = plant[np.repeat(np.arange(len(sizes)), sizes)].load(q, w, u)
+    return Nodes(Inputs(q, w, u, load), time, np.concatenate([[0], np.cumsum(sizes)]))
+
+
+def start_folds(starts: Starts, folds: Folds, states: Sequence[States]) -> Array:
+    """Fold that holds out each start and horizon, (H, S); -1 where none does.
+
+    Raises
+    ------
+    InputError
+        When no fold holds out any rollout over one of the horizons.
+    """
+    out = np.full(starts.last.shape, -1)
+    for h, s in np.argwhere(starts.last > 0):
+        r, k = int(starts.recording[s]), int(starts.index[s])
+        time = states[r].time
+        fold = folds.whole(r, time[k], time[k + starts.last[h, s]])
+        out[h, s] = -1 if fold is None else fold
+    held = (out >= 0).any(axis=1)
+    if not held.all():
+        raise InputError(
+            f"no fold holds out {starts.horizons[np.argmin(held)]:g} s of motion in one piece: "
+            "choose shorter horizons or fewer folds"
+        )
+    return out

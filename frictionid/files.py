@@ -1,0 +1,129 @@
+"""Files written as a whole or not at all, and JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.errors import InputError
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file as a whole or not at all; its folder is made.
+
+    Raises
+    ------
+    InputError
+        Where the place cannot be written.
+    """
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file as a whole or not at all; its folder is made.
+
+    Raises
+    ------
+    InputError
+        Where the place cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}): choose another place"
+        ) from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except OSError as error:
+        Path(name).unlink(missing_ok=True)
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}): choose another place"
+        ) from None
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what `write_bytes` left in a folder when it was killed."""
+    for path in folder.glob(".*"):
+        if re.fullmatch(r"\..+\.[a-z0-9_]{8}", path.name) and path.is_file():
+            path.unlink()
+
+
+def write_json(path: Path, document: Mapping[str, Any], indent: int | None = 1) -> None:
+    """Write a document as JSON; infinities become the strings "inf" and "-inf", NaN null."""
+    write_text(path, json.dumps(_plain(document), indent=indent, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Document of a JSON file.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or holds something else.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    # ValueError: no JSON, no UTF-8, or a name that no file can have
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is no JSON ({error})") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: must hold a JSON object, it holds a {type(document).__name__}")
+    return document
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None if np.isnan(value) else ("inf" if value > 0 else "-inf")
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def remove_others(folder: Path, kept: Iterable[Path]) -> None:
+    """Remove the files of a folder that are none of those kept."""
+    stay = set(kept)
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if path.is_file() and path not in stay:
+            path.unlink()
+
+
+def file_names(names: Iterable[str]) -> dict[str, str]:
+    """A name of a file for each name, all different, also where the disk ignores case.
+
+    >>> file_names(["my rig", "my-rig", "acrobot_sim"])
+    {'my rig': 'my-rig', 'my-rig': 'my-rig-2', 'acrobot_sim': 'acrobot_sim'}
+    """
+    out: dict[str, str] = {}
+    for name in names:
+        base = re.sub(r"[^A-Za-z0-9_.+-]+", "-", name).lstrip(".") or "unnamed"
+        taken = {other.lower() for other in out.values()}
+        tries = (base, *(f"{base}-{i}" for i in range(2, len(out) + 3)))
+        out[name] = next(t for t in tries if t.lower() not in taken)
+    return out

@@ -1,0 +1,283 @@
+"""Friction: a law and its numbers, and its torque along recorded motion.
+
+A *law* holds no numbers. A *friction* is a law with parameters theta of shape (..., n, P), P per
+joint; the leading axes are batches (folds, seeds, bootstrap draws), so that picking, stacking and
+averaging are plain indexing. Friction torques are positive when they oppose positive velocity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace, plain
+from frictionid.mechanics.calibration import Rig
+
+Memory = tuple[Array, ...]
+
+
+class Inputs(NamedTuple):
+    """What friction may depend on: q [rad], w [rad/s], motor torque u [N m], bearing load [N].
+
+    Each has shape (..., n), one entry for each joint.
+    """
+
+    q: Array
+    w: Array
+    u: Array
+    load: Array
+
+
+class Law(Protocol):
+    """A friction law, the form of Tf; all numbers are in theta (..., n, P), P = len(names).
+
+    `names`, `units`, `bounds` (lower, upper) describe the parameters of one joint and `initial`
+    lists values to start a fit from, one tuple for each start. `sample_time` is None where the
+    memory advances with each substep, or the time [s] of the samples at which it does. `uses_load`
+    says whether the law reads the bearing load, which costs time to compute.
+
+    The batch axes of theta and of the inputs broadcast against each other.
+    """
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def units(self) -> tuple[str, ...]: ...
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]: ...
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]: ...
+    @property
+    def sample_time(self) -> float | None: ...
+    @property
+    def uses_load(self) -> bool: ...
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        """Memory at the begin of a motion; () for static laws. Each entry (..., n)."""
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        """Friction torque Tf, shape (..., n) [N m]."""
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        """Memory after dt [s], shape (..., 1), at inputs x."""
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        """Break-away level (..., n) [N m]: smaller loads cannot move the joint from rest.
+
+        The sign of x.w tells the direction of the impending motion; memory is that at this moment.
+        Zero where the memory itself holds the joint, as a bristle does.
+        """
+
+
+class Nodes(NamedTuple):
+    """Points in time at which friction acts in a `Problem`, all recordings in one series.
+
+    inputs (S, n) each; time (S,) [s]; first (R + 1,): recording i owns first[i] to first[i + 1];
+    per_sample: nodes for each recorded sample (2 where midpoints stand between the samples).
+    """
+
+    inputs: Inputs
+    time: Array
+    first: Array
+    per_sample: int = 1
+
+
+@dataclass(frozen=True)
+class Friction:
+    """A law with its parameters theta (..., n, P).
+
+    `parameters` are mechanism parameters that belong to this friction (published models bring their
+    own inertias); empty where those of the data set hold. `mechanism` is "unit" where there is no
+    other physics than this friction's, a negative acceleration. `provenance` says where it is from.
+    `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`. `rig` is
+    what was found about machine and sensors beside friction, with the batch axes of theta.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.02], [0.05, 0.0]]))
+    >>> print(tf)
+    CoulombViscous(width=0.02, shape='tanh')
+      joint 1  coulomb 0.1 N m, viscous 0.02 N m s/rad
+      joint 2  coulomb 0.05 N m, viscous 0 N m s/rad
+    >>> tf.curve(np.array([-1.0, 1.0]))
+    array([[-0.12, -0.05],
+           [ 0.12,  0.05]])
+    """
+
+    law: Any
+    theta: Array
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    angle_unit: str = "rad"
+    rig: Rig | None = None
+    mechanism: str = ""
+
+    def __post_init__(self) -> None:
+        P = len(self.law.names)
+        if self.theta.ndim < 2 or self.theta.shape[-1] != P:
+            raise ValueError(
+                f"theta must have shape (..., joints, {P}) for the parameters "
+                f"{', '.join(self.law.names)}; got {tuple(self.theta.shape)}"
+            )
+        if self.mechanism not in ("", "unit"):
+            raise ValueError(f'mechanism = {self.mechanism!r} must be "unit", or be left out')
+
+    def __getitem__(self, index: Any) -> Friction:
+        """Friction at an index into the batch axes of theta: `friction[fold]`."""
+        rig = None if self.rig is None else self.rig[index]
+        return replace(self, theta=self.theta[index], rig=rig)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.theta.shape[-2])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the law's parameters for these joints."""
+        return units_of(self.law, self.angle_unit)
+
+    def torque(self, x: Inputs, memory: Memory = ()) -> Array:
+        """Friction torque at inputs whose batch axes broadcast against theta's, (..., n) [N m]."""
+        return self.law.torque(self.theta, x, memory)
+
+    def curve(self, w: Array, settle: float = 5.0) -> Array:
+        """Steady-state friction torque of each joint at velocities w (V,), shape (..., V, n) [N m].
+
+        Laws with memory are held at each velocity for `settle` seconds before they are read.
+        """
+        theta = self.theta[..., None, :, :]
+        xp = namespace(theta)
+        columns = np.repeat(np.asarray(w, dtype=float)[:, None], self.n, axis=1)
+        x = at_rest(xp.asarray(columns, dtype=theta.dtype))
+        memory = self.law.start(theta, x)
+        if memory:
+            step = self.law.sample_time or 0.005
+            dt = xp.asarray([[step]], dtype=theta.dtype)
+            for _ in range(int(np.ceil(settle / step))):
+                x = x._replace(q=x.q + step * x.w)
+                memory = self.law.advance(theta, x, memory, dt)
+        return self.law.torque(theta, x, memory)
+
+    def __str__(self) -> str:
+        """Law and parameters with units; mean and spread over a batch."""
+        if not self.law.names:
+            return str(self.law)
+        lines = [str(self.law)]
+        if is_network(self.law):
+            return "\n".join([*lines, f"  {len(self.law.names)} numbers for each joint"])
+        theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
+        for j in range(self.n):
+            values = (
+                f"{name} {_number(theta[:, j, i])} {unit}"
+                for i, (name, unit) in enumerate(zip(self.law.names, self.units, strict=True))
+                if not (getattr(self.law, "sparse", False) and (theta[:, j, i] == 0).all())
+            )
+            lines.append(f"  joint {j + 1}  " + ", ".join(values))
+        return "\n".join(lines)
+
+
+def is_network(law: Any) -> bool:
+    """Whether a law's numbers are weights, which tell a person nothing: its `network` says so."""
+    return bool(getattr(law, "network", False))
+
+
+def units_of(law: Law, angle_unit: str = "rad") -> tuple[str, ...]:
+    """Units of a law's parameters for joints whose positions are in `angle_unit`, "rad" or "m".
+
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> units_of(CoulombViscous()), units_of(CoulombViscous(), "m")
+    (('N m', 'N m s/rad'), ('N', 'N s/m'))
+    """
+    if angle_unit == "rad":
+        return tuple(law.units)
+    return tuple(unit.replace("N m", "N").replace("rad", angle_unit) for unit in law.units)
+
+
+def _number(values: Array) -> str:
+    if len(values) == 1:
+        return f"{values[0]:.4g}"
+    return f"{values.mean():.4g} +- {values.std(ddof=1):.2g}"
+
+
+def at_rest(w: Array) -> Inputs:
+    """Inputs with velocities w (..., n) and all else zero.
+
+    >>> at_rest(np.ones(2)).u
+    array([0., 0.])
+    """
+    zero = 0.0 * w
+    return Inputs(zero, w, zero, zero)
+
+
+def along(friction: Friction, nodes: Nodes) -> Array:
+    """Friction torque along recorded nodes, shape (..., S, n) [N m].
+
+    The batch axes of theta lead. Memory starts anew in each recording. This and `memory_along` are
+    the only loops over recorded time.
+
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> nodes = Nodes(at_rest(np.array([[-1.0], [2.0]])), np.array([0.0, 0.1]), np.array([0, 2]))
+    >>> along(Friction(CoulombViscous(), np.array([[0.1, 0.02]])), nodes)[:, 0]
+    array([-0.12,  0.14])
+    """
+    law, theta = friction.law, friction.theta[..., None, :, :]
+    if not law.start(theta, _take(nodes.inputs, nodes.first[:1])):
+        return law.torque(theta, nodes.inputs, ())
+    xp = namespace(friction.theta, nodes.inputs.w)
+    memories = memory_along(friction, nodes)
+    shape = (*friction.theta.shape[:-2], len(nodes.first) - 1, friction.n)
+    whole = [
+        [xp.broadcast_to(entry, shape) for entry in entries]
+        for entries in zip(*memories, strict=True)
+    ]
+    return law.torque(theta, nodes.inputs, tuple(_unpad(xp, steps, nodes) for steps in whole))
+
+
+def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:
+    """Memory at each step of all recordings side by side: entry t has arrays (..., R, n).
+
+    Recordings that have ended keep their last node.
+    """
+    law, theta = friction.law, friction.theta[..., None, :, :]
+    index = _padded(nodes)
+    memory = law.start(theta, _take(nodes.inputs, index[:, 0]))
+    out = [memory]
+    last = 0
+    for t in range(1, index.shape[1]):
+        if law.sample_time is None or t % nodes.per_sample == 0:
+            now, before = index[:, t], index[:, last]
+            x = _middle(_take(nodes.inputs, before), _take(nodes.inputs, now), law.sample_time)
+            memory = law.advance(theta, x, memory, (nodes.time[now] - nodes.time[before])[:, None])
+            last = t
+        out.append(memory)
+    return out
+
+
+def _take(x: Inputs, index: Array) -> Inputs:
+    return Inputs(*(field_[index] for field_ in x))
+
+
+def _middle(a: Inputs, b: Inputs, sample_time: float | None) -> Inputs:
+    # continuous memories see the mean of both ends; sampled ones the newest sample
+    return (
+        b if sample_time is not None else Inputs(*((x + y) / 2 for x, y in zip(a, b, strict=True)))
+    )
+
+
+def _padded(nodes: Nodes) -> Array:
+    """Node of each recording at each step, shape (R, longest); those that ended keep their last."""
+    first, last = nodes.first[:-1, None], nodes.first[1:, None] - 1
+    return np.minimum(first + np.arange(int((last - first).max()) + 1)[None], last)
+
+
+def _unpad(xp: Any, steps: list[Array], nodes: Nodes) -> Array:
+    stacked = xp.stack(steps, axis=-2)  # (..., R, longest, n)
+    lengths = np.diff(nodes.first)
+    parts = [stacked[..., r, : int(size), :] for r, size in enumerate(lengths)]
+    return xp.concat(parts, axis=-2)

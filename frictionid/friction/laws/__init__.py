@@ -1,0 +1,59 @@
+"""Friction laws, one per file."""
+
+from frictionid.friction.laws.check_law import check_law
+from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
+from frictionid.friction.laws.dahl import Dahl
+from frictionid.friction.laws.ensemble import Ensemble, members_of
+from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
+from frictionid.friction.laws.gear_load import GearLoad, MotorLoadQuadratic
+from frictionid.friction.laws.library import Library
+from frictionid.friction.laws.load_dependent import LoadDependent, LoadDependentStribeck
+from frictionid.friction.laws.lstm import LSTM
+from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
+from frictionid.friction.laws.mlp import MLP
+from frictionid.friction.laws.motor_load import MotorLoad
+from frictionid.friction.laws.none import NoFriction
+from frictionid.friction.laws.quadratic import Quadratic
+from frictionid.friction.laws.ripple import Ripple
+from frictionid.friction.laws.spline import AsymmetricSpline, Spline
+from frictionid.friction.laws.state_library import StateLibrary
+from frictionid.friction.laws.state_lstm import StateLSTM
+from frictionid.friction.laws.state_mlp import StateMLP
+from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
+from frictionid.friction.laws.table import Table
+from frictionid.friction.laws.torch_module import TorchModule
+from frictionid.friction.laws.window_mlp import WindowMLP
+
+__all__ = [
+    "LSTM",
+    "MLP",
+    "AsymmetricCoulombViscous",
+    "AsymmetricFilmLag",
+    "AsymmetricLuGre",
+    "AsymmetricSpline",
+    "AsymmetricStribeck",
+    "CoulombViscous",
+    "Dahl",
+    "Ensemble",
+    "FilmLag",
+    "GearLoad",
+    "Library",
+    "LoadDependent",
+    "LoadDependentStribeck",
+    "LuGre",
+    "MotorLoad",
+    "MotorLoadQuadratic",
+    "NoFriction",
+    "Quadratic",
+    "Ripple",
+    "Spline",
+    "StateLSTM",
+    "StateLibrary",
+    "StateMLP",
+    "Stribeck",
+    "Table",
+    "TorchModule",
+    "WindowMLP",
+    "check_law",
+    "members_of",
+]

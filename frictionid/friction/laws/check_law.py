@@ -1,0 +1,210 @@
+"""What every friction law keeps to, as a check that users run on their own laws."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.friction import Inputs, Law
+
+_SPEEDS = np.array([-9.0, -2.0, -0.4, -0.05, 0.05, 0.3, 1.5, 8.0])  # [rad/s]
+_DRAWS = 3
+_ROUNDING = 1e-12
+_NARROW, _CREEP, _SLOW = 1e-9, 1e-6, 0.1  # [rad/s]
+
+
+def check_law(law: Law, *, level: bool = True) -> None:
+    """Nothing, where the law keeps to the contract of `Law` in all its values on trial inputs.
+
+    Parameters
+    ----------
+    law : Law
+        Where it has a field `width`, its smoothing is narrowed to read the torque near rest.
+    level : bool
+        False for a static law whose `limit` is, on purpose, not its torque just above rest.
+
+    Raises
+    ------
+    AssertionError
+        With one sentence that names the rule which is broken.
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> check_law(CoulombViscous())
+    """
+    _check_description(law)
+    for n in (1, 2):
+        theta, x = _theta(law, n), _inputs(n)
+        _check_inputs_stay(law, theta, x)
+        _check_batches(law, theta, x)
+        _check_load(law, theta, x)
+        _check_limit(law, theta, x)
+        if not law.start(theta, x):
+            _check_gradient(law, theta, x)
+            if level:
+                _check_level(law, theta, x)
+
+
+def _require(holds: Any, law: Law, rule: str) -> None:
+    if not holds:
+        raise AssertionError(f"{law}: {rule}")
+
+
+def _check_description(law: Law) -> None:
+    P = len(law.names)
+    _require(len(set(law.names)) == P, law, f"names must differ, they are {law.names}")
+    for name in ("units", "bounds"):
+        count = len(getattr(law, name))
+        _require(
+            count == P, law, f"{name} needs {P} entries, one for each of names; it has {count}"
+        )
+    for name, (low, high) in zip(law.names, law.bounds, strict=True):
+        _require(low < high, law, f"bounds of {name} must increase, they are ({low}, {high})")
+    _require(len(law.initial) > 0, law, "initial needs at least one start")
+    for start in law.initial:
+        _require(len(start) == P, law, f"each start in initial needs {P} values; one is {start}")
+        for name, value, (low, high) in zip(law.names, start, law.bounds, strict=True):
+            inside = low <= value <= high and np.isfinite(value)
+            _require(inside, law, f"initial {name} = {value} must lie in its bounds {(low, high)}")
+    _require(isinstance(law.uses_load, bool), law, "uses_load must be True or False")
+    sampled = law.sample_time
+    _require(sampled is None or sampled > 0, law, "sample_time must be None, or positive [s]")
+    _check_identity(law)
+
+
+def _check_identity(law: Law) -> None:
+    try:
+        copy = pickle.loads(pickle.dumps(law))
+    except Exception as error:
+        raise AssertionError(f"{law}: it must pickle ({error}): define it in a module") from None
+    _require(repr(copy) == repr(law), law, "repr must say its settings: results are known by it")
+
+
+def _theta(law: Law, n: int) -> Array:
+    """Parameters within the bounds, shape (3, 1, n, P)."""
+    share = np.random.default_rng(0).uniform(0.1, 0.9, (_DRAWS, 1, n, len(law.names)))
+    for i, (low, high) in enumerate(law.bounds):
+        bottom = low if np.isfinite(low) else min(high, 0.0) - 1.0
+        top = high if np.isfinite(high) else bottom + 1.0 + np.isinf(low)
+        share[..., i] = bottom + (top - bottom) * share[..., i]
+    return share
+
+
+def _inputs(n: int) -> Inputs:
+    """Inputs of shape (8, n), each joint at its own speeds."""
+    w = np.stack([np.roll(_SPEEDS, j) for j in range(n)], axis=-1)
+    q, u, load = np.random.default_rng(1).uniform(-1.0, 1.0, (3, *w.shape))
+    return Inputs(q, w, u, 1.0 + load)
+
+
+def _values(law: Law, theta: Array, x: Inputs) -> Iterator[tuple[str, Array]]:
+    """Everything that a law computes, by name."""
+    memory = law.start(theta, x)
+    dt = np.full((1,), law.sample_time or 0.01)
+    later = law.advance(theta, x, memory, dt)
+    _require(isinstance(memory, tuple), law, "start must give a tuple, () for a static law")
+    _require(
+        len(later) == len(memory), law, "advance must keep the number of entries of the memory"
+    )
+    yield from ((f"entry {i} of start", value) for i, value in enumerate(memory))
+    yield from ((f"entry {i} of advance", value) for i, value in enumerate(later))
+    yield "torque", law.torque(theta, x, memory)
+    yield "torque after advance", law.torque(theta, x, later)
+    yield "limit", law.limit(theta, x, memory)
+    yield "limit after advance", law.limit(theta, x, later)
+    if not memory and hasattr(law, "gradient"):
+        yield "gradient", law.gradient(theta, x)
+
+
+def _check_batches(law: Law, theta: Array, x: Inputs) -> None:
+    """Batches (3, 1) of theta against (8,) of x are (3, 8), and each entry is what it is alone."""
+    together = dict(_values(law, theta, x))
+    V, n = x.w.shape
+    for b, v in np.ndindex(_DRAWS, V):
+        point = Inputs(*(field[v] for field in x))
+        for name, value in _values(law, theta[b, 0], point):
+            last = (n, len(law.names)) if name == "gradient" else (n,)
+            alone = _shaped(law, name, value, last)
+            full = _shaped(law, f"{name} of batches", together[name], (_DRAWS, V, *last))
+            _require(np.isfinite(alone).all(), law, f"{name} must be finite, it is {value}")
+            close = np.allclose(full[b, v], alone, rtol=1e-9, atol=_ROUNDING)
+            _require(close, law, f"{name} of a point must not depend on the others in its batch")
+    shape, given = (_DRAWS, V, n), np.shape(together["torque"])
+    static = not law.start(theta, x)
+    _require(not static or given == shape, law, f"torque must have the shape {shape}, not {given}")
+
+
+def _shaped(law: Law, name: str, value: Array, shape: tuple[int, ...]) -> Array:
+    try:
+        return np.broadcast_to(value, shape)
+    except ValueError:
+        given = np.shape(value)
+    raise AssertionError(f"{law}: {name} must have shape {shape}, or broadcast to it, not {given}")
+
+
+def _check_inputs_stay(law: Law, theta: Array, x: Inputs) -> None:
+    before = [a.copy() for a in (theta, *x)]
+    first = dict(_values(law, theta, x))
+    second = dict(_values(law, theta, x))
+    same = all(np.array_equal(a, b) for a, b in zip(before, (theta, *x), strict=True))
+    _require(same, law, "its methods must not change theta or the inputs")
+    again = all(np.array_equal(first[name], second[name]) for name in first)
+    _require(again, law, "the same numbers must give the same torque: a law holds none of its own")
+
+
+def _check_load(law: Law, theta: Array, x: Inputs) -> None:
+    if law.uses_load:
+        return
+    other = dict(_values(law, theta, x._replace(load=2.0 * x.load + 1.0)))
+    same = all(np.array_equal(value, other[name]) for name, value in _values(law, theta, x))
+    _require(same, law, "uses_load is False, so nothing may depend on the load")
+
+
+def _check_limit(law: Law, theta: Array, x: Inputs) -> None:
+    for name, value in _values(law, theta, x):
+        if name.startswith("limit"):
+            least = np.min(value)
+            _require(least >= 0, law, f"{name} must not be negative, it is {least}")
+
+
+def _check_gradient(law: Law, theta: Array, x: Inputs) -> None:
+    """Where there is a gradient, it is the slope of the torque in each parameter."""
+    if not hasattr(law, "gradient"):
+        return
+    gradient = np.broadcast_to(
+        law.gradient(theta, x), (*theta.shape[:1], *x.w.shape, len(law.names))
+    )
+    for i, name in enumerate(law.names):
+        step = np.zeros_like(theta)
+        step[..., i] = 1e-6 * np.maximum(1e-2, np.abs(theta[..., i]))
+        rise = law.torque(theta + step, x, ()) - law.torque(theta - step, x, ())
+        slope = rise / (2 * step[..., i])
+        error = np.abs(gradient[..., i] - slope).max()
+        close = error <= 1e-5 * max(np.abs(slope).max(), 1.0)
+        _require(close, law, f"gradient by {name} is {error:.2g} off the slope of its torque")
+
+
+def _check_level(law: Law, theta: Array, x: Inputs) -> None:
+    """The limit is the size of the torque just above rest, in each direction."""
+    narrow, speed, tolerance = law, _SLOW, 0.25
+    if is_dataclass(law) and "width" in {field.name for field in fields(law)}:
+        narrow, speed, tolerance = replace(law, width=_NARROW), _CREEP, 0.01
+
+    def torque(w: float) -> Array:
+        return np.asarray(narrow.torque(theta, x._replace(w=w + 0.0 * x.w), ()))
+
+    for sign, side in ((1.0, "positive"), (-1.0, "negative")):
+        # extrapolated to rest, without the rise of the smoothing and the slope of viscous friction
+        near = sign * (2 * torque(sign * speed) - torque(2 * sign * speed))
+        limit = law.limit(theta, x._replace(w=sign + 0.0 * x.w), ()) + 0.0 * near
+        close = np.abs(near - limit) <= tolerance * np.abs(limit) + 1e-3 * np.abs(near).max()
+        if not close.all():
+            first = f"{limit[~close][0]:.3g}, the torque {near[~close][0]:.3g} N m"
+            rule = f"limit must be the torque just above rest, for {side} velocity it is {first}"
+            raise AssertionError(f"{law}: {rule}")

@@ -1,0 +1,50 @@
+"""Dahl friction: a spring before the joint slips, Coulomb friction after it, and nothing sticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from frictionid.arrays import Array
+from frictionid.friction import Inputs, Memory
+from frictionid.friction.laws.bristle import bent
+from frictionid.friction.laws.levels import LEVEL
+from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+
+PRESLIDING = (1e-5, 1.0)  # [rad]
+PRESLIDINGS = (0.002, 0.006, 0.02, 0.06)
+
+
+@dataclass(frozen=True)
+class Dahl:
+    """Tf = coulomb z/presliding + viscous w, with dz/dt = w - |w| z/presliding [Dahl1968].
+
+    `presliding` is the angle by which the joint gives before it slips: its stiffness is coulomb /
+    presliding [N m/rad]. Memory is the bend z [rad]. It starts as in steady sliding; of a joint at
+    rest the bend is not known, and is taken to grow over `width` [rad/s]. At rest the spring holds
+    the joint, there is no break-away level.
+    """
+
+    width: float = 0.02
+    shape: str = "tanh"
+    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "presliding")
+    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "rad")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, PRESLIDING)
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple((0.0, 0.0, z) for z in PRESLIDINGS)
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_sign("dahl", self.width, self.shape)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return (theta[..., 2] * smooth_sign(x.w, self.width, self.shape),)
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return theta[..., 0] * memory[0] / theta[..., 2] + theta[..., 1] * x.w
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        return (bent(memory[0], x.w, theta[..., 2], dt),)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return 0.0 * (theta[..., 0] + x.w)

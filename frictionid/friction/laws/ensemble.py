@@ -1,0 +1,120 @@
+"""The mean of several networks of one form, whose spread is a band about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.laws.mlp import MLP
+from frictionid.friction.laws.smooth_sign import check_sign
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Tf = mean of the torques of `members` frictions of the law `base`, each with its own theta.
+
+    width, shape : smoothing of sgn(w) of all of them [rad/s]
+    """
+
+    base: Any = MLP()
+    members: int = 2
+    width: float = 0.02
+    shape: str = "tanh"
+    network: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if type(self.members) is not int or self.members < 2:
+            raise InputError(f"ensemble: members = {self.members!r} must be an integer above one")
+        check_sign("ensemble", self.width, self.shape)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f"{name}.{k}" for k in range(self.members) for name in self.base.names)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return tuple(self.base.units) * self.members
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return tuple(self.base.bounds) * self.members
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        return tuple(tuple(start) * self.members for start in self.base.initial)
+
+    @property
+    def sample_time(self) -> float | None:
+        """That of the base."""
+        sampled: float | None = self.base.sample_time
+        return sampled
+
+    @property
+    def uses_load(self) -> bool:
+        """Whether the base does."""
+        return bool(self.base.uses_load)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        parts = self._parts(theta)
+        return tuple(entry for part in parts for entry in self.base.start(part, x))
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        law = self._law
+        parts = zip(self._parts(theta), self._shares(memory), strict=True)
+        return sum(law.torque(part, x, own) for part, own in parts) / self.members
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        parts = zip(self._parts(theta), self._shares(memory), strict=True)
+        return tuple(e for part, own in parts for e in self.base.advance(part, x, own, dt))
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        law = self._law
+        parts = zip(self._parts(theta), self._shares(memory), strict=True)
+        return sum(law.limit(part, x, own) for part, own in parts) / self.members
+
+    @property
+    def _law(self) -> Any:
+        if hasattr(self.base, "shape"):
+            return replace(self.base, width=self.width, shape=self.shape)
+        return replace(self.base, width=self.width)  # a whole motion's law has one shape only
+
+    def _parts(self, theta: Array) -> Iterator[Array]:
+        size = theta.shape[-1] // self.members
+        for k in range(self.members):
+            yield theta[..., k * size : (k + 1) * size]
+
+    def _shares(self, memory: Memory) -> Iterator[Memory]:
+        size = len(memory) // self.members
+        for k in range(self.members):
+            yield memory[k * size : (k + 1) * size]
+
+
+def together(law: Any, thetas: Sequence[Array]) -> Friction:
+    """Friction that is the mean of those with parameters (..., n, P); of one, that itself."""
+    if len(thetas) == 1:
+        return Friction(law, thetas[0])
+    ensemble = Ensemble(law, len(thetas), law.width, getattr(law, "shape", Ensemble.shape))
+    return Friction(ensemble, namespace(*thetas).concat(list(thetas), axis=-1))
+
+
+def members_of(friction: Friction) -> Friction:
+    """The members of an ensemble side by side: a batch axis of theta in front of all others.
+
+    Their spread is a band: where the data say little, networks with other starts differ.
+
+    >>> import numpy as np
+    >>> mean = together(MLP(), [np.array([MLP().initial[0]]) * scale for scale in (1.0, 1.2, 1.4)])
+    >>> bool((members_of(mean).curve(np.ones(1)).mean(0) == mean.curve(np.ones(1))).all())
+    True
+    """
+    law, theta = friction.law, friction.theta
+    if not isinstance(law, Ensemble):
+        return replace(friction, theta=theta[None])
+    size = theta.shape[-1] // law.members
+    xp = namespace(theta)
+    parts = [theta[..., k * size : (k + 1) * size] for k in range(law.members)]
+    return replace(friction, law=law._law, theta=xp.stack(parts, axis=0))

@@ -1,0 +1,125 @@
+"""Ripple: friction that changes as a joint, or the gear behind it, turns round.
+
+Tf = (1 + sum_k cos_k cos(k gear q) + sin_k sin(k gear q)) level(w) sgn(w) + Fv w
+
+Teeth that mesh, a shaft that is bent and a bearing that is out of round press more at some angles
+than at others [Armstrong1994].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+from frictionid.friction import Inputs, Memory
+from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
+from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
+
+BASES: dict[str, Any] = {
+    "coulomb_viscous": CoulombViscous,
+    "coulomb_viscous_asymmetric": AsymmetricCoulombViscous,
+    "stribeck": Stribeck,
+    "stribeck_asymmetric": AsymmetricStribeck,
+}
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """A static law whose level varies with the angle, by `harmonics` of `gear` times the joint's.
+
+    `base` is the law that it is laid over; its viscous friction does not ripple. The amplitudes
+    cos_k and sin_k are parts of the level, all of them together at most one, so that friction never
+    drives. With gear = 1 they repeat with each turn of the joint, with the ratio of a gear with
+    each turn of the motor.
+    """
+
+    base: str = "coulomb_viscous"
+    harmonics: tuple[int, ...] = (1,)
+    gear: float = 1.0
+    width: float = 0.02
+    shape: str = "tanh"
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "harmonics", tuple(self.harmonics))  # model files give lists
+        _check(self)
+
+    @property
+    def law(self) -> Any:
+        """The law that the ripple is laid over."""
+        return BASES[self.base](self.width, self.shape)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        waves = (f"{name}_{k}" for k in self.harmonics for name in ("cos", "sin"))
+        return (*self.law.names, *waves)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return (*self.law.units, *("1",) * (2 * len(self.harmonics)))
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        count = 2 * len(self.harmonics)
+        return (*self.law.bounds, *((-1.0 / count, 1.0 / count),) * count)
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        flat = (0.0,) * (2 * len(self.harmonics))
+        return tuple((*start, *flat) for start in self.law.initial)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        law = self.law
+        viscous = theta[..., len(law.names) - 1] * x.w
+        level = law.torque(theta, x, memory) - viscous
+        return self._height(theta, x) * level + viscous
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        xp, law = namespace(theta, x.w), self.law
+        last = len(law.names) - 1
+        of_law = law.gradient(theta, x)
+        viscous = theta[..., last] * x.w
+        level = law.torque(theta, x, ()) - viscous
+        height = self._height(theta, x) + 0.0 * level
+        columns = [height * of_law[..., i] for i in range(last)]
+        columns += [of_law[..., last] + 0.0 * level, *(level * wave for wave in self._waves(x))]
+        return xp.stack(columns, axis=-1)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        return memory
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self._height(theta, x) * self.law.limit(theta, x, memory)
+
+    def _waves(self, x: Inputs) -> Iterator[Array]:
+        xp = namespace(x.q)
+        for k in self.harmonics:
+            yield xp.cos(k * self.gear * x.q)
+            yield xp.sin(k * self.gear * x.q)
+
+    def _height(self, theta: Array, x: Inputs) -> Array:
+        """Level at this angle over its mean, >= 0."""
+        first = len(self.law.names)
+        waves = enumerate(self._waves(x), first)
+        return 1.0 + sum(theta[..., i] * wave for i, wave in waves)
+
+
+def _check(law: Ripple) -> None:
+    if law.base not in BASES:
+        raise InputError(f"ripple: base = {law.base!r} is unknown; known are {', '.join(BASES)}")
+    BASES[law.base](law.width, law.shape)  # checks them
+    known = all(type(k) is int and k > 0 for k in law.harmonics)
+    if not law.harmonics or not known or len(set(law.harmonics)) < len(law.harmonics):
+        raise InputError(
+            f"ripple: harmonics = {list(law.harmonics)} must be different whole numbers above zero"
+        )
+    if not 0 < law.gear < math.inf:
+        raise InputError(f"ripple: gear = {law.gear} must be positive and finite")

@@ -1,0 +1,196 @@
+"""A friction curve of any shape: a spline of the speed, linear in its parameters.
+
+Tf = level(|w|) sgn(w),   level(s) = level + sum_i rise_i S_i(s)
+
+S_i climbs from 0 to 1 over a few knots: it is the sum of the B-splines from one on, an I-spline
+[Ramsay1988]. So a rise that the data do not reach is zero, and the curve goes on as it was. The
+curve begins level: the data hardly show where it would go at rest, and with a slope of its own
+there, the break-away level is anything (zero instead of 0.083 N m on `acrobot_clean`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+from frictionid.friction import Inputs, Memory
+from frictionid.friction.laws.levels import LEVEL, sided
+from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+
+KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
+_RISE = (-float("inf"), float("inf"))
+
+
+@dataclass(frozen=True)
+class Spline:
+    """Friction level as a spline of the speed |w| with `knots` [rad/s] and a polynomial `degree`.
+
+    `level` is that at rest, the break-away level; each `rise` is what the level gains, or loses,
+    from one part of the curve to the next, all of them together up to the last knot. Beyond it the
+    curve goes on straight. Zero is always a knot. A negative level counts as zero: friction does
+    not drive. A last knot that the data hardly reach leaves the last rise to chance.
+    """
+
+    knots: tuple[float, ...] = KNOTS
+    degree: int = 2
+    width: float = 0.02
+    shape: str = "tanh"
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "knots", tuple(self.knots))  # model files give lists
+        _check(self.knots, self.degree, self.width, self.shape)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return ("level", *(f"rise_{i}" for i in range(1, len(self.knots) + self.degree - 1)))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return ("N m",) * len(self.names)
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return (LEVEL, *((_RISE,) * (len(self.names) - 1)))
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        return ((0.0,) * len(self.names),)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
+        return _above_zero(_sum(theta, steps)) * smooth_sign(x.w, self.width, self.shape)
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
+        counts = (_sum(theta, steps) >= 0) * smooth_sign(x.w, self.width, self.shape)
+        return namespace(theta, x.w).stack([counts * step for step in steps], axis=-1)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        return memory
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return theta[..., 0] + 0.0 * x.w
+
+
+@dataclass(frozen=True)
+class AsymmetricSpline:
+    """A spline as in `Spline` for each direction, with the parameters for w > 0 first."""
+
+    knots: tuple[float, ...] = KNOTS
+    degree: int = 2
+    width: float = 0.02
+    shape: str = "tanh"
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "knots", tuple(self.knots))
+        _check(self.knots, self.degree, self.width, self.shape)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        names = self._side.names
+        return tuple(f"{name}_{side}" for side in ("positive", "negative") for name in names)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return self._side.units * 2
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return self._side.bounds * 2
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        return tuple(start * 2 for start in self._side.initial)
+
+    @property
+    def _side(self) -> Spline:
+        return Spline(self.knots, self.degree, self.width, self.shape)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        half, side = theta.shape[-1] // 2, self._side
+        positive = side.torque(theta[..., :half], x, memory)
+        return sided(x.w, positive, side.torque(theta[..., half:], x, memory))
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        half, side = theta.shape[-1] // 2, self._side
+        up, down = (side.gradient(part, x) for part in (theta[..., :half], theta[..., half:]))
+        w, zero = x.w[..., None], 0.0 * up
+        return namespace(up).concat([sided(w, up, zero), sided(w, zero, down)], axis=-1)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        return memory
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return sided(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
+
+
+def _check(knots: Sequence[Any], degree: Any, width: float, shape: str) -> None:
+    check_sign("spline", width, shape)
+    if type(degree) is not int or not 1 <= degree <= 3:
+        raise InputError(f"spline: degree = {degree!r} must be 1, 2 or 3")
+    numbers = all(type(knot) in (int, float) and math.isfinite(knot) for knot in knots)
+    if len(knots) < 2 or not numbers:
+        raise InputError(f"spline: knots = {list(knots)} must be two or more speeds in rad/s")
+    if not all(a < b for a, b in zip((0.0, *knots), knots, strict=False)):
+        raise InputError(f"spline: knots = {list(knots)} rad/s must increase from above zero")
+
+
+def _steps(speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:
+    """1 and the functions S_i that climb from 0 to 1, each like the speed."""
+    xp = namespace(speed)
+    upper = list(reversed(_b_splines(xp, speed, knots, degree)))
+    steps = [upper[0]]
+    for part in upper[1:-2]:  # without the first two: level at rest
+        steps.append(steps[-1] + part)
+    # beyond the last knot only the last step climbs, and all splines but the last two are over
+    slope = degree / (knots[-1] - (0.0, *knots)[-2])
+    steps[0] = steps[0] + slope * xp.maximum(speed - knots[-1], 0.0 * speed)
+    return [1.0 + 0.0 * speed, *reversed(steps)]
+
+
+def _b_splines(xp: Any, speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:
+    """B-splines of the speed by their recursion over the degree; beyond the last knot as there."""
+    last = knots[-1]
+    t = [0.0] * (degree + 1) + list(knots) + [last] * degree
+    s = xp.minimum(speed, last + 0.0 * speed)
+    one, zero = 1.0 + 0.0 * speed, 0.0 * speed
+    parts = []
+    for a, b in zip(t[:-1], t[1:], strict=True):
+        inside = (s >= a) & ((s < b) if b < last else (s <= b))
+        parts.append(xp.where(inside, one, zero) if a < b else zero)
+    for d in range(1, degree + 1):
+        ways = range(len(parts) - 1)
+        parts = [
+            _share(s - t[i], t[i + d] - t[i]) * parts[i]
+            + _share(t[i + d + 1] - s, t[i + d + 1] - t[i + 1]) * parts[i + 1]
+            for i in ways
+        ]
+    return parts
+
+
+def _share(part: Array, of: float) -> Array:
+    return part / of if of else 0.0 * part
+
+
+def _sum(theta: Array, steps: Sequence[Array]) -> Array:
+    return sum(theta[..., i] * step for i, step in enumerate(steps))
+
+
+def _above_zero(level: Array) -> Array:
+    return namespace(level).maximum(level, 0.0 * level)

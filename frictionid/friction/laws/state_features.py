@@ -1,0 +1,69 @@
+"""What a model without physics sees: the states and torques of all joints, at about one in size.
+
+Its parameters begin with three scales, of acceleration, speed and torque, which training keeps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+from frictionid.friction import Inputs
+from frictionid.friction.laws.levels import Range
+from frictionid.friction.laws.smooth_sign import smooth_sign
+
+SCALES = ("acceleration", "speed", "torque")  # how the parameters begin
+UNITS = ("rad/s^2", "rad/s", "N m")
+_ABOVE: Range = (1e-9, float("inf"))
+BOUNDS = (_ABOVE,) * 3
+START = (10.0, 5.0, 1.0)
+
+
+def check_joints(law: str, joints: int, turning: bool) -> None:
+    """Refuse what is no number of joints.
+
+    Raises
+    ------
+    InputError
+        Saying what it must be.
+    """
+    if type(joints) is not int or joints < 1:
+        raise InputError(f"{law}: joints = {joints!r} must be a number above 0")
+    if not isinstance(turning, bool):
+        raise InputError(f"{law}: turning = {turning!r} must be true or false")
+
+
+def width_of(joints: int, turning: bool) -> int:
+    """Number of features.
+
+    >>> width_of(2, True), width_of(1, False)
+    (10, 4)
+    """
+    return joints * (4 + turning)
+
+
+def features(theta: Array, x: Inputs, joints: int, turning: bool, width: float) -> Array:
+    """Features (..., n, a), alike for all n joints: place, w, its smooth sign, and u of each.
+
+    Place is sin q and cos q, or q where the joints slide. Joints beyond `joints` are left out,
+    those that there are not are zero.
+    """
+    xp, n = namespace(theta, x.w), x.w.shape[-1]
+    speed, torque = theta[..., 1], theta[..., 2]
+    zero = 0.0 * (x.w + x.q + x.u + speed)
+    out = []
+    for j in range(joints):
+        if j >= n:
+            out += [zero] * (4 + turning)
+            continue
+        q, w, u = (part[..., j : j + 1] for part in (x.q, x.w, x.u))
+        out += [xp.sin(q), xp.cos(q)] if turning else [q]
+        out += [w / speed, smooth_sign(w, width, "tanh"), u / torque]
+    return xp.stack([f + zero for f in out], axis=-1)
+
+
+def scaled(scales: Array, weights: Array) -> Array:
+    """Parameters (..., n, P) of scales (..., n, 3) and weights (n, P - 3)."""
+    shape = (*scales.shape[:-1], weights.shape[-1])
+    return np.concatenate([scales, np.broadcast_to(weights, shape)], axis=-1)

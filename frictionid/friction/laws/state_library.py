@@ -1,0 +1,212 @@
+"""Acceleration as a sum of monomials of all that is measured: sparse dynamics without physics.
+
+Tf_j = -sum_i theta_ji f_i(q, w, u of all joints)
+
+after SINDy with inputs [Brunton2016]. The variables of each joint are sin q and cos q (q itself
+where it slides), w, a smooth sign of w, and u, in which the sum is linear, as machines are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations_with_replacement
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+from frictionid.friction import Inputs, Memory
+from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+
+_FREE = (-math.inf, math.inf)
+_LARGEST = 2000
+
+
+class Variable(NamedTuple):
+    """A variable of a joint (from 0): what it is, its unit, and whether it only comes once."""
+
+    what: str
+    joint: int
+    unit: str
+    once: bool
+
+    @property
+    def name(self) -> str:
+        return f"{self.what}{self.joint + 1}"
+
+
+@dataclass(frozen=True)
+class StateLibrary:
+    """All monomials up to a degree; of sin^2 + cos^2 = 1 and s^2 = 1 one side only.
+
+    joints : whose state it knows; others count as none, missing ones as zero
+    turning : whether the joints turn, or slide
+    width : of the smooth sign s(w) [rad/s]
+
+    Examples
+    --------
+    >>> law = StateLibrary(joints=1, degree=1)
+    >>> law.names
+    ('1', 'sin1', 'cos1', 'w1', 's1', 'u1')
+    >>> print(*law.equation(np.array([[0.0, -20.0, 0.0, -0.5, 0.0, 8.0]])))
+    dw1/dt = -20 sin1 - 0.5 w1 + 8 u1
+    """
+
+    joints: int = 2
+    degree: int = 3
+    turning: bool = True
+    width: float = 0.1
+    shape: ClassVar[str] = "smooth"  # of no break-away level: it has none
+    sample_time: ClassVar[float | None] = None
+    uses_load: ClassVar[bool] = False
+    acceleration: ClassVar[bool] = True
+    linear: ClassVar[bool] = True
+    sparse: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name in ("joints", "degree"):
+            value = getattr(self, name)
+            if type(value) is not int or value < 1:
+                raise InputError(f"state_library: {name} = {value!r} must be a number above 0")
+        if not isinstance(self.turning, bool):
+            raise InputError(f"state_library: turning = {self.turning!r} must be true or false")
+        check_sign("state_library", self.width, "tanh")
+        size = math.comb(len(_variables(self)) + self.degree, self.degree)
+        if size > 10 * _LARGEST or len(_monomials(self)) > _LARGEST:
+            raise InputError(
+                f"state_library: degree = {self.degree} of {self.joints} joints has more than "
+                f"{_LARGEST} candidates: lower it"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(_name(self, m) for m in _monomials(self))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return tuple(_unit(self, m) for m in _monomials(self))
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return (_FREE,) * len(_monomials(self))
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        return ((0.0,) * len(_monomials(self)),)
+
+    def features(self, x: Inputs) -> Array:
+        """Values (..., P) of all monomials, the same for every joint."""
+        xp, values = namespace(x.w), _values(self, x)
+        columns = [1.0 + 0.0 * values[0]]
+        for parent, last in _chain(self)[1:]:
+            columns.append(columns[parent] * values[last])
+        return xp.stack(columns, axis=-1)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        xp, f = namespace(theta, x.w), self.features(x)
+        if theta.ndim > 2 and theta.shape[-3] == 1 and f.ndim > 1:  # one theta for many points
+            return -xp.matmul(f, xp.swapaxes(theta[..., 0, :, :], -1, -2))
+        return -xp.matmul(theta, f[..., None])[..., 0]
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        f = self.features(x)
+        return -(f[..., None, :] + 0.0 * (theta[..., :1] + x.w[..., None]))
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        return memory
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return 0.0 * (theta[..., 0] + x.w)
+
+    def equation(
+        self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
+    ) -> list[str]:
+        """One line for each joint: its acceleration in SI units as a sum of what it has.
+
+        `half` (n, P) is half the width of an interval of each coefficient, written behind it where
+        it is finite.
+        """
+        rows = np.asarray(theta)
+        known = np.full(rows.shape, np.nan) if half is None else half
+        return [
+            f"dw{j + 1}/dt = {_sum(self.names, row, wide)}"
+            for j, (row, wide) in enumerate(zip(rows, known, strict=True))
+        ]
+
+
+@lru_cache(maxsize=16)
+def _variables(law: StateLibrary) -> tuple[Variable, ...]:
+    found = []
+    for j in range(law.joints):
+        place = [("sin", "", False), ("cos", "", True)] if law.turning else [("q", "/rad", False)]
+        rest = [("w", "s/rad", False), ("s", "", True), ("u", "/(N m)", True)]
+        found += [Variable(what, j, unit, once) for what, unit, once in (*place, *rest)]
+    return tuple(found)
+
+
+@lru_cache(maxsize=16)
+def _monomials(law: StateLibrary) -> tuple[tuple[int, ...], ...]:
+    """Variables of each monomial, in rising order; none for the constant."""
+    v = _variables(law)
+
+    def allowed(m: tuple[int, ...]) -> bool:
+        once = all(m.count(i) == 1 for i in m if v[i].once)
+        return once and sum(v[i].what == "u" for i in m) < 2
+
+    degrees = range(law.degree + 1)
+    every = (m for d in degrees for m in combinations_with_replacement(range(len(v)), d))
+    return tuple(m for m in every if allowed(m))
+
+
+@lru_cache(maxsize=16)
+def _chain(law: StateLibrary) -> tuple[tuple[int, int], ...]:
+    """Of each monomial the one that lacks its last variable, and that variable."""
+    place = {m: i for i, m in enumerate(_monomials(law))}
+    return tuple((place[m[:-1]], m[-1]) if m else (0, 0) for m in place)
+
+
+def _values(law: StateLibrary, x: Inputs) -> list[Array]:
+    """Values (...) of the variables; zero for joints that there are not."""
+    xp, n = namespace(x.w), x.w.shape[-1]
+    zero = 0.0 * sum(part[..., 0] for part in (x.q, x.w, x.u))
+    out = []
+    for v in _variables(law):
+        if v.joint >= n:
+            out.append(zero)
+            continue
+        q, w, u = (part[..., v.joint] for part in (x.q, x.w, x.u))
+        known: dict[str, Any] = {"q": q, "w": w, "u": u}
+        if v.what in ("sin", "cos"):
+            known[v.what] = getattr(xp, v.what)(q)
+        elif v.what == "s":
+            known["s"] = smooth_sign(w, law.width, "tanh")
+        out.append(known[v.what] + zero)
+    return out
+
+
+def _sum(names: tuple[str, ...], row: Array, half: Array) -> str:
+    parts = []
+    for name, value, wide in zip(names, row, half, strict=True):
+        if value != 0:
+            number = f"{abs(value):.4g}"
+            number = f"({number} +- {wide:.2g})" if np.isfinite(wide) else number
+            parts.append(f"{'-' if value < 0 else '+'} {number} {'' if name == '1' else name}")
+    text = " ".join(part.rstrip() for part in parts) or "+ 0"
+    return text.removeprefix("+ ").replace("- ", "-", 1) if text[0] == "-" else text[2:]
+
+
+def _name(law: StateLibrary, m: tuple[int, ...]) -> str:
+    v = _variables(law)
+    powers = [(v[i].name, m.count(i)) for i in dict.fromkeys(m)]
+    return "*".join(name if k == 1 else f"{name}^{k}" for name, k in powers) or "1"
+
+
+def _unit(law: StateLibrary, m: tuple[int, ...]) -> str:
+    v = _variables(law)
+    return " ".join(["rad/s^2", *(v[i].unit for i in m if v[i].unit)])

@@ -1,0 +1,178 @@
+"""A network of the velocity and of its past samples: friction that remembers a window.
+
+Or of the way since these samples: bristles bend by less than a joint moves from one to the next,
+but its angle is known at any time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace
+from frictionid.errors import InputError
+from frictionid.friction import Inputs, Memory
+from frictionid.friction.laws.layers import check_hidden, count, drawn, outputs, slopes
+from frictionid.friction.laws.learned import (
+    BOUNDS,
+    FREE,
+    HEAD,
+    START,
+    UNITS,
+    Seen,
+    check_samples,
+    fine,
+    fine_slope,
+    level_of,
+    rise,
+    side_of,
+    softplus,
+    stacked,
+    start_of,
+    weight_names,
+    within,
+)
+from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+
+
+@dataclass(frozen=True)
+class WindowMLP:
+    """Tf = level sgn(w), the level a network of w and of the newest `samples` of the velocity.
+
+    sample_time : [s] between those samples; the memory begins as if the velocity had been constant
+    hidden, odd, dissipative, monotone_tail, width, shape : as in `MLP`
+    presliding : [rad], where positive the network reads instead how far the joint has moved since
+        each of those samples, finely where that is no more than this, and the newest velocity
+    """
+
+    samples: int = 9
+    sample_time: float = 1 / 60
+    hidden: tuple[int, ...] = (16, 16)
+    odd: bool = False
+    dissipative: bool = True
+    monotone_tail: bool = True
+    width: float = 0.02
+    shape: str = "tanh"
+    presliding: float = 0.0
+    uses_load: ClassVar[bool] = False
+    network: ClassVar[bool] = True
+    window: ClassVar[bool] = True  # its memory holds samples of the motion, whatever theta is
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hidden", check_hidden("window_mlp", self.hidden))
+        check_samples("window_mlp", "samples", self.samples, self.sample_time)
+        check_sign("window_mlp", self.width, self.shape)
+        if type(self.presliding) not in (int, float) or not 0 <= self.presliding < math.inf:
+            raise InputError(
+                f"window_mlp: presliding = {self.presliding!r} rad must be zero or positive"
+            )
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of inputs, units and outputs of the network's layers."""
+        return (1 + (not self.odd) + self.samples + (self.presliding > 0), *self.hidden, 1)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return HEAD + weight_names(count(self.sizes))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return UNITS + ("1",) * count(self.sizes)
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return BOUNDS + (FREE,) * count(self.sizes)
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        return ((*START, *start_of(self.sizes)),)
+
+    def begin(self, torque: Array, speed: Array, rng: np.random.Generator) -> Array:
+        """Parameters (..., n, P) to learn from, for torques and speeds (..., n) of these sizes."""
+        head = np.stack([torque, speed, 0.0 * torque + START[2]], axis=-1)
+        weights = np.stack([drawn(self.sizes, rng) for _ in range(torque.shape[-1])])
+        shape = (*torque.shape, weights.shape[-1])
+        return np.concatenate([head, np.broadcast_to(weights, shape)], axis=-1)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        w = x.w + 0.0 * theta[..., 0]
+        if not self.presliding:
+            return (w,) * self.samples
+        return (w, *(x.q - k * self.sample_time * w for k in range(self.samples)))
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        seen = self.seen(theta, x, memory)
+        return self.level(theta, seen.z, seen.share) * seen.sign
+
+    def gradient(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        """Derivatives (..., n, P) of the torque in theta."""
+        return self.slopes(theta, x, memory)[0]
+
+    def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
+        """Derivatives of the torque in theta (..., n, P), and in each entry of the memory."""
+        xp, side = namespace(theta, x.w), side_of(x.w)
+        reach, tail = theta[..., 1], theta[..., 2]
+        share = xp.abs(x.w) / reach
+        z = self._features(theta, x, xp.abs(x.w), memory)
+        y, by_weights, by_z = slopes(theta[..., 3:], z, self.sizes)
+        slope = softplus(tail) if self.monotone_tail else tail
+        y = y + slope * share
+        sign = smooth_sign(x.w, self.width, self.shape)
+        by_y = sign * theta[..., 0] * (rise(y) if self.dissipative else 1.0 + 0.0 * y)
+        by_tail = share * (rise(tail) if self.monotone_tail else 1.0)
+        by_past = [by_z[..., i + 1 + (not self.odd)] for i in range(len(memory))]
+        by_reach = -(by_z[..., 0] * fine_slope(share) + slope) * share / reach
+        by_memory = []
+        for i, (entry, own) in enumerate(zip(memory, by_past, strict=True)):
+            part = entry / reach
+            if i and self.presliding:
+                way = 1.0 + xp.abs(x.q - entry) / self.presliding
+                by_memory.append(-by_y * own * side / (self.presliding * way * way))
+                continue
+            if self.presliding:
+                rate = side * fine_slope(xp.abs(part))
+            else:
+                one = 1.0 + 0.0 * part
+                inside = xp.where(xp.abs(part) < 1.0, one, 0.0 * part)
+                rate = inside * (side if self.odd else one)
+            by_memory.append(by_y * own * rate / reach)
+            by_reach = by_reach - own * rate * part / reach
+        of_torque = (softplus(y) if self.dissipative else y) * sign
+        head = xp.stack([of_torque, by_y * by_reach, by_y * by_tail], axis=-1)
+        return xp.concat([head, by_y[..., None] * by_weights], axis=-1), tuple(by_memory)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        newest = x.w + 0.0 * memory[0]
+        if not self.presliding:
+            return (newest, *memory[:-1])
+        return (newest, x.q + 0.0 * newest, *memory[1:-1])
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        level = self.level(theta, self._features(theta, x, 0.0 * x.w, memory), 0.0 * x.w)
+        return namespace(level).maximum(level, 0.0 * level)
+
+    def seen(self, theta: Array, x: Inputs, memory: Memory) -> Seen:
+        """What the network sees; of theta it depends on the scales alone."""
+        speed = namespace(x.w).abs(x.w)
+        z = self._features(theta, x, speed, memory)
+        return Seen(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
+
+    def level(self, theta: Array, z: Array, share: Array) -> Array:
+        """Level (..., n) [N m] at what the network sees."""
+        y = outputs(theta[..., 3:], z, self.sizes)[..., 0]
+        return level_of(theta, y, share, self.dissipative, self.monotone_tail)
+
+    def _features(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
+        reach, side = theta[..., 1], side_of(x.w)
+        own = [fine(speed / reach)] + ([] if self.odd else [side])
+        if not self.presliding:
+            past = [within(w / reach) for w in memory]
+            return stacked([*own, *(side * w if self.odd else w for w in past)])
+        # in the direction of the motion: bristles that are still bent the other way drive it
+        newest = side * side_of(memory[0]) * fine(namespace(x.w).abs(memory[0]) / reach)
+        ways = [side * (x.q - q) / self.presliding for q in memory[1:]]
+        return stacked([*own, newest, *(way / (1.0 + namespace(way).abs(way)) for way in ways)])

@@ -1,0 +1,240 @@
+"""Files of fitted models: JSON, written atomically, never pickled.
+
+A model file holds the law by name, theta, the parameters in words with units and, where given, the
+mechanism's parameters. The weights of networks stand beside it in a safetensors file of the same
+name. It never names code: a law outside this package needs its class at hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields, is_dataclass
+from difflib import get_close_matches
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.errors import InputError
+from frictionid.files import read_json, write_bytes, write_json
+from frictionid.friction import Friction, is_network, units_of
+from frictionid.mechanics.calibration import Rig
+
+FORMAT = "frictionid model 1"
+_WEIGHTS = ".safetensors"
+
+
+def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, Any]:
+    """JSON document of a friction; its law stands under its name in `laws`, else its class's.
+
+    The means of a batch stand in `joints`, in words and units, for people; `theta` is what counts.
+    Weights of a network have no words.
+    """
+    if unsaved := getattr(friction.law, "unsaved", ""):
+        raise InputError(f"{friction.law} cannot be saved: {unsaved}")
+    theta = np.asarray(friction.theta, dtype=float)
+    mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
+    words = [
+        {
+            name: {"value": float(mean[j, i]), "unit": unit}
+            for i, (name, unit) in enumerate(zip(friction.law.names, friction.units, strict=True))
+        }
+        for j in range(friction.n)
+    ]
+    return {
+        "format": FORMAT,
+        "law": _law_table(friction.law, laws),
+        **({} if is_network(friction.law) else {"joints": words}),
+        "theta": theta,
+        "shape": list(theta.shape),
+        "parameters": dict(friction.parameters),
+        "provenance": dict(friction.provenance),
+        **({} if friction.angle_unit == "rad" else {"angle_unit": friction.angle_unit}),
+        **({"mechanism": friction.mechanism} if friction.mechanism else {}),
+        **({} if friction.rig is None else {"rig": asdict(friction.rig)}),
+    }
+
+
+def _law_table(law: Any, laws: Mapping[str, type]) -> dict[str, Any]:
+    """Kind and settings of a law; one within another, as in an ensemble, is such a table itself."""
+    names = [name for name, known in laws.items() if type(law) is known]
+    table: dict[str, Any] = {"kind": names[0] if names else type(law).__name__}
+    if is_dataclass(law) and not isinstance(law, type):
+        for field in fields(law):
+            value = getattr(law, field.name)
+            if field.metadata.get("saved", True):
+                inner = hasattr(value, "torque")
+                table[field.name] = _law_table(value, laws) if inner else value
+    return table
+
+
+def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:
+    """Write a friction as a JSON model file, the weights of a network beside it.
+
+    Raises
+    ------
+    InputError
+        Where the place cannot be written.
+    """
+    document = model_document(friction, laws)
+    if is_network(friction.law):
+        from safetensors.numpy import save
+
+        content = save({"theta": np.ascontiguousarray(document["theta"])})
+        beside = path.with_suffix(_WEIGHTS)
+        write_bytes(beside, content)
+        document["theta"] = {"file": beside.name, "sha256": sha256(content).hexdigest()}
+    write_json(path, document)
+
+
+def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
+    """Weights that stand in a file beside the model file."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    name = str(table.get("file"))
+    if Path(name).name != name or Path(name).suffix != _WEIGHTS:
+        raise InputError(f"{path}: theta.file = {name!r} must be a {_WEIGHTS} file beside it")
+    try:
+        content = (path.parent / name).read_bytes()
+        theta = load(content)["theta"]
+    except OSError as error:
+        raise InputError(
+            f"{path}: its weights {name} cannot be read ({error.strerror}): keep the two together"
+        ) from None
+    except (SafetensorError, KeyError) as error:
+        raise InputError(f"{path}: {name} holds no tensor theta ({error})") from None
+    if sha256(content).hexdigest() != table.get("sha256"):
+        raise InputError(f"{path}: {name} holds other weights than were saved with it: fit again")
+    return np.asarray(theta, dtype=float)
+
+
+def load_model(path: Path, laws: Mapping[str, type]) -> Friction:
+    """Friction of a model file; its law must be named in `laws`.
+
+    A file written by hand may leave out `theta` and give `joints` only.
+
+    Raises
+    ------
+    InputError
+        With the file, the rule and the value.
+    """
+    document = read_json(path)
+    if isinstance(document.get("theta"), Mapping):
+        document["theta"] = _beside(document["theta"], path)
+    return read_model(document, laws, str(path))
+
+
+def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str) -> Friction:
+    """Friction of a model document; `where` is named in errors."""
+    if document.get("format") != FORMAT:
+        raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}"')
+    law = _law(document.get("law"), laws, where)
+    try:
+        theta = _theta(document, law, where)
+        parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
+        unit = str(document.get("angle_unit", "rad"))
+        rig = _rig(document.get("rig"), where)
+        source, mechanism = dict(document.get("provenance", {})), document.get("mechanism", "")
+        friction = Friction(law, theta, parameters, source, unit, rig, str(mechanism))
+    except InputError:
+        raise
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{where}: {error}") from None
+    if not np.isfinite(theta).all():
+        raise InputError(f"{where}: theta must be finite")
+    for name, value in parameters.items():
+        if not np.isfinite(value):
+            raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
+    return friction
+
+
+def _rig(table: Any, where: str) -> Rig | None:
+    """Rig of its table, every number finite."""
+    if table is None:
+        return None
+    names = [f.name for f in fields(Rig) if f.name != "motor"]
+    if not isinstance(table, Mapping) or set(table) - {"motor"} != set(names):
+        raise InputError(f'{where}: "rig" must have {", ".join(names)}, and may have motor')
+    numbers = {k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()}
+    for name, value in numbers.items():
+        known = value is not None and np.isfinite(value).all()
+        if not known and not (value is None and name in ("base", "motor")):
+            raise InputError(f"{where}: rig.{name} must be finite numbers")
+    return Rig(**numbers)
+
+
+def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
+    if not isinstance(table, Mapping) or "kind" not in table:
+        raise InputError(f'{where}: "law" must be an object with a "kind"')
+    kind = str(table["kind"])
+    if kind not in laws:
+        near = get_close_matches(kind, list(laws), n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise InputError(f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}")
+    settings = {
+        k: _law(v, laws, where) if isinstance(v, Mapping) and "kind" in v else v
+        for k, v in table.items()
+        if k != "kind"
+    }
+    known = {f.name: f.default for f in fields(laws[kind])} if is_dataclass(laws[kind]) else {}
+    for name, value in settings.items():
+        if name not in known:
+            raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(set(known))}")
+        if isinstance(known[name], float) and type(value) not in (int, float):
+            raise InputError(f"{where}: law {kind!r}: {name} = {value!r} must be a number")
+    try:
+        return laws[kind](**settings)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where}: law {kind!r}: {error}") from None
+
+
+def _list(known: set[str]) -> str:
+    return f"known are {', '.join(sorted(known))}" if known else "it has none"
+
+
+def _theta(document: Mapping[str, Any], law: Any, where: str) -> np.ndarray:
+    joints = document.get("joints")
+    if joints is not None and not (isinstance(joints, list) and joints):
+        raise InputError(f'{where}: "joints" must list the parameters of each joint')
+    units = units_of(law, str(document.get("angle_unit", "rad")))
+    words = (
+        None
+        if joints is None
+        else np.array(
+            [_joint(joint, law, units, f"{where}: joint {j + 1}") for j, joint in enumerate(joints)]
+        )
+    )
+    if "theta" not in document:
+        if words is None:
+            raise InputError(f'{where}: needs "theta", or "joints" with the parameters of each')
+        return words
+    theta = np.asarray(document["theta"], dtype=float)
+    theta = theta.reshape(document.get("shape", theta.shape))
+    if words is not None:
+        mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
+        if mean.shape != words.shape or not np.allclose(mean, words, rtol=1e-6, equal_nan=True):
+            raise InputError(f'{where}: "joints" and "theta" disagree: remove one of them')
+    return theta
+
+
+def _joint(joint: Any, law: Any, units: Sequence[str], where: str) -> list[float]:
+    """Values of one joint's parameters, in the order of the law's names."""
+    given = set(joint) if isinstance(joint, Mapping) else set()
+    if given != set(law.names):
+        raise InputError(
+            f"{where} must have the parameters {', '.join(law.names) or 'none'}; "
+            f"it has {', '.join(sorted(given)) or 'none'}"
+        )
+    values = []
+    for name, unit in zip(law.names, units, strict=True):
+        entry = joint[name]
+        value = entry.get("value") if isinstance(entry, Mapping) else None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            example = f'{{"value": 0.1, "unit": "{unit}"}}'
+            raise InputError(f"{where}: {name} must be written as {example}, not {entry!r}")
+        if entry.get("unit", unit) != unit:
+            raise InputError(f"{where}: {name} must be in {unit!r}, not {entry['unit']!r}")
+        values.append(float(value))
+    return values

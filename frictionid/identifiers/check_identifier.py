@@ -1,0 +1,193 @@
+"""What an identifier is: one method, from a one-step problem to friction; and its check."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction, along
+from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+
+
+class Identifier(Protocol):
+    """Finds friction in a problem; an instance holds settings only, frozen.
+
+    One whose numbers no seed changes may say `seeded = False`: it is fitted once for all seeds.
+    """
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        """Friction whose theta has the batch axis of the weights, shape (F, n, P).
+
+        Row k counts in fold f with weights[f, k] >= 0, shape (F, K): all folds are fitted at once,
+        and a fold's result does not depend on the others, nor on the size of its weights. The same
+        seed gives the same numbers.
+        """
+        ...
+
+
+def is_seeded(identifier: Identifier) -> bool:
+    """Whether a seed may change what an identifier finds; so of each that does not say otherwise.
+
+    >>> from frictionid.identifiers import LeastSquares, Network
+    >>> from frictionid.friction.laws import MLP, CoulombViscous
+    >>> is_seeded(LeastSquares(CoulombViscous())), is_seeded(Network(MLP()))
+    (False, True)
+    """
+    return bool(getattr(identifier, "seeded", True))
+
+
+def check_identifier(
+    identifier: Identifier, *, joints: Sequence[int] = (1, 2), tolerance: float = 1e-6
+) -> None:
+    """Nothing, where the identifier keeps to its contract on small problems of its own.
+
+    Parameters
+    ----------
+    identifier : Identifier
+    joints : sequence of 1 or 2
+        Numbers of joints to check; fixed friction fits only its own.
+    tolerance : float
+        Largest difference of torques that should be equal, relative to their root mean square,
+        where the order of summation may differ. The same seed must give exactly the same.
+
+    Raises
+    ------
+    AssertionError
+        With one sentence that names the rule which is broken.
+
+    Examples
+    --------
+    >>> from frictionid.identifiers import LeastSquares
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> check_identifier(LeastSquares(CoulombViscous()))
+    """
+    for n in joints:
+        problem = practice_problem(n)
+        check = _Check(identifier, problem, practice_weights(problem), tolerance)
+        check.identity()
+        friction = check.fit()
+        check.friction(friction)
+        check.folds(friction)
+        check.weights(friction)
+        check.repetition(friction)
+        check.seeds(friction)
+
+
+class _Check(NamedTuple):
+    """The rules, one method each; a broken one raises AssertionError."""
+
+    identifier: Identifier
+    problem: Problem
+    training: Array
+    tolerance: float
+
+    def require(self, holds: Any, rule: str) -> None:
+        if not holds:
+            n = self.problem.r.shape[-1]
+            raise AssertionError(f"{self.identifier}, on {n} joint{'s' * (n > 1)}: {rule}")
+
+    def copy(self, thing: Any, name: str) -> Any:
+        try:
+            return pickle.loads(pickle.dumps(thing))
+        except Exception as error:
+            message = (
+                f"{self.identifier}: {name} must pickle ({error}): define its class in a module"
+            )
+            raise AssertionError(message) from None
+
+    def identity(self) -> None:
+        same = repr(self.copy(self.identifier, "it")) == repr(self.identifier)
+        self.require(same, "its repr must say its settings, because results are known by it")
+
+    def fit(self) -> Friction:
+        """Friction of all folds; fitting changes nothing else."""
+        problem, weights = self.copy(self.problem, "the problem"), self.training.copy()
+        before = repr(self.identifier)
+        friction = self.identifier.fit(problem, weights, 0)
+        self.require(_same(problem, self.problem), "fit must not change the problem")
+        self.require(np.array_equal(weights, self.training), "fit must not change the weights")
+        self.require(repr(self.identifier) == before, "fit must not change the settings")
+        return friction
+
+    def friction(self, friction: Friction) -> None:
+        """Friction of the right shape, that predicts and pickles."""
+        self.require(isinstance(friction, Friction), "fit must give a Friction")
+        F, n = len(self.training), self.problem.r.shape[-1]
+        shape, theta = (F, n, len(friction.law.names)), np.asarray(friction.theta)
+        self.require(theta.shape == shape, f"theta must have shape {shape}, not {theta.shape}")
+        self.require(np.isfinite(theta).all(), "theta must be finite; a failed fit raises")
+        x, torque = self.problem.nodes.inputs, self.torque(friction)
+        shape = (F, *x.w.shape)
+        self.require(
+            torque.shape == shape, f"torque must be {shape} along the nodes, not {torque.shape}"
+        )
+        self.require(np.isfinite(torque).all(), "torque must be finite along the nodes")
+        memory = friction.law.start(theta[:, None], x)
+        for sign in (1.0, -1.0):
+            limit = friction.law.limit(theta[:, None], x._replace(w=sign + 0.0 * x.w), memory)
+            given = np.shape(limit)
+            self.require(_fills(given, shape), f"limit must be {shape} at the nodes, not {given}")
+            self.require((np.asarray(limit) >= 0).all(), "limit must not be negative")
+        copy = self.torque(self.copy(friction, "its friction"))
+        self.require(np.array_equal(copy, torque), "pickled friction must give the same torque")
+
+    def folds(self, friction: Friction) -> None:
+        """Each fold is what it is alone."""
+        torque = self.torque(friction)
+        for f, weights in enumerate(self.training):
+            alone = self.identifier.fit(self.problem, weights[None], 0)
+            self.equal(self.torque(alone)[0], torque[f], f"fold {f} must be the same alone")
+
+    def weights(self, friction: Friction) -> None:
+        """Only ratios of weights count, and rows without weight do not."""
+        torque, seen = self.torque(friction), self.training.any(axis=0)
+        twice = self.identifier.fit(self.problem, 2.0 * self.training, 0)
+        self.equal(self.torque(twice), torque, "doubling all weights must change nothing")
+        r = np.where(seen[:, None], self.problem.r, self.problem.r + 10.0)
+        G = np.where(seen[:, None, None], self.problem.G, 3.0 * self.problem.G)
+        other = self.identifier.fit(replace(self.problem, r=r, G=G), self.training, 0)
+        self.equal(self.torque(other), torque, "rows whose weight is zero must have no influence")
+
+    def seeds(self, friction: Friction) -> None:
+        """What is said to depend on no seed does not."""
+        if not is_seeded(self.identifier):
+            other = self.identifier.fit(self.problem, self.training, 1)
+            same = np.array_equal(self.torque(other), self.torque(friction))
+            self.require(same, "with seeded = False another seed must give the same numbers")
+
+    def repetition(self, friction: Friction) -> None:
+        again = self.copy(self.identifier, "it").fit(self.problem, self.training, 0)
+        same = np.array_equal(again.theta, friction.theta)
+        self.require(same, "the same seed must give the same numbers")
+
+    def torque(self, friction: Friction) -> Array:
+        return np.asarray(along(friction, self.problem.nodes))
+
+    def equal(self, actual: Array, expected: Array, rule: str) -> None:
+        size = float(np.sqrt(np.mean(expected**2)))
+        off = float(np.abs(actual - expected).max()) / max(size, 1e-12)
+        self.require(
+            off <= self.tolerance, f"{rule}, but torques differ by {off:.1g} of their size"
+        )
+
+
+def _fills(given: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    try:
+        return np.broadcast_shapes(given, shape) == shape
+    except ValueError:
+        return False
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two problems, or parts of them, hold the same numbers."""
+    if isinstance(a, Problem):
+        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    if isinstance(a, tuple):
+        return all(_same(x, y) for x, y in zip(a, b, strict=True))
+    return np.array_equal(a, b)

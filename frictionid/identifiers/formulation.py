@@ -1,0 +1,117 @@
+"""Recipes: how a one-step problem is made of a data set.
+
+A recipe names the state estimator and the scheme; the study's and ours stand here by name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import Signal, taken
+from frictionid.data.states import RTS, Backward, Estimator, States, thin
+from frictionid.errors import InputError
+from frictionid.identifiers.residual import Problem, euler_problem, integral_problem, sliding
+from frictionid.mechanics import Plant
+
+SCHEMES = ("euler", "integral")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a one-step problem is made: estimated states and a scheme, "euler" or "integral".
+
+    rest : [rad/s] below which a joint's friction is left open in a fit (see `sliding`); 0 fits all
+    rows alike, as the study did. It should be about twice the noise of the estimated velocities.
+    """
+
+    name: str
+    states: Estimator
+    scheme: str
+    rest: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.scheme not in SCHEMES:
+            raise InputError(
+                f"recipe {self.name!r}: scheme = {self.scheme!r} is unknown; "
+                f"known are {', '.join(SCHEMES)}"
+            )
+        if self.rest < 0:
+            raise InputError(f"recipe {self.name!r}: rest = {self.rest} must not be negative")
+        if self.scheme == "integral" and isinstance(self.states, Backward):
+            raise InputError(
+                f"recipe {self.name!r}: backward differences lag half a sample, which makes the "
+                '"integral" scheme worse than "euler": choose the states "rts" or "savgol"'
+            )
+
+
+STUDY = Recipe("study", Backward(), "euler")
+INTEGRAL = Recipe("integral", RTS(), "integral", rest=0.2)
+
+
+def states_of(
+    dataset: Dataset, estimator: Estimator, sample_time: float | None
+) -> tuple[States, ...]:
+    """Estimated states of all recordings, at samples at least `sample_time` apart."""
+    angles = [r.angle for r in dataset.recordings]
+    if sample_time is None:
+        return estimator(angles)
+    if isinstance(estimator, Backward):  # differences need the samples they are used at
+        return estimator([_thinned(a, sample_time) for a in angles])
+    return tuple(thin(s, sample_time) for s in estimator(angles))
+
+
+def _thinned(angle: Signal, sample_time: float) -> Signal:
+    s = thin(States(angle.time, angle.value, angle.value), sample_time)
+    return taken(angle, np.searchsorted(angle.time, s.time))
+
+
+def problem_of(
+    dataset: Dataset,
+    plant: Plant,
+    recipe: Recipe,
+    sample_time: float | None = None,
+    history: float = 0.0,
+    states: tuple[States, ...] | None = None,
+) -> Problem:
+    """One-step problem of a data set by a recipe, all rows alike: what scores are computed on.
+
+    The rows are the same for every recipe: each recording's first interval, where backward
+    differences know no velocity yet, is none of them.
+
+    sample_time : [s] between the samples used, None for all
+    history : [s] of each recording before its first row
+    states : what the recipe's estimator gives, where it has been asked before
+    """
+    if states is None:
+        states = states_of(dataset, recipe.states, sample_time)
+    make = euler_problem if recipe.scheme == "euler" else integral_problem
+    if all(len(s.time) < 2 for s in states):
+        raise InputError(
+            f"data set {dataset.name!r}: samples {sample_time} s apart leave no interval of any "
+            "recording: lower sample_time"
+        )
+    lost = 1 if isinstance(recipe.states, Backward) else 0
+    before = [max(_samples(history, s.time), 1) - lost for s in states]
+    return make(plant, dataset.recordings, states, before)
+
+
+def _samples(seconds: float, time: Array) -> int:
+    """Samples of a clock in so many seconds."""
+    return round(seconds / float(np.median(np.diff(time)))) if len(time) > 1 else 0
+
+
+def training_problem(
+    dataset: Dataset,
+    plant: Plant,
+    recipe: Recipe,
+    sample_time: float | None = None,
+    history: float = 0.0,
+    states: tuple[States, ...] | None = None,
+) -> Problem:
+    """One-step problem that identifiers fit: blind to the friction of joints at rest."""
+    problem = problem_of(dataset, plant, recipe, sample_time, history, states)
+    return sliding(problem, recipe.rest) if recipe.rest > 0 else problem

@@ -1,0 +1,133 @@
+"""Pictures of an alignment: torque by both clocks, and the drive's command against its torque."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from frictionid.acquire.align.response import Response
+from frictionid.acquire.align.session import Aligned
+from frictionid.arrays import Array
+from frictionid.check.balance_windows import unit_rows
+from frictionid.check.motion import motions_of
+from frictionid.check.torque_integral import impulse_of
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.mechanics import plant_of
+from frictionid.report.figures.style import (
+    COLOURS,
+    DARK,
+    GREY,
+    WIDTH,
+    drawing,
+    figure,
+    key_above,
+    rendered,
+)
+
+_SHOWN = 8.0  # [s] of torque
+_CROWD = 4000  # points
+
+
+def clock_picture(one: Aligned, table: dict[str, Any]) -> bytes:
+    """PNG: what every offset explains, and the torque that the motion asks for beside the log."""
+    with drawing():
+        coarse = len(one.found.coarse.offsets) > 0
+        picture = figure(2.4 * (1 + coarse))
+        axes = picture.subplots(1 + coarse, 1, squeeze=False)[:, 0]
+        if coarse:
+            _correlation(axes[0], one)
+        _torques(axes[-1], one, table)
+        handles, labels = axes[-1].get_legend_handles_labels()
+        key_above(picture, handles, labels)
+        return rendered(picture, ("png",))["png"]
+
+
+def _correlation(ax: Any, one: Aligned) -> None:
+    coarse = one.found.coarse
+    tried = np.isfinite(coarse.explained)
+    share = np.maximum(coarse.explained[tried], -1.0)
+    ax.plot(coarse.offsets[tried], share, color=GREY, lw=0.7)
+    ax.axvline(coarse.offset, color=COLOURS[1], lw=1.0)
+    ax.annotate(
+        f"{one.found.clock.offset:.3f} s",
+        (coarse.offset, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(4, -9),
+        textcoords="offset points",
+        color=COLOURS[1],
+    )
+    ax.set_xlabel("offset of the log's clock [s]")
+    ax.set_ylabel("torque explained")
+
+
+def _torques(ax: Any, one: Aligned, table: dict[str, Any]) -> None:
+    recording = Recording("motion", one.angle, one.torque)
+    plant = plant_of(Dataset("picture", table, (recording,)))
+    rows = unit_rows(plant.mechanism, motions_of([recording]))
+    asked = (rows.phi * np.asarray(plant.p)[0]).sum(-1)
+    logged = impulse_of([recording]).means(rows)
+    middle = (rows.start + rows.stop) / 2
+    begin, end = _liveliest(middle, logged)
+    shown = (middle >= begin) & (middle <= end)
+    for j in np.flatnonzero(one.mechanism.description.driven):
+        ax.plot(middle[shown], logged[shown, j], color=COLOURS[0], label="logged, aligned")
+        ax.plot(
+            middle[shown],
+            asked[shown, j],
+            color=COLOURS[1],
+            lw=0.9,
+            label="asked for by the motion",
+        )
+    ax.set_xlabel("time of the angles [s]")
+    ax.set_ylabel(f"torque [{one.mechanism.description.torque_unit}]")
+
+
+def _liveliest(time: Array, torque: Array) -> tuple[float, float]:
+    """A few seconds with as much torque as any."""
+    power = np.concatenate([[0.0], np.cumsum((torque**2).sum(axis=-1))])
+    width = max(int(np.searchsorted(time, time[0] + _SHOWN)), 1)
+    if width >= len(time):
+        return float(time[0]), float(time[-1])
+    k = int(np.argmax(power[width:] - power[:-width]))
+    return float(time[k]), float(time[min(k + width, len(time) - 1)])
+
+
+def command_picture(one: Aligned) -> bytes | None:
+    """PNG: measured against commanded torque of each motor, and both over time."""
+    drives = [(k, r) for k, r in enumerate(one.drives) if r is not None]
+    if not drives or one.command is None:
+        return None
+    driven = np.flatnonzero(one.mechanism.description.driven)
+    with drawing():
+        picture = figure(2.6 * len(drives), WIDTH)
+        axes = picture.subplots(len(drives), 2, squeeze=False, width_ratios=(1, 1.6))
+        for row, (k, r) in zip(axes, drives, strict=True):
+            time, measured = one.torque.time, one.torque.value[:, driven[k]]
+            command = np.interp(time, one.command.time, one.command.value[:, k])
+            late = np.interp(time - r.delay, one.command.time, one.command.value[:, k])
+            _scatter(row[0], late, measured, r, one)
+            _over_time(row[1], time, command, measured, one)
+        handles, labels = axes[0, 1].get_legend_handles_labels()
+        key_above(picture, handles, labels)
+        return rendered(picture, ("png",))["png"]
+
+
+def _scatter(ax: Any, command: Array, measured: Array, r: Response, one: Aligned) -> None:
+    some = slice(None, None, max(1, len(command) // _CROWD))
+    ax.plot(command[some], measured[some], ".", ms=1.5, color=COLOURS[0], alpha=0.4)
+    line = np.linspace(command.min(), command.max(), 200)
+    ax.plot(line, line, color=GREY, lw=0.7, ls=(0, (4, 2)))
+    ax.plot(line, np.clip(r.gain * line + r.bias, r.low, r.high), color=DARK, lw=1.0)
+    unit = one.mechanism.description.torque_unit
+    ax.set_xlabel(f"command, {1e3 * r.delay:.1f} ms before [{unit}]")
+    ax.set_ylabel(f"measured [{unit}]")
+
+
+def _over_time(ax: Any, time: Array, command: Array, measured: Array, one: Aligned) -> None:
+    begin, end = _liveliest(time, measured[:, None])
+    shown = (time >= begin) & (time <= min(end, begin + _SHOWN / 4))
+    ax.plot(time[shown], command[shown], color=GREY, drawstyle="steps-post", label="command")
+    ax.plot(time[shown], measured[shown], color=COLOURS[0], lw=0.9, label="measured")
+    ax.set_xlabel("time of the angles [s]")
+    ax.set_ylabel(f"torque [{one.mechanism.description.torque_unit}]")

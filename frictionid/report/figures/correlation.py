@@ -1,0 +1,126 @@
+"""The correlation of a fit's parameters, group by group: what can only be told together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.report.figures.style import DARK, GREY, PALE, WIDTH, figure, plain
+from frictionid.report.load import Entry
+from frictionid.report.shooting_numbers import Estimate, correlation_of, estimates
+from frictionid.report.shooting_tables import OWN, groups
+
+STRONG = 0.9
+LETTERS = 0.053  # [inch] of a letter of a label
+MARGIN = 0.42  # [inch] for the names of the groups
+CELL = 0.3  # [inch], the largest
+MOST = 50  # parameters that have room for a label
+SMALL = 5  # [point], of labels with little room
+LARGE = 25  # parameters, of which more have smaller labels
+
+
+def strong_pairs(document: Mapping[str, Any], read: Sequence[Estimate]) -> list[tuple[str, float]]:
+    """Pairs of parameters whose |r| exceeds 0.9, with r; the strongest first."""
+    r = correlation_of(document)
+    places = np.argwhere(np.tril(np.nan_to_num(np.abs(r)) > STRONG, -1))
+    found = [(f"{read[j].name} and {read[i].name}", float(r[i, j])) for i, j in places]
+    return sorted(found, key=lambda pair: -abs(pair[1]))
+
+
+def correlation(entry: Entry, about: Mapping[str, Any]) -> Any:
+    """Picture of the lower half of the correlation matrix; strong entries have a frame.
+
+    Rows and columns of parameters without a standard error are grey, names of those that are not
+    identified, too.
+    """
+    document = entry.refined or {"parameters": ()}
+    read = estimates(document, about)
+    labels = [e.short if e.block in OWN else e.name for e in read]
+    few = len(read) <= MOST
+    room, below = (
+        LETTERS * max(map(len, own or [""])) + 0.05 if few else 0.05
+        for own in (labels[1:], labels[:-1])
+    )
+    left, right = room + MARGIN, 0.75
+    side = min(CELL * len(read), WIDTH - left - right, 6.0)
+    width, height = left + side + right, side + below + 0.2
+    picture = figure(height, width)
+    picture.set_layout_engine("none")
+    axis = picture.add_axes((left / width, (below + 0.1) / height, side / width, side / height))
+    image = _cells(axis, correlation_of(document))
+    _names(axis, read, labels)
+    _groups(axis, read, about, room + 0.1, side)
+    tall = min(1.1, 0.7 * side)
+    place = (width - 0.45, height - 0.3 - tall, 0.1, tall)
+    bar = picture.add_axes([x / size for x, size in zip(place, 2 * (width, height), strict=True)])
+    picture.colorbar(image, cax=bar, ticks=[-1, 0, 1])
+    bar.set_title("r", fontsize=8)
+    return picture
+
+
+def _cells(axis: Any, r: Array) -> Any:
+    """Coloured cells below the diagonal, strong ones framed, unknown ones grey."""
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.patches import Rectangle
+
+    D = len(r)
+    below = np.tril(np.ones((D, D), dtype=bool), -1)
+    colours = LinearSegmentedColormap.from_list("r", ["#D55E00", "#FFFFFF", "#0072B2"])
+    unknown = np.where(below & ~np.isfinite(r), 1.0, np.nan)
+    grey = LinearSegmentedColormap.from_list("grey", [PALE, PALE])
+    axis.imshow(unknown, cmap=grey, interpolation="nearest")
+    shown = np.where(below, r, np.nan)
+    image = axis.imshow(shown, cmap=colours, vmin=-1, vmax=1, interpolation="nearest")
+    for i, j in np.argwhere(below & (np.nan_to_num(np.abs(r)) > STRONG)):
+        frame = (j - 0.5, i - 0.5)
+        axis.add_patch(Rectangle(frame, 1, 1, fill=False, edgecolor=DARK, linewidth=1.1, zorder=3))
+        if D <= LARGE:
+            words = f"{r[i, j]:+.2f}".replace("0.", ".").replace("-", "−")
+            axis.text(j, i, words, ha="center", va="center", fontsize=6, color="white")
+    axis.set_xlim(-0.5, D - 0.5)
+    axis.set_ylim(D - 0.5, -0.5)
+    for edge in axis.spines.values():
+        edge.set_visible(False)
+    return image
+
+
+def _names(axis: Any, read: Sequence[Estimate], labels: Sequence[str]) -> None:
+    """Names of the parameters at the left and below, grey where they are not identified."""
+    D = len(read)
+    if D > MOST:
+        axis.set_xticks([])
+        axis.set_yticks([])
+        return
+    words = list(map(plain, labels))
+    size = 7 if D <= LARGE else SMALL
+    axis.set_yticks(range(1, D), words[1:], fontsize=size)
+    axis.set_xticks(range(D - 1), words[:-1], fontsize=size, rotation=90)
+    axis.tick_params(length=0, pad=2)
+    ticks = [*zip(axis.get_yticklabels(), read[1:], strict=True)]
+    for label, e in (*ticks, *zip(axis.get_xticklabels(), read[:-1], strict=True)):
+        if not e.identified:
+            label.set_color(GREY)
+            label.set_fontstyle("italic")
+
+
+def _groups(
+    axis: Any, read: Sequence[Estimate], about: Mapping[str, Any], left: float, side: float
+) -> None:
+    """Lines between the groups, and their names at the left and on the diagonal."""
+    D, at = len(read), 0
+    for name, own in groups(read, about["joints"]):
+        end = at + len(own)
+        if end < D:
+            axis.plot([-0.5, end - 0.5], [end - 0.5, end - 0.5], color=GREY, linewidth=0.7)
+            axis.plot([end - 0.5, end - 0.5], [end - 0.5, D - 0.5], color=GREY, linewidth=0.7)
+        x = -0.5 - D * left / side
+        axis.plot([x, x], [at - 0.4, end - 0.6], color=GREY, linewidth=0.8, clip_on=False)
+        middle = (at + end - 1) / 2
+        beside = x - 0.06 * D / side
+        words = "\n".join(map(plain, name.split(", ")))
+        small = SMALL if len(own) * side / D < LETTERS * max(map(len, words.split("\n"))) else 7
+        axis.text(beside, middle, words, rotation=90, ha="right", va="center", fontsize=small)
+        at = end

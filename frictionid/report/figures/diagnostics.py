@@ -1,0 +1,169 @@
+"""Pictures of a verdict: where the joints have been, what moved them, friction before any fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.check import Verdict
+from frictionid.check.balance_windows import Rows
+from frictionid.check.motion import Motion
+from frictionid.check.published import ONE_WAY
+from frictionid.data.recordings import Recording
+from frictionid.files import write_bytes
+from frictionid.mechanics import mechanism_of
+from frictionid.report.figures.style import (
+    COLOURS,
+    PALE,
+    drawing,
+    figure,
+    key_above,
+    plain,
+    rendered,
+)
+
+MOVING, RESTING = COLOURS[:2]
+RECORDINGS = 3  # shown over time
+_ABREAST = 3  # joints side by side
+
+
+def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
+    """Paths of the pictures written: coverage, motion and residual torque (PNG)."""
+    made = []
+    with drawing():
+        for name, draw in (("coverage", _coverage), ("motion", _motion), ("residual", _residual)):
+            path = folder / f"{name}.png"
+            write_bytes(path, rendered(draw(verdict), ["png"])["png"])
+            made.append(path)
+    return made
+
+
+def _units(verdict: Verdict) -> tuple[str, str]:
+    description = mechanism_of(verdict.evidence.dataset.mechanism).description
+    return description.angle_unit, description.torque_unit
+
+
+def _panels(verdict: Verdict) -> tuple[Any, list[Any]]:
+    """A figure with a panel for each joint, at most three abreast."""
+    n = len(verdict.joints)
+    lines = -(-n // _ABREAST)
+    picture = figure(0.35 + 2.4 * lines)
+    axes = picture.subplots(lines, min(n, _ABREAST), squeeze=False).ravel()
+    for spare in axes[n:]:
+        spare.set_axis_off()
+    return picture, list(axes[:n])
+
+
+def _coverage(verdict: Verdict) -> Any:
+    """The (q, w) plane of each joint, rest marked."""
+    unit = _units(verdict)[0]
+    picture, panels = _panels(verdict)
+    states = [m.states for m in verdict.evidence.motions]
+    q, w = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
+    size = float(np.clip(2e4 / len(q), 0.3, 4.0))
+    for j, axes in enumerate(panels):
+        fact = verdict.joints[j]
+        rest = np.abs(w[:, j]) < fact.rest_speed
+        for which, colour in ((~rest, MOVING), (rest, RESTING)):
+            axes.scatter(q[which, j], w[which, j], s=size, color=colour, lw=0, rasterized=True)
+        axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
+        axes.set_title(f"joint {j + 1}: {100 * fact.rest:.0f} % of the time at rest", loc="left")
+        axes.set_xlabel(f"q{j + 1} [{unit}]")
+        axes.set_ylabel(f"w{j + 1} [{unit}/s]")
+    dots = [_dot(colour) for colour in (MOVING, RESTING)]
+    key_above(picture, dots, ["moving", "at rest, or too slow to tell"])
+    return picture
+
+
+def _dot(colour: str) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=colour, marker="o", markersize=4, linestyle="")
+
+
+def _motion(verdict: Verdict) -> Any:
+    """Angles, velocities and torques over time, of the recordings that move most."""
+    evidence, (unit, torque_unit) = verdict.evidence, _units(verdict)
+    slides = unit == "m"
+    chosen, joints = _chosen(verdict), range(len(verdict.joints))
+    picture = figure(4.6)
+    rows = picture.subplots(3, len(chosen), sharex="col", sharey="row", squeeze=False)
+    for column, i in zip(rows.T, chosen, strict=True):
+        _over_time(column, evidence.dataset.recordings[i], evidence.motions[i], joints)
+    labels = (
+        f"{'position' if slides else 'angle'} [{unit}]",
+        f"velocity [{unit}/s]",
+        f"{'force' if slides else 'torque'} [{torque_unit}]",
+    )
+    for axes, label in zip(rows[:, 0], labels, strict=True):
+        axes.set_ylabel(label)
+    key_above(picture, rows[0][0].lines, [f"joint {j + 1}" for j in joints])
+    return picture
+
+
+def _over_time(column: Any, recording: Recording, motion: Motion, joints: range) -> None:
+    states, torque = motion.states, recording.torque
+    start = states.time[0]
+    held = "steps-post" if torque.hold == "previous" else "default"
+    for j in joints:
+        colour = COLOURS[j % len(COLOURS)]
+        column[0].plot(states.time - start, states.q[:, j], color=colour, lw=1.0)
+        column[1].plot(states.time - start, states.w[:, j], color=colour, lw=1.0)
+        column[2].plot(
+            torque.time - start, torque.value[:, j], color=colour, drawstyle=held, lw=0.7
+        )
+    column[0].set_title(plain(recording.name.rsplit("/", 1)[-1]), fontsize=7, loc="left")
+    column[2].set_xlabel("time [s]")
+    column[2].set_xlim(0.0, states.time[-1] - start)
+
+
+def _chosen(verdict: Verdict) -> list[int]:
+    """Recordings to show: those in which all joints together are fastest, in their own order."""
+    speed = [np.sqrt(np.mean(m.states.w**2)) for m in verdict.evidence.motions]
+    return sorted(np.argsort(speed)[::-1][:RECORDINGS].tolist())
+
+
+def _residual(verdict: Verdict) -> Any:
+    """Torque that the told mechanism leaves to friction, against velocity, and least squares."""
+    rows = verdict.evidence.rows
+    unit, torque_unit = _units(verdict)
+    picture, panels = _panels(verdict)
+    for j, axes in enumerate(panels):
+        axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
+        axes.axvline(0.0, color=PALE, linewidth=0.6, zorder=0)
+        axes.set_xlabel(f"w{j + 1} [{unit}/s]")
+        axes.set_ylabel(f"left to friction [{torque_unit}]")
+        axes.set_title(f"joint {j + 1}", loc="left")
+        if _one_way(rows, j).any():
+            _friction(axes, verdict, j)
+        else:
+            axes.text(0.5, 0.5, "hardly slides", transform=axes.transAxes, ha="center")
+    from matplotlib.lines import Line2D
+
+    line = Line2D([], [], color=RESTING)
+    key_above(picture, [_dot(MOVING), line], ["told mechanism, before any fit", "least squares"])
+    return picture
+
+
+def _one_way(rows: Rows, j: int) -> Array:
+    """Windows of least squares in which joint j does not turn round: there friction has a speed."""
+    return np.asarray(rows.free[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY))
+
+
+def _friction(axes: Any, verdict: Verdict, j: int) -> None:
+    evidence, nb = verdict.evidence, len(verdict.told)
+    use = _one_way(evidence.rows, j)
+    w = evidence.rows.w[use, j]
+    left = evidence.torque[use, j] - evidence.rows.phi[use, j] @ verdict.told
+    size = float(np.clip(6e3 / len(w), 1.0, 4.0))
+    axes.scatter(w, left, s=size, color=MOVING, alpha=0.4, linewidths=0, rasterized=True)
+    low, high = np.quantile(left, [0.005, 0.995])
+    margin = 0.3 * (high - low) + 1e-9 * max(abs(low), abs(high), 1.0)
+    axes.set_ylim(low - margin, high + margin)
+    coulomb, viscous, offset = verdict.estimate.value[nb + 3 * j : nb + 3 * j + 3]
+    for side in (-1.0, 1.0):
+        ends = np.array([0.0, np.abs(w).max()]) * side
+        axes.plot(ends, coulomb * side + viscous * ends + offset, color=RESTING)

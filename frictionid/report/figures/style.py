@@ -1,0 +1,134 @@
+"""Common looks of the pictures: one colour for each identifier, sizes for a page of two columns."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple
+
+from frictionid.report.load import Entry
+
+WIDTH = 7.2  # [inch], both columns of a journal's page
+FORMATS = ("png", "pdf")
+# Okabe and Ito's colours, told apart with any colour vision; without yellow, too pale on white
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+DASHES = ("-", (0, (5, 1.2)), (0, (3, 1, 1, 1)))  # after the last colour, the next kind of line
+GREY = "#767676"
+LONGEST = 36  # letters of a name
+PALE = "#D9D9D9"
+DARK = "#222222"
+
+
+class Look(NamedTuple):
+    """Colour and kind of line of an identifier, the same in all pictures."""
+
+    colour: str
+    line: Any
+
+
+def looks(entries: Iterable[Entry]) -> dict[str, Look]:
+    """Look of each identifier by its label: no friction grey, the truth black, others coloured."""
+    out: dict[str, Look] = {}
+    coloured = 0
+    for entry in entries:
+        if entry.label in out:
+            continue
+        if entry.role in ("none", "truth"):
+            dark = entry.role == "truth"
+            out[entry.label] = Look(DARK if dark else GREY, (0, (4, 1.5)) if dark else "-")
+            continue
+        repeat, place = divmod(coloured, len(COLOURS))
+        out[entry.label] = Look(COLOURS[place], DASHES[repeat % len(DASHES)])
+        coloured += 1
+    return out
+
+
+def drawing() -> AbstractContextManager[Any]:
+    """A context in which pictures have our looks, whatever the user's settings; these stay."""
+    import matplotlib.style
+
+    settings: Mapping[str, Any] = {
+        "font.size": 8,
+        "axes.titlesize": 8,
+        "axes.labelsize": 8,
+        "xtick.labelsize": 7,
+        "ytick.labelsize": 7,
+        "legend.fontsize": 7.5,
+        "legend.frameon": False,
+        "axes.linewidth": 0.6,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "xtick.major.width": 0.6,
+        "ytick.major.width": 0.6,
+        "lines.linewidth": 1.2,
+        "savefig.dpi": 200,
+        "pdf.fonttype": 42,
+    }
+    return matplotlib.style.context(["default", dict(settings)])
+
+
+def figure(height: float, width: float = WIDTH) -> Any:
+    """An empty figure as wide as a page, sizes in inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
+    """A figure's files by their endings, without dates: the same picture has the same bytes."""
+    nothing = {
+        "png": {"Software": None},
+        "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    }
+    out = {}
+    with warnings.catch_warnings():
+        # names may hold characters that the font lacks: they become boxes
+        warnings.filterwarnings("ignore", message=r"Glyph .* missing")
+        for kind in kinds:
+            stream = io.BytesIO()
+            picture.savefig(stream, format=kind, metadata=nothing[kind])
+            picture.set_layout_engine("none")  # it holds for the next format, too
+            out[kind] = stream.getvalue()
+    return out
+
+
+def plain(name: str) -> str:
+    r"""A name that is drawn as it stands: no mathematics, no end of a line, shortened if long.
+
+    >>> print(plain("a$b_c"))
+    a\$b_c
+    """
+    words = " ".join(name.split())
+    if len(words) > LONGEST:
+        words = f"{words[: LONGEST // 2]}…{words[-LONGEST // 2 + 1 :]}"
+    return words.replace("$", r"\$")
+
+
+def key_above(picture: Any, handles: list[Any], labels: list[str], handle: float = 1.8) -> None:
+    """A legend above all panels, read line by line, in as many lines as its words need.
+
+    handle : length of its lines, in letters
+    """
+    # a label that begins with _ would be left out
+    shown = [f" {label}" if label.startswith("_") else label for label in map(plain, labels)]
+    columns = next(
+        c for c in range(len(shown), 0, -1) if c == 1 or _width(shown, c, handle) < WIDTH - 0.1
+    )
+    order = [i for column in range(columns) for i in range(column, len(shown), columns)]
+    picture.legend(
+        [handles[i] for i in order],
+        [shown[i] for i in order],
+        loc="outside upper center",
+        ncols=columns,
+        handlelength=handle,
+        handletextpad=0.5,
+        columnspacing=1.2,
+    )
+
+
+def _width(labels: list[str], columns: int, handle: float) -> float:
+    """Estimated width of a legend [inch]: line, gaps, and letters of 7.5 points."""
+    widest = [max(map(len, labels[column::columns])) for column in range(columns)]
+    return sum(0.18 + 0.104 * handle + 0.061 * letters for letters in widest)

@@ -1,0 +1,195 @@
+"""How a friction torque changes with what it depends on: the law's own slopes, or differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.dynamics.stiction import Grip, State, inputs, sharp, sliding
+from frictionid.friction import Friction, Inputs, Law, Memory
+from frictionid.mechanics import Plant
+from frictionid.shooting.wrapped import Wrapped
+
+# Central differences: the cube root of rounding, times the scale on which friction changes
+SPEED = 1e-6  # [rad/s], and [rad], [N m]
+_THETA = 1e-6  # of the value
+
+
+class Free(NamedTuple):
+    """Which entries of theta are free: joint and place (m,) of each."""
+
+    joint: Array
+    place: Array
+
+    def of(self, joint: int) -> list[int]:
+        """Which of them belong to a joint."""
+        return [int(k) for k in np.flatnonzero(self.joint == joint)]
+
+
+class Slopes(NamedTuple):
+    """Friction torque (K, n) [N m] and its partial derivatives.
+
+    by_q, by_w, by_u (K, n, n), None where there are none; by_memory, an array (K, n) for each entry
+    of the memory; by_theta (m, K): of each free entry's own joint.
+    """
+
+    torque: Array
+    by_q: Array | None
+    by_w: Array
+    by_u: Array | None
+    by_memory: Memory
+    by_theta: Array
+
+
+class Seen(NamedTuple):
+    """What a law looks at besides a joint's velocity: angle, motor torque, others' velocities."""
+
+    q: bool
+    u: bool
+    others: bool = False
+
+
+def seen_by(law: Law, theta: Array, x: Inputs) -> Seen:
+    """What the torque of a law depends on at inputs (K, n)."""
+    memory = law.start(theta, x)  # of the motion before, whatever is changed now
+    dt = np.full((1,), law.sample_time or 0.01)
+
+    def torque(x: Inputs) -> Array:
+        return law.torque(theta, x, law.advance(theta, x, memory, dt))
+
+    here = torque(x)
+    turned = torque(x._replace(q=x.q + 0.3))
+    pushed = torque(x._replace(u=x.u + 0.1 * (1.0 + np.abs(x.u).max())))
+    n = x.w.shape[-1]
+    faster = [torque(x._replace(w=x.w + 0.3 * np.eye(n)[j])) for j in range(n)]
+    others = any(
+        not np.array_equal(f[:, i], here[:, i])
+        for j, f in enumerate(faster)
+        for i in range(n)
+        if i != j
+    )
+    return Seen(not np.array_equal(here, turned), not np.array_equal(here, pushed), others)
+
+
+def slopes(
+    plant: Plant,
+    friction: Friction,
+    state: State,
+    u: Array,
+    free: Free,
+    seen: Seen,
+    grip: Grip,
+) -> Slopes:
+    """Friction torque and its slopes at states (K, n), of joints that slide to their side."""
+    theta, memory = friction.theta, state.memory
+    x = inputs(plant, friction, state, u)
+    w = sliding(friction, x.w, grip)
+    law = sharp(friction, grip).law
+    x, moves = x._replace(w=w), (w == x.w)[..., None]
+    here = law.torque(theta, x, memory)
+    if law.uses_load:
+        by_q, by_w, by_u = _through_load(plant, friction, state, u)
+    else:
+        by_q = _diagonal(law, theta, x, memory, "q") if seen.q else None
+        by_w = (_columns if seen.others else _diagonal)(law, theta, x, memory, "w") * moves
+        by_u = _diagonal(law, theta, x, memory, "u") if seen.u else None
+    gradient, of_memory = _own_slopes(law, theta, x, memory)
+    return Slopes(
+        here,
+        by_q,
+        by_w,
+        by_u,
+        of_memory,
+        by_theta(
+            theta,
+            free,
+            lambda t: law.torque(t, x, memory),
+            gradient,
+            0.0 * x.w,
+        ),
+    )
+
+
+def _diagonal(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Array:
+    value = getattr(x, name)
+    up = law.torque(theta, x._replace(**{name: value + SPEED}), memory)
+    down = law.torque(theta, x._replace(**{name: value - SPEED}), memory)
+    return ((up - down) / (2 * SPEED))[..., None] * np.eye(value.shape[-1])
+
+
+def _columns(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Array:
+    value = getattr(x, name)
+    out = []
+    for step in SPEED * np.eye(value.shape[-1]):
+        up = law.torque(theta, x._replace(**{name: value + step}), memory)
+        down = law.torque(theta, x._replace(**{name: value - step}), memory)
+        out.append((up - down) / (2 * SPEED))
+    return np.stack(out, axis=-1)
+
+
+def _own_slopes(law: Law, theta: Array, x: Inputs, memory: Memory) -> tuple[Array | None, Memory]:
+    """Derivatives of the torque by theta (K, n, P), of laws that know them, and by the memory."""
+    known: Any = law
+    if isinstance(law, Wrapped):
+        return known.slopes(theta, x, memory) if memory else (known.gradient(theta, x), ())
+    gradient = known.gradient(theta, x) if hasattr(law, "gradient") and not memory else None
+    return gradient, by_memory(lambda m: law.torque(theta, x, m), memory)
+
+
+def _through_load(
+    plant: Plant, friction: Friction, state: State, u: Array
+) -> tuple[Array, Array, Array]:
+    """Slopes of a law that sees the bearing load, which depends on the motion of all joints."""
+    n = state.q.shape[-1]
+
+    def torque(q: Array, w: Array, u: Array) -> Array:
+        at = State(q, w, state.memory)
+        return friction.torque(inputs(plant, friction, at, u), state.memory)
+
+    columns: list[list[Array]] = [[], [], []]
+    values = (state.q, state.w, u)
+    for part in range(3):
+        for j in range(n):
+            step = SPEED * np.eye(n)[j]
+            up, down = ([*values], [*values])
+            up[part], down[part] = values[part] + step, values[part] - step
+            columns[part].append((torque(*up) - torque(*down)) / (2 * SPEED))
+    by_q, by_w, by_u = (np.stack(c, axis=-1) for c in columns)
+    return by_q, by_w, by_u
+
+
+def by_memory(function: Callable[[Memory], Array], memory: Memory) -> Memory:
+    """Slopes of a function of the memory, entry by entry, each joint's in its own."""
+    out = []
+    for i, entry in enumerate(memory):
+        step = 1e-6 * (1e-3 + np.abs(entry))
+        up, down = ((*memory[:i], entry + s * step, *memory[i + 1 :]) for s in (1, -1))
+        out.append((function(up) - function(down)) / (2 * step))
+    return tuple(out)
+
+
+def by_theta(
+    theta: Array,
+    free: Free,
+    function: Callable[[Array], Array],
+    gradient: Array | None,
+    zero: Array,
+) -> Array:
+    """Slopes (m, K) of a function of theta in its free entries, in those entries' joints.
+
+    gradient : (K, n, P), of a law that knows it; otherwise differences
+    """
+    if gradient is not None:
+        return gradient[..., free.joint, free.place].T
+    columns = {}
+    for place in np.unique(free.place):
+        step = np.zeros_like(theta)
+        step[..., place] = _THETA * np.maximum(1e-3, np.abs(theta[..., place]))
+        rise = function(theta + step) - function(theta - step)
+        columns[int(place)] = rise / (2 * step[..., place]) + zero
+    chosen = zip(free.place, free.joint, strict=True)
+    rows = [columns[int(place)][..., int(joint)] for place, joint in chosen]
+    return np.stack(rows) if rows else np.empty((0, len(zero)))

@@ -1,0 +1,83 @@
+"""The block of the machine's base inertial parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.mechanics import Mechanism
+from frictionid.shooting.parameters.parameter_block import Entry, Guess, checked
+
+_GRID = np.linspace(-np.pi, np.pi, 13)
+_KEPT = 0.05  # of the mass matrix that a step may leave in any direction
+
+
+@dataclass(frozen=True)
+class InertiaBlock:
+    """Base parameters, but for those whose names are `fixed`.
+
+    Steps are taken along a path on which M(q) stays positive definite for all q, see `inside`.
+    `prior` is a standard deviation relative to each value.
+    """
+
+    fixed: tuple[str, ...] = ()
+    prior: float | None = None
+    name: str = "inertia"
+    enters: str = "base"
+
+    def entries(self, guess: Guess) -> tuple[Entry, ...]:
+        base, d = np.asarray(guess.rig.base), guess.mechanism.description
+        names = guess.mechanism.base_names
+        for name in self.fixed:
+            if name not in names:
+                raise InputError(
+                    f"block 'inertia': {d.kind} has no base parameter {name!r} to fix; "
+                    f"known are {', '.join(names)}"
+                )
+        relative = checked(self.prior, self.name)
+        return tuple(
+            Entry(
+                block=self.name,
+                name=b.name,
+                unit=b.unit,
+                value=float(base[i]),
+                prior=relative * max(abs(float(base[i])), 1e-12) if self.prior else relative,
+                place=(i,),
+            )
+            for i, b in enumerate(d.base)
+            if b.name not in self.fixed
+        )
+
+    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
+        new = np.array(guess.rig.base, dtype=float)
+        for entry, value in zip(entries, values, strict=True):
+            new[entry.place] = value
+        base = inside(guess.mechanism, np.asarray(guess.rig.base), new)
+        return guess._replace(rig=replace(guess.rig, base=base))
+
+
+def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:
+    """Base parameters on the way from `base` to the `wanted` ones, with M positive definite.
+
+    Where M of the wanted ones, relative to M now, has no eigenvalue below 0.05 at any q they are
+    reached; otherwise the path p + s (wanted - p) ends before it: s = 0.95 / (1 - smallest
+    eigenvalue). So any step from an admissible machine leads to an admissible one.
+
+    >>> from frictionid.mechanics import pendulum
+    >>> m = pendulum()
+    >>> inside(m, np.array([1.0, 2.0]), np.array([1.5, 3.0])).round(9)
+    array([1.5, 3. ])
+    >>> inside(m, np.array([1.0, 2.0]), np.array([-4.0, 2.0])).round(9)
+    array([0.05, 2.  ])
+    """
+    grid = np.meshgrid(*[_GRID] * mechanism.n, indexing="ij")
+    q = np.stack(grid, axis=-1).reshape(-1, mechanism.n)
+    now, then = (mechanism.inertia(p, q) for p in (np.asarray(base, float), wanted))
+    root = np.linalg.inv(np.linalg.cholesky(now))
+    least = float(np.linalg.eigvalsh(root @ then @ np.swapaxes(root, -1, -2)).min())
+    share = 1.0 if least >= _KEPT else (1.0 - _KEPT) / (1.0 - least)
+    return base + share * (wanted - base)

@@ -1,0 +1,112 @@
+"""What shooting found, as numbers and words for files, tables and pictures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.mechanics import mechanism_of, parameters_of, plant_of
+from frictionid.shooting.combined import Combined
+from frictionid.shooting.parameters.parameter_block import Entry
+from frictionid.shooting.refine import Refined
+
+LEVELS = (0.9, 0.95)
+BEYOND = 1.5  # of the curves' velocities: that far the bands reach, to be seen growing
+_IDEAL = {"gain": 1.0, "delay": 0.0, "bias": 0.0, "offset": 0.0}
+
+
+def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any]:
+    """Parameters with intervals, correlation, curves with bands, and how it went.
+
+    Each parameter has beside it what is told of it: the data set's mechanism gives base parameters,
+    its servo a motor's constants, a log without faults the rest; of friction nothing is told. Where
+    recordings have masses of their own, base parameters are those of their mean. A network's
+    combinations are left out, whose values say nothing: its bands say how sure it is.
+    `bands` has the curve of each joint with half-widths at velocities (V, n), half as far again as
+    those of the grid (V, n).
+    """
+    covariance, went = result.covariance, result.diagnostics
+    intervals = {level: covariance.interval(level) for level in LEVELS}
+    identified, error = covariance.identified, covariance.error
+    more = recordings_own(dataset)
+    shift = [more[e.place[0]] if e.block == "inertia" else 0.0 for e in covariance.entries]
+    entries = enumerate(covariance.entries)
+    named = [(k, entry) for k, entry in entries if not _combines(result, entry)]
+    parameters = [
+        {
+            "block": entry.block,
+            "name": entry.name,
+            "unit": entry.unit,
+            "joint": entry.place[0] if entry.block != "inertia" and entry.place else None,
+            "value": float(covariance.values[k] + shift[k]),
+            "error": float(error[k]),
+            **{
+                f"interval_{round(100 * v)}": (ends[k] + shift[k]).tolist()
+                for v, ends in intervals.items()
+            },
+            "at_bound": bool(covariance.bound[k]),
+            "identified": bool(identified[k]),
+            "prior": entry.prior if np.isfinite(entry.prior) else None,
+            "told": _told(entry, dataset, shift[k]),
+        }
+        for k, entry in named
+    ]
+    known = [k for k, _ in named]
+    return {
+        "parameters": parameters,
+        "correlation": np.asarray(covariance.correlation)[np.ix_(known, known)],
+        "covariance": np.asarray(covariance.matrix)[np.ix_(known, known)],
+        "freedom": covariance.freedom,
+        "clusters": covariance.clusters,
+        "singular_values": covariance.singular,
+        "undetermined": list(covariance.undetermined),
+        "driven": any(bool(np.any(r.torque.value)) for r in dataset.recordings),
+        "bands": _bands(result, BEYOND * grid),
+        "angle_noise": went.sigma,
+        "windows": went.windows,
+        "left_out": [place._asdict() for place in went.left_out],
+        "unexplained": [place._asdict() for place in went.unexplained],
+        "settled": went.settled,
+        "iterations": went.iterations,
+        "doubts": list(went.doubts),
+    }
+
+
+def _combines(result: Refined, entry: Entry) -> bool:
+    return entry.block == "friction" and isinstance(result.fitted.law, Combined)
+
+
+def recordings_own(dataset: Dataset) -> Array:
+    """What the recordings' own parameters add to the table's base parameters (nb,), on average."""
+    return np.asarray(plant_of(dataset).p).mean(axis=0) - _table_base(dataset)
+
+
+def _table_base(dataset: Dataset) -> Array:
+    table: Any = dataset.mechanism
+    return np.asarray(mechanism_of(table).base(parameters_of(table, {})), dtype=float)
+
+
+def _told(entry: Entry, dataset: Dataset, shift: float) -> float | None:
+    if entry.block == "inertia":
+        return float(_table_base(dataset)[entry.place[0]] + shift)
+    if entry.block == "actuator":
+        value = getattr(dataset.recordings[0].servo, entry.name, None)
+        return None if value is None else float(value)
+    return _IDEAL.get(entry.block)
+
+
+def _bands(result: Refined, w: Array) -> dict[str, Any]:
+    """Curves (V, n) at velocities w (V, n) with their half-widths."""
+    friction = result.friction
+    curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
+    pointwise, simultaneous = result.bands(w)
+    return {
+        "level": 0.95,
+        "velocity": w,
+        "curve": curve,
+        "pointwise": pointwise,
+        "simultaneous": simultaneous,
+    }

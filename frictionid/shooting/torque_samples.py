@@ -1,0 +1,74 @@
+"""Points of a motion at which the torque of a law is read, a memory's with what led there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.dynamics.stiction import State, inputs
+from frictionid.friction import Friction, Inputs
+from frictionid.mechanics import Mechanism
+from frictionid.mechanics.calibration import Rig, plant_under
+from frictionid.shooting.intervals import Track, pushes
+
+_COUNT = 500
+_LINK = 9  # samples through which a memory is followed
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """N points of a motion.
+
+    path : inputs (N, n) at some samples that follow each other, the last of them the point's; at
+        the first a memory starts
+    dt : (N, 1) [s] between them
+    """
+
+    path: tuple[Inputs, ...]
+    dt: Array
+
+    def torque(self, friction: Friction) -> Array:
+        """Torques (N, n) [N m]."""
+        law, theta = friction.law, friction.theta
+        z = law.start(theta, self.path[0])
+        for x in self.path[1:]:
+            z = law.advance(theta, x, z, self.dt)
+        return np.asarray(law.torque(theta, self.path[-1], z))
+
+    def slopes(self, friction: Friction) -> Array:
+        """Their derivatives (N, n, P) in each joint's own numbers."""
+        law, theta = friction.law, friction.theta
+        if len(self.path) == 1:
+            return np.asarray(law.gradient(theta, self.path[0]))
+        z = law.start(theta, self.path[0])
+        if getattr(law, "window", False):
+            for x in self.path[1:]:
+                z = law.advance(theta, x, z, self.dt)
+            return np.asarray(law.gradient(theta, self.path[-1], z))
+        return np.asarray(law.gradient_along(theta, self.path, z, self.dt))
+
+
+def points_of(friction: Friction, mechanism: Mechanism, rig: Rig, track: Track) -> Points:
+    """Some of a track's samples, as the law meets them."""
+    K = len(track.dt)
+    run = np.arange(K) - np.maximum.accumulate(np.where(track.joined, 0, np.arange(K)))
+    link = min(_LINK, int(run.max())) if remembers(friction) else 0
+    known = np.flatnonzero(run >= link)
+    some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
+    plant = plant_under(track.dataset, rig)
+    driven = np.array(mechanism.description.driven, dtype=float)
+    path = []
+    for at in (some - back for back in range(link, -1, -1)):
+        felt = pushes(track, rig, at, np.array([0.0, 1.0])).mean[0]
+        u = (rig.gain * felt + rig.bias) * driven
+        state = State(track.q[at] - rig.offset, track.w[at])
+        path.append(inputs(plant[track.recording[at]], friction, state, u))
+    return Points(tuple(path), track.dt[some][:, None])
+
+
+def remembers(friction: Friction) -> bool:
+    """Whether the law has a memory."""
+    zero = np.zeros((1, friction.n))
+    return bool(friction.law.start(friction.theta, Inputs(zero, zero, zero, zero)))

@@ -1,0 +1,259 @@
+"""The parts of `check` on cases whose answer is known: estimates, delay, facts, advice, screen."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures import planted_faults as pool
+from fixtures.paths import DATA
+
+from frictionid.check import check
+from frictionid.check.balance_windows import sharp_rows, unit_rows
+from frictionid.check.delay import delay_of
+from frictionid.check.facts import clock_of, joints_of
+from frictionid.check.motion import motions_of
+from frictionid.check.regression import regress
+from frictionid.check.torque_integral import impulse_of
+from frictionid.cli import main
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.mechanics import plant_of
+from frictionid.report.diagnostics import as_json
+from frictionid.report.figures.diagnostics import write_pictures
+from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate
+
+TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}
+
+
+@pytest.fixture(scope="module")
+def swings():
+    """Forty noise-free recordings of one pendulum with Coulomb and viscous friction only."""
+    rng = np.random.default_rng(2)
+    runs = [
+        Run(
+            f"r{i}",
+            (float(rng.uniform(-1.5, 1.5)),),
+            (),
+            (Multisine(float(rng.uniform(0.8, 1.6)), tuple(rng.uniform(0.4, 1.6, 3))),),
+        )
+        for i in range(40)
+    ]
+    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
+    curve = Curve((0.25,), (0.25,), viscous=(0.02,))
+    return simulate(Rig("swings", mechanism, Stribeck(curve), Camera(361), tuple(runs), substeps=6))
+
+
+def drawn(dataset, rng, count=5, noise=1e-3):
+    """Some of the recordings with measurement noise."""
+    out = []
+    for i in rng.choice(len(dataset.recordings), count, False):
+        r = dataset.recordings[i]
+        value = r.angle.value + noise * rng.standard_normal(r.angle.value.shape)
+        out.append(replace(r, angle=r.angle._replace(value=value), truth=None))
+    return replace(dataset, recordings=tuple(out))
+
+
+def estimated(dataset):
+    plant = plant_of(dataset)
+    rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
+    torque = impulse_of(dataset.recordings).means(rows)
+    return regress(rows, torque, plant.mechanism.base_names, plant.p), rows, torque, plant
+
+
+def test_least_squares_return_the_truth_within_their_errors(swings):
+    """30 data sets, seed 3: 17 of 20 intervals of two errors hold the truth, all narrow."""
+    rng = np.random.default_rng(3)
+    inside, shares = [], []
+    for _ in range(30):
+        estimate, _, _, plant = estimated(drawn(swings, rng))
+        truth = dict(zip(plant.mechanism.base_names, plant.p[0], strict=True)) | TRUE
+        for name, true in truth.items():
+            value, error = estimate.at(name)
+            inside.append(abs(value - true) < 2 * error)
+            shares.append(error / true)
+    assert np.mean(inside) > 0.85
+    assert np.median(shares) < 0.05
+
+
+def test_turns_that_are_seen_sharply_count_and_keep_the_truth(swings):
+    """500 Hz and 1e-5 rad of noise: windows with turns count; 60 Hz and 1 mrad: they do not."""
+    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
+    curve = Stribeck(Curve((0.25,), (0.25,), viscous=(0.02,)))
+    runs = tuple(Run(f"{i}", (1.0,), (), (Multisine(1.2, (0.5, 0.9, 1.4 + i)),)) for i in range(3))
+    camera = Camera(2001, 500.0, 1e-5)
+    fine = simulate(Rig("fine", mechanism, curve, camera, runs, drive=Drive(500.0), substeps=1))
+    plant = plant_of(fine)
+    rows = sharp_rows(plant.mechanism, motions_of(fine.recordings))
+    assert (rows.free[:, 0] & (np.abs(rows.friction[:, 0, 0]) < 0.5)).any()
+    torque = impulse_of(fine.recordings).means(rows)
+    estimate = regress(rows, torque, plant.mechanism.base_names, plant.p)
+    for name, true in dict(
+        zip(plant.mechanism.base_names, plant.p[0], strict=True), **TRUE
+    ).items():
+        assert estimate.at(name)[0] == pytest.approx(true, rel=0.01), name
+    coarse = motions_of(drawn(swings, np.random.default_rng(0)).recordings)
+    for ours, usual in zip(
+        *(f(plant.mechanism, coarse) for f in (sharp_rows, unit_rows)), strict=True
+    ):
+        np.testing.assert_array_equal(ours, usual)
+
+
+def test_the_interval_of_the_delay_holds_the_delay(swings):
+    """30 data sets, seed 4, delays of 0 to 30 ms: the 95 % interval holds nearly all of them."""
+    rng = np.random.default_rng(4)
+    held, widths = [], []
+    for _ in range(30):
+        true = float(rng.uniform(0.0, 0.03))
+        dataset = pool.with_torques(drawn(swings, rng), lambda u: u, -true)
+        plant = plant_of(dataset)
+        rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
+        low, high = delay_of(rows, impulse_of(dataset.recordings), plant.p).interval
+        held.append(low < true < high)
+        widths.append(high - low)
+    assert np.mean(held) >= 0.85
+    assert np.median(widths) < 0.004
+
+
+def test_without_torque_only_ratios_are_estimated_and_one_value_is_kept():
+    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
+    curve = Stribeck(Curve((0.05,), (0.05,), (0.01,)))
+    runs = (Run("a", (1.8,)), Run("b", (-1.2,)), Run("c", (2.2,)))
+    rig = Rig("decay", mechanism, curve, Camera(361, 60.0, 2e-4), runs, substeps=4)
+    estimate, _, _, plant = estimated(simulate(rig))
+    kept = [name for name in plant.mechanism.base_names if np.isinf(estimate.at(name)[1])]
+    assert len(kept) == 1
+    i = plant.mechanism.base_names.index(kept[0])
+    assert estimate.value[i] == plant.p[0, i]
+
+
+def test_a_joint_that_sees_two_parameters_as_one_says_so():
+    """Small swings of one frequency: inertia and gravity are one number."""
+    t = np.arange(600) / 60
+    q = 0.05 * np.sin(2 * np.pi * 0.5 * t)
+    w = 2 * np.pi * 0.5
+    u = (5.0 - 0.08 * w**2) * q + 0.02 * np.sign(np.cos(w * t))
+    u = u + np.random.default_rng(0).normal(0, 0.02, 600)
+    dataset = Dataset(
+        "slow",
+        {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}},
+        (Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None])),),
+    )
+    estimate, *_ = estimated(dataset)
+    blind = [{name for name, _ in direction} for direction in estimate.blind]
+    assert any("inertia" in names for names in blind)
+
+
+def test_facts_count_what_was_planted():
+    rng = np.random.default_rng(6)
+    keep = np.sort(rng.choice(np.arange(1, 999), 960, False))
+    t = np.concatenate([[0.0], keep * 0.01, [10.0]])
+    q = np.round((np.sin(3 * t) + rng.normal(0, 5e-4, len(t))) / 0.002) * 0.002
+    u = np.cos(t) + rng.normal(0, 0.05, len(t))
+    recording = Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None]))
+    clock, motions = clock_of([recording]), motions_of([recording])
+    fact = joints_of([recording], motions)[0]
+    assert clock.dropped == 1001 - len(t)
+    assert clock.rate == pytest.approx(100.0)
+    assert fact.angle_step == pytest.approx(0.002)
+    assert fact.torque_noise == pytest.approx(0.05, rel=0.1)
+    assert fact.angle_noise == pytest.approx(np.hypot(5e-4, 0.002 / np.sqrt(12)), rel=0.3)
+    assert fact.reversals == 10
+    assert fact.fast == pytest.approx(3.0, rel=0.05)
+
+
+def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
+    noisy = drawn(swings, np.random.default_rng(9), count=1)
+    stuck = pool.with_torques(noisy, lambda u: np.full_like(u, 0.4))
+    assert "frozen_torque" in [f.kind for f in check(stuck).findings]
+    runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
+    curve = Stribeck(Curve((0.05,), (0.05,), viscous=(0.02,)))
+    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
+    held = simulate(Rig("held", mechanism, curve, Camera(361, 60.0, 1e-3), runs, substeps=6))
+    assert "frozen_torque" not in [f.kind for f in check(held).findings]
+
+
+def test_slow_recordings_without_decay_ask_for_both():
+    rng = np.random.default_rng(7)
+    t = np.arange(900) / 60
+    q = 0.3 * np.sin(2 * t) + rng.normal(0, 1e-4, len(t))
+    u = 0.5 * np.sin(2 * t) + 0.1 * np.sign(np.cos(2 * t))
+    dataset = Dataset(
+        "slow",
+        {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}},
+        (Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None])),),
+    )
+    words = " / ".join(check(dataset).next)
+    assert "joint 1 never exceeds 0.6 rad/s: add a swing" in words
+    assert "no free decay: add one of 20 s" in words
+
+
+def test_a_published_model_is_held_against_the_data(swings):
+    dataset = drawn(swings, np.random.default_rng(8))
+    right = Friction(CoulombViscous(), np.array([[0.25, 0.02]]))
+    wrong = replace(right, parameters={"mass": 0.2, "length": 0.4})
+    kinds = [[f.kind for f in check(dataset, model).findings] for model in (right, wrong)]
+    assert kinds == [[], ["published"]]
+    text = check(dataset, wrong).findings[0].text
+    assert "incompatible" in text and "inertia 0.032 published" in text
+
+
+def test_the_clean_acrobot_is_good_and_the_other_one_is_late_with_a_rotor():
+    assert check(load_dataset(DATA / "acrobot_clean")).level == "good"
+    verdict = check(load_dataset(DATA / "acrobot_sim"))
+    by_kind = {finding.kind: finding for finding in verdict.findings}
+    assert sorted(by_kind) == ["delay", "rotor"] and verdict.level == "doubtful"
+    low, high = verdict.delay.interval
+    assert low < 0.018 < high and high - low < 0.002
+    assert by_kind["rotor"].numbers["size"] == pytest.approx(2e-6, rel=0.05)
+
+
+def run(monkeypatch, *arguments):
+    monkeypatch.setattr("sys.argv", ["frictionid", *map(str, arguments)])
+    return main()
+
+
+def test_the_command_prints_a_screen_and_exits_by_the_level(monkeypatch, capsys):
+    assert run(monkeypatch, "check", DATA / "acrobot_sim") == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("acrobot_sim: doubtful")
+    told = re.search(r"acts (\d+\.\d) ms after it is logged", "\n".join(lines))
+    assert told is not None and abs(float(told[1]) - 18.0) < 1.0
+    assert len(lines) < 50 and max(map(len, lines)) <= 120
+
+
+def test_the_command_prints_everything_as_json_and_draws(monkeypatch, capsys, tmp_path):
+    assert run(monkeypatch, "check", DATA / "acrobot_clean", "--json", "--out", tmp_path / "p") == 0
+    verdict = json.loads(capsys.readouterr().out)
+    assert verdict["level"] == "good" and len(verdict["joints"]) == 2
+    assert verdict["estimate"]["names"][0] == "inertia_11"
+    made = sorted(path.name for path in (tmp_path / "p").iterdir())
+    assert made == ["coverage.png", "motion.png", "residual.png"]
+
+
+@pytest.mark.parametrize("samples", [2, 3, 12, 600])
+@pytest.mark.parametrize("speed", [0.0, 3.0])
+def test_recordings_too_short_or_still_are_unusable_and_no_more(samples, speed, tmp_path):
+    t = np.arange(samples) / 60
+    q, u = np.sin(speed * t)[:, None], np.cos(7 * t)[:, None]
+    dataset = Dataset("few", {"kind": "pendulum"}, (Recording("a", Signal(t, q), Signal(t, u)),))
+    verdict = check(dataset)
+    json.loads(as_json(verdict))
+    assert len(write_pictures(verdict, tmp_path)) == 3
+    if samples < 600 or speed == 0.0:
+        assert verdict.level == "unusable"
+        assert verdict.findings[0].kind == "missing_excitation"
+
+
+def test_recordings_of_another_machine_are_not_called_good():
+    """The torque has nothing to do with this motion: no convention explains it."""
+    t = np.arange(900) / 60
+    q, u = 0.5 * np.sin(3 * t)[:, None], 5 * np.cos(t)[:, None]
+    dataset = Dataset("odd", {"kind": "pendulum"}, (Recording("a", Signal(t, q), Signal(t, u)),))
+    assert check(dataset).level != "good"

@@ -1,0 +1,87 @@
+"""What `check` says of measured recordings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from fixtures.paths import DATA
+
+from frictionid.check import check
+from frictionid.comparison.suite import friction_of
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.report.diagnostics import as_json
+
+COMMANDED = """
+name = "commanded"
+collection = "dfki_simple_pendulum"
+[mechanism]
+kind = "pendulum"
+[mechanism.parameters]
+mass = 0.7
+length = 0.5
+[columns]
+time = "time"
+angle = ["position"]
+torque = ["torque"]
+[recordings]
+patterns = ["gravity_compensation_torque_is_commanded*"]
+"""
+
+
+def test_the_real_double_pendulum_is_usable(real_data):
+    verdict = check(load_dataset(DATA / "dfki_c1", real_data / "dfki_double_pendulum"))
+    assert verdict.level != "unusable"
+    assert all(entry.possible for entry in verdict.identifiable)
+    # told from its published model: torques push the right way, at the right size and time
+    gains = [s for s in verdict.suspects if s.kind == "gain"]
+    assert all(s.size == pytest.approx(1.0, abs=0.1) for s in gains)
+    assert abs(verdict.delay.seconds) < 0.006
+
+
+def test_a_commanded_torque_leaves_nothing_to_identify(real_data, tmp_path):
+    (tmp_path / "dataset.toml").write_text(COMMANDED)
+    verdict = check(load_dataset(tmp_path, real_data / "dfki_simple_pendulum"))
+    assert verdict.level == "unusable"
+    assert verdict.findings[0].text.startswith(
+        "nothing to identify: the torque equals a gravity model"
+    )
+    assert [entry.possible for entry in verdict.identifiable] == [False]
+
+
+def test_the_published_simple_pendulum_contradicts_its_data(real_data):
+    dataset = load_dataset(DATA / "simple_pendulum", real_data / "dfki_simple_pendulum")
+    verdict = check(dataset, friction_of(DATA / "simple_pendulum" / "published.json"))
+    finding = next(f for f in verdict.findings if f.kind == "published")
+    assert "incompatible with the data: inertia 0.0626 published, 0.18" in finding.text
+    inertia, gravity = (verdict.estimate.at(name)[0] for name in ("inertia", "gravity"))
+    assert 0.16 < inertia < 0.19 and 0.33 < gravity / 9.81 < 0.37
+
+
+def test_least_squares_of_the_carriage_agree_with_the_published_ones(real_data):
+    """M, Fc, Fv and offset within 1 %, as the command says them."""
+    verdict = check(load_dataset(DATA / "emps", real_data / "emps"))
+    told = json.loads(as_json(verdict))["estimate"]
+    estimate = dict(zip(told["names"], told["value"], strict=True))
+    published = {"mass": 95.1089, "coulomb_1": 20.3935, "viscous_1": 203.5034, "offset_1": -3.1648}
+    assert verdict.level == "good"
+    assert estimate == pytest.approx(published, rel=0.01)
+    assert all(error is not None for error in told["error"])
+
+
+@pytest.mark.parametrize(
+    ("times", "words"), [(1e3, "are in mm, not m"), (1e-3, "are in m, not mm")]
+)
+def test_a_carriage_in_the_wrong_unit_is_unusable(real_data, times, words):
+    dataset = load_dataset(DATA / "emps", real_data / "emps")
+    (one,) = dataset.recordings
+    wrong = replace(one, angle=one.angle._replace(value=times * one.angle.value))
+    verdict = check(replace(dataset, recordings=(wrong,)))
+    assert verdict.level == "unusable"
+    assert verdict.findings[0].text.startswith(f"positions {words}: so read")
+
+
+def test_speeds_of_a_carriage_are_in_metres(real_data):
+    verdict = check(load_dataset(DATA / "emps", real_data / "emps"))
+    assert verdict.identifiable[0].reason.endswith(" m/s")

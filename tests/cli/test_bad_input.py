@@ -1,0 +1,292 @@
+"""Whatever is wrong with what a user gives: one line, exit code 2, nothing written."""
+
+import json
+import re
+import sys
+
+import numpy as np
+import pytest
+from fixtures.tiny_pendulums import write_dataset, write_suite
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frictionid.cli import main
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite import friction_of
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.friction.model_files import model_document
+
+MODEL = model_document(
+    Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3}, {"source": "test"}), LAWS
+)
+BARE = {**json.loads(json.dumps(MODEL, default=lambda array: array.tolist())), "joints": None}
+BARE.pop("joints")
+
+
+def model(**changes):
+    """Text of a model file with changes; None deletes a key."""
+    document = {**BARE, **changes}
+    return json.dumps({k: v for k, v in document.items() if v is not None})
+
+
+FILES = {
+    "good.json": model(),
+    "no_format.json": model(format=None),
+    "other_format.json": model(format="frictionid model 2"),
+    "no_law.json": model(law=None),
+    "text_law.json": model(law="stribeck"),
+    "unknown_law.json": model(law={"kind": "coulomb_viscos"}),
+    "law_setting.json": model(law={"kind": "coulomb_viscous", "widht": 0.1}),
+    "law_value.json": model(law={"kind": "coulomb_viscous", "width": "wide"}),
+    "law_zero.json": model(law={"kind": "coulomb_viscous", "width": 0.0}),
+    "law_shape.json": model(law={"kind": "coulomb_viscous", "shape": "step"}),
+    "other_law.json": model(law={"kind": "stribeck"}),
+    "no_theta.json": model(theta=None, shape=None),
+    "nan.json": model(theta=[[float("nan"), 0.0]]),
+    "endless.json": model(theta=[[float("inf"), 0.0]]),
+    "words.json": model(theta=[["a", "b"]]),
+    "ragged.json": model(theta=[[0.1, 0.2], [0.1]]),
+    "flat.json": model(theta=[0.1, 0.2], shape=None),
+    "shape.json": model(shape=[3, 2]),
+    "shapeless.json": model(shape="two"),
+    "batch.json": model(theta=[[[0.1, 0.2]], [[0.1, 0.2]]], shape=[2, 1, 2]),
+    "joints.json": model(theta=[[0.1, 0.2], [0.1, 0.2]], shape=[2, 2]),
+    "parameter.json": model(parameters={"m4": 0.1}),
+    "parameter_nan.json": model(parameters={"mass": float("nan")}),
+    "parameter_text.json": model(parameters={"mass": "heavy"}),
+    "parameters.json": model(parameters=[1.0]),
+    "provenance.json": model(provenance=3),
+    "joint_lacks.json": model(theta=None, shape=None, joints=[{"coulomb": {"value": 1.0}}]),
+    "joint_text.json": model(theta=None, shape=None, joints=["coulomb"]),
+    "joint_value.json": model(
+        theta=None, shape=None, joints=[{"coulomb": 1.0, "viscous": {"value": 0.0}}]
+    ),
+    "joint_none.json": model(theta=None, shape=None, joints=[]),
+    "list.json": "[1, 2]",
+    "empty.json": "",
+    "half.json": model()[:40],
+    "deep.json": "[" * 100_000,
+    "folder.json": None,
+}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bad")
+    write_dataset(folder / "tiny")
+    write_dataset(folder / "other", name="other")
+    write_dataset(folder / "away", changes=[("collection", "pendulums")])
+    write_suite(folder)
+    write_suite(folder, [("horizons", [9.0])], "long.toml")
+    write_suite(folder, [("datasets", [{"path": "tiny"}, {"path": "other"}])], "two.toml")
+    write_suite(folder, [("datasets.0.path", "away")], "away.toml")
+    write_suite(folder, [("identifiers.0.kind", "nonn")], "unknown.toml")
+    gap = [("folds", {"count": 80, "kind": "blocks"}), ("horizons", [0.3])]
+    write_suite(folder, gap, "blocks.toml")
+    for name, text in FILES.items():
+        if text is None:
+            (folder / name).mkdir()
+        else:
+            (folder / name).write_text(text)
+    (folder / "binary.json").write_bytes(b"\xff\xfe\x00")
+    return folder
+
+
+@pytest.fixture
+def complaint(place, monkeypatch, capsys):
+    """The line that a call of the command line ends with, which writes nothing."""
+    monkeypatch.chdir(place)
+    monkeypatch.delenv("FRICTIONID_DATA", raising=False)
+
+    def call(*arguments):
+        before = {path: path.stat().st_mtime_ns for path in place.rglob("*")}
+        monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, arguments)])
+        code = main()
+        out, err = capsys.readouterr()
+        assert code == 2 and out == ""
+        assert err.startswith("frictionid: ") and err.count("\n") == 1 and "Traceback" not in err
+        assert {path: path.stat().st_mtime_ns for path in place.rglob("*")} == before
+        return err.removeprefix("frictionid: ").strip()
+
+    return call
+
+
+# --- Suites --------------------------------------------------------------------------------------
+
+SUITES = {
+    "no suite": (("nowhere.toml",), r"nowhere\.toml: no such suite"),
+    "nearly": (("suit.toml",), r"suit\.toml: no such suite; did you mean suite\.toml\?"),
+    "a folder": (("tiny",), "tiny: cannot be read"),
+    "a model": (("good.json",), r"good\.json: is no TOML"),
+    "unknown kind": (("unknown.toml",), r"unknown\.toml: identifier 'nonn': .*mean 'none'\?"),
+    "long horizons": (("long.toml",), r"no recording holds 9\.15 s .*: choose other horizons"),
+    "short blocks": (("blocks.toml",), r"no fold holds out 0\.3 s .*shorter horizons or fewer"),
+    "data of two": (("two.toml", "--data", "."), "--data names the folder of one.*FRICTIONID_DATA"),
+    "data away": (("away.toml",), "--data FOLDER, or set FRICTIONID_DATA"),
+    "no data": (("away.toml", "--data", "nowhere"), "nowhere, does not exist"),
+    "foreign out": (("suite.toml", "--out", "tiny"), "tiny: holds no comparison but '00.csv'"),
+    "out is a file": (("suite.toml", "--out", "good.json"), r"good\.json: cannot be written \("),
+    "out below a file": (("suite.toml", "--out", "good.json/x"), "cannot be written .*--out"),
+    "out nowhere": (("suite.toml", "--out", "/proc/x"), r"/proc/x: cannot be written \("),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), SUITES.values(), ids=SUITES.keys())
+def test_compare(complaint, arguments, words):
+    assert re.search(words, complaint("compare", *arguments))
+
+
+def test_compare_finds_nothing_where_the_collections_are(complaint, place, monkeypatch):
+    monkeypatch.setenv("FRICTIONID_DATA", str(place / "nowhere"))
+    assert "nowhere/pendulums, does not exist" in complaint("compare", "away.toml")
+
+
+# --- Models --------------------------------------------------------------------------------------
+
+MODELS = {
+    "missing.json": "no such file",
+    "no_format.json": 'is no model file, "format" must be "frictionid model 1"',
+    "other_format.json": 'is no model file, "format" must be',
+    "no_law.json": '"law" must be an object with a "kind"',
+    "text_law.json": '"law" must be an object',
+    "unknown_law.json": "law 'coulomb_viscos' is unknown; did you mean 'coulomb_viscous'",
+    "law_setting.json": "has no setting 'widht'; known are shape, width",
+    "law_value.json": "law 'coulomb_viscous': .*width",
+    "law_zero.json": "law 'coulomb_viscous': .*width",
+    "law_shape.json": "law 'coulomb_viscous': .*'step'",
+    "other_law.json": r"theta must have shape \(\.\.\., joints, 4\).*got \(1, 2\)",
+    "no_theta.json": 'needs "theta", or "joints"',
+    "nan.json": "theta must be finite",
+    "endless.json": "theta must be finite",
+    "words.json": "could not convert|number",
+    "ragged.json": ".",
+    "flat.json": r"got \(2,\)",
+    "shape.json": ".",
+    "shapeless.json": ".",
+    "batch.json": r"data set 'tiny' has 1 joints, the model's theta has shape \(2, 1, 2\)",
+    "joints.json": r"data set 'tiny' has 1 joints, the model's theta has shape \(2, 2\)",
+    "parameter.json": r"pendulum has no parameter 'm4'",
+    "parameter_nan.json": "'mass' must be finite, not nan",
+    "parameter_text.json": "heavy",
+    "parameters.json": ".",
+    "provenance.json": ".",
+    "joint_lacks.json": "joint 1.* coulomb, viscous",
+    "joint_text.json": "joint 1",
+    "joint_value.json": "joint 1",
+    "joint_none.json": '"joints"',
+    "list.json": "must hold a JSON object, it holds a list",
+    "empty.json": "is no JSON",
+    "half.json": "is no JSON",
+    "deep.json": "is no JSON",
+    "binary.json": "is no JSON",
+    "folder.json": "cannot be read",
+}
+
+
+@pytest.mark.parametrize(("name", "words"), MODELS.items(), ids=MODELS.keys())
+def test_evaluate_names_the_model_that_is_wrong(complaint, name, words):
+    line = complaint("evaluate", "good.json", name, "tiny", "--horizons", 0.1, "--out", "x.csv")
+    assert line.startswith(f"{name}: ") and re.search(words, line.removeprefix(f"{name}: "))
+
+
+GOOD = ("evaluate", "good.json", "tiny")
+EVALUATE = {
+    "no model": (("evaluate", "tiny"), "needs at least one model file and, last, a data set"),
+    "no data": (("evaluate", "good.json", "nowhere"), "nowhere does not exist"),
+    "no dataset": (("evaluate", "good.json", "good.json"), r"good\.json is no TOML"),
+    "no horizons": ((*GOOD, "--horizons", ""), "--horizons '' must be positive seconds"),
+    "words": ((*GOOD, "--horizons", "0.1,x"), "must be positive seconds with commas"),
+    "a comma": ((*GOOD, "--horizons", "0.1,"), "must be positive seconds with commas"),
+    "negative": ((*GOOD, "--horizons", "-0.1"), r"horizons: -0\.1 must be positive"),
+    "zero": ((*GOOD, "--horizons", "0"), r"horizons: 0\.0 must be positive"),
+    "nan": ((*GOOD, "--horizons", "nan"), "horizons: nan must be positive"),
+    "endless": ((*GOOD, "--horizons", "inf"), "horizons: inf must be positive"),
+    "too long": (GOOD, "no recording holds .* a rollout of 9 s"),
+    "too short": ((*GOOD, "--horizons", "0.001"), r"sampled finely enough .* 0\.001 s"),
+    "sample time": ((*GOOD, "--sample-time", "0"), r"sample_time: 0\.0 must be positive"),
+    "thin": ((*GOOD, "--sample-time", "99"), "lower sample_time"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), EVALUATE.values(), ids=EVALUATE.keys())
+def test_evaluate(complaint, arguments, words):
+    if "--horizons" not in arguments:
+        arguments = (*arguments, "--horizons", "0.1,9" if "9 s" in words else "0.1")
+    assert re.search(words, complaint(*arguments, "--out", "x.csv"))
+
+
+@pytest.mark.parametrize("out", ["good.json/x.csv", "tiny", "/proc/x.csv"])
+@pytest.mark.parametrize("command", ["evaluate", "fit"])
+def test_where_nothing_can_be_written(complaint, command, out):
+    arguments = ("good.json", "tiny", "--horizons", "0.1")
+    if command == "fit":
+        arguments = ("tiny", "--identifier", "none")
+    line = complaint(command, *arguments, "--out", out)
+    assert line.startswith(f"{out}: cannot be written (")
+
+
+# --- Fits ----------------------------------------------------------------------------------------
+
+FIT = {
+    "no data": (("nowhere", "--identifier", "none"), "nowhere does not exist"),
+    "unknown": (("tiny", "--identifier", "stribek"), "kind = 'stribek' is unknown; did you mean"),
+    "empty": (("tiny", "--identifier", ""), "kind = '' is unknown; known: 'none'"),
+    "own": (("tiny", "--identifier", "nowhere:Mine"), "'nowhere:Mine' cannot be imported"),
+    "no value": (("--set", "symmetric"), "--set 'symmetric' must be key=value, e.g. --set"),
+    "no key": (("--set", "=false"), "--set '=false' must be key=value"),
+    "unknown setting": (("--set", "symetric=false"), "unknown setting 'symetric'; did you mean"),
+    "a word": (("--set", "symmetric=no"), "symmetric: it should be a valid boolean, not 'no'"),
+    "a number": (("--set", "symmetric=0"), "symmetric: it should be a valid boolean, not 0"),
+    "no width": (("--set", "width=0"), "width: it should be greater than 0, not 0"),
+    "no number": (("--set", "width=nan"), "width: it should be a finite number, not nan"),
+    "a huge number": (("--set", "width=" + "9" * 5000), "width: it should be a valid number"),
+    "two lines": (("--set", "width=1\ny=2"), "width: it should be a valid number"),
+    "deep": (("--set", "width=" + "[" * 3000), "width: it should be a valid number"),
+    "kind": (("--set", "kind=none"), "--set kind: is no setting"),
+    "recipe": (("--recipe", "integrl"), "recipe 'integrl' is unknown; did you mean 'integral'"),
+    "no recipe": (("--recipe", ""), "recipe '' is unknown; known: 'study', 'integral'"),
+    "sample time": (("--sample-time", "-1"), r"sample_time: -1\.0 must be positive"),
+    "thin": (("--sample-time", "99"), "lower sample_time"),
+    "no file": (("tiny", "--identifier", "published"), "the key 'file' is missing"),
+    "missing file": (
+        ("tiny", "--identifier", "published", "--set", "file=missing.json"),
+        r"missing\.json: no such file",
+    ),
+    "two joints": (
+        ("tiny", "--identifier", "published", "--set", "file=joints.json"),
+        r"theta of shape \(2, 2\)",
+    ),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), FIT.values(), ids=FIT.keys())
+def test_fit(complaint, arguments, words):
+    if "--identifier" not in arguments:
+        arguments = ("tiny", "--identifier", "stribeck", *arguments)
+    assert re.search(words, complaint("fit", *arguments, "--out", "x.json"))
+
+
+# --- Whatever chance brings ----------------------------------------------------------------------
+
+TEXT = model().encode()
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    where=st.integers(0, len(TEXT)),
+    length=st.integers(0, 20),
+    instead=st.one_of(st.binary(max_size=4), st.sampled_from([b"null", b"{}", b"[]", b"1e999"])),
+)
+def test_any_damage_to_a_model_is_taken_or_refused(place, where, length, instead):
+    file = place / "damaged.json"
+    file.write_bytes(TEXT[:where] + instead + TEXT[where + length :])
+    try:
+        friction = friction_of(file)
+    except InputError as error:
+        assert str(error).startswith(f"{file}: ") and "\n" not in str(error)
+    else:
+        assert np.isfinite(friction.theta).all()
+    finally:
+        file.unlink()

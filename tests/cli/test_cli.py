@@ -1,0 +1,265 @@
+"""The command line: light to start, honest in its exit codes, and each command end to end."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_dataset, write_suite
+
+from frictionid.cli import main
+from frictionid.comparison.cross_validate import fit
+from frictionid.comparison.results import COLUMNS
+from frictionid.comparison.suite import friction_of, identifier_named
+from frictionid.comparison.tasks import lock
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.evaluation import Protocol, judge, prepare
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.mechanics import plant_of
+
+COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with the data set `tiny` and two models of it."""
+    folder = tmp_path_factory.mktemp("cli")
+    write_dataset(folder / "tiny")
+    return folder
+
+
+@pytest.fixture
+def call(place, monkeypatch, capsys):
+    """Call the command line in the folder; gives exit code, output and complaint."""
+    monkeypatch.chdir(place)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, arguments)])
+        code = main()
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run
+
+
+# --- Help ----------------------------------------------------------------------------------------
+
+LIGHT = """
+import sys
+from frictionid.cli import main
+for command in ([], ["compare"], ["fit"], ["evaluate"], ["report"], ["simulate"]):
+    sys.argv = ["frictionid", *command, "--help"]
+    assert main() == 0, command
+sys.argv = ["frictionid", "--version"]
+assert main() == 0
+heavy = {"numpy", "scipy", "sympy", "pandas", "torch", "joblib", "matplotlib", "sklearn"}
+print("heavy:", sorted(heavy & set(sys.modules)))
+"""
+
+
+def test_help_of_everything_imports_nothing_heavy():
+    found = subprocess.run(
+        [sys.executable, "-c", LIGHT], capture_output=True, text=True, check=True
+    )
+    assert found.stdout.endswith("heavy: []\n")
+    for command in COMMANDS:
+        assert f"frictionid {command}" in found.stdout
+    assert found.stderr == ""
+
+
+def test_without_a_command_the_help_is_shown(call):
+    code, out, err = call()
+    assert code == 0 and err == ""
+    assert all(command in out for command in COMMANDS)
+    assert call("--help") == (code, out, err)
+
+
+def test_the_version_is_that_of_the_package(call):
+    from importlib.metadata import version
+
+    assert call("--version") == (0, f"frictionid {version('frictionid')}\n", "")
+
+
+# --- fit, then evaluate --------------------------------------------------------------------------
+
+
+def test_what_fit_writes_is_what_evaluate_reads(place, call):
+    code, out, err = call("fit", "tiny", "--identifier", "stribeck", "--out", "models/fitted.json")
+    assert (code, err) == (0, "")
+    assert "Stribeck(" in out and "N m s/rad" in out
+    assert out.endswith("written to models/fitted.json\n")
+    data = load_dataset(place / "tiny")
+    # the rows of a comparison, so that both find the same model in all data
+    problem = training_problem(data, plant_of(data), INTEGRAL, history=Protocol.history)
+    weights = np.ones((1, len(problem.r)))
+    expected = fit(identifier_named("stribeck", {}), problem, weights, 0)
+    found = friction_of(place / "models" / "fitted.json")
+    np.testing.assert_array_equal(found.theta, expected.theta[0])
+    source = json.loads((place / "models" / "fitted.json").read_text())["provenance"]
+    assert source["dataset"] == "tiny" and source["data"] == dict(data.hashes)
+    assert source["seed"] == 0 and "integral" in source["recipe"]
+
+    code, out, err = call(
+        "evaluate", "models/fitted.json", "tiny", "--horizons", "0.3,0.1", "--out", "scores.csv"
+    )
+    assert (code, err) == (0, "") and out.endswith("written to scores.csv\n")
+    table = pd.read_csv(place / "scores.csv", dtype={"fold": str, "joint": str})
+    assert tuple(table.columns) == COLUMNS
+    assert set(table["fold"]) == {"all"} and set(table["fit"]) == {"given"}
+    assert set(table["identifier"]) == {"fitted"} and set(table["dataset"]) == {"tiny"}
+    rows, _ = judge(found, prepare(data, Protocol(horizons=(0.1, 0.3))))
+    np.testing.assert_allclose(table["value"], [row.value for row in rows], rtol=1e-8)
+    assert table["score"].tolist() == [row.score for row in rows]
+
+
+def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
+    code, out, _ = call(
+        *("fit", "tiny", "--identifier", "stribeck", "--out", "other.json"),
+        *("--set", "symmetric=false", "--set", "width = 0.05", "--set", "shape=arctan"),
+        *("--recipe", "study", "--sample-time", 2 / RATE, "--seed", 3),
+    )
+    assert code == 0 and "AsymmetricStribeck(width=0.05, shape='arctan')" in out
+    model = json.loads((place / "other.json").read_text())
+    source = model["provenance"]
+    assert source["seed"] == 3 and source["sample_time"] == 2 / RATE
+    assert source["recipe"] == repr(STUDY)
+    assert model["law"]["width"] == 0.05
+
+
+def test_models_of_a_comparison_are_evaluated_too(place, call):
+    write_suite(place, [("recipes", [{"name": "integral"}]), ("horizons", [0.3])])
+    assert call("compare", "suite.toml", "--out", "result", "--jobs", 1)[0] == 0
+    models = sorted((place / "result" / "models").glob("*.json"))
+    assert len(models) == 3
+    code, out, err = call("evaluate", *models, "tiny", "--horizons", 0.3, "--out", "all.csv")
+    assert (code, err) == (0, "")
+    table = pd.read_csv(place / "all.csv")
+    assert set(table["identifier"]) == {path.stem for path in models}
+    best = table[(table["score"] == "rollout_angle") & (table["statistic"] == "median")]
+    best = best[best["joint"] == "all"].set_index("identifier")["value"]
+    assert (
+        best["tiny--coulomb_viscous--integral--seed0"] < 0.2 * best["tiny--none--integral--seed0"]
+    )
+
+
+def test_report_makes_tables_anew_and_fits_nothing(place, call, monkeypatch):
+    from frictionid import report
+
+    made = []
+    monkeypatch.setattr(report, "build", made.append)
+    monkeypatch.setattr(report, "show", made.append)
+    (place / "empty").mkdir()
+    compare_into(write_suite(place, [("identifiers", [{"kind": "none"}])]), place / "made")
+    for folder in ("nowhere", "tiny", "empty"):
+        code, _, err = call("report", folder)
+        assert code == 2 and err.startswith(f"frictionid: {folder}/provenance.json: no such file")
+    assert not made and not (place / "nowhere").exists() and not list((place / "empty").iterdir())
+    with lock(place / "made"):
+        code, _, err = call("report", "made")
+        assert code == 2 and "another comparison is writing there" in err
+    assert call("report", "made")[0] == 0
+    assert made == [Path("made")] * 2
+
+
+def test_models_of_one_name_are_told_apart_by_their_folders(place, call):
+    for folder in ("a", "b"):
+        call("fit", "tiny", "--identifier", "none", "--out", f"{folder}/model.json")
+    code, _, _ = call(
+        *("evaluate", "a/model.json", "b/model.json", "tiny", "--horizons", 0.1),
+        *("--out", "both.csv"),
+    )
+    assert code == 0
+    assert set(pd.read_csv(place / "both.csv")["identifier"]) == {"a/model.json", "b/model.json"}
+    code, _, err = call(
+        *("evaluate", "a/model.json", "a/model.json", "tiny", "--out", "twice.csv"),
+    )
+    assert code == 2 and "named twice" in err and not (place / "twice.csv").exists()
+
+
+def test_a_model_with_its_own_mechanism_is_evaluated_with_it(place, call):
+    columns = {name: {"value": values[0]} for name, values in TRUTH.items() if name != "kind"}
+    document = {
+        "format": "frictionid model 1",
+        "law": {"kind": "stribeck_asymmetric"},
+        "joints": [columns],
+    }
+    for name, own in (("right", {}), ("heavy", {"mass": 0.4})):
+        text = json.dumps({**document, "parameters": own})
+        (place / f"{name}.json").write_text(text)
+    call("evaluate", "right.json", "heavy.json", "tiny", "--horizons", 0.3, "--out", "own.csv")
+    table = pd.read_csv(place / "own.csv")
+    table = table[(table["statistic"] == "median") & (table["joint"] == "all")]
+    value = table.set_index(["identifier", "score"])["value"]
+    for score in ("rollout_angle", "one_step_integral"):
+        assert value["heavy", score] > 3 * value["right", score]
+
+
+def test_tables_elsewhere_are_named_by_data(place, call, tmp_path):
+    tables = write_dataset(tmp_path / "tables")
+    apart = write_dataset(place / "apart", changes=[("collection", "pendulums")])
+    for table in apart.glob("*.csv"):
+        table.unlink()
+    for command in (
+        ("fit", "apart", "--identifier", "none", "--out", "apart.json", "--data", tables),
+        ("evaluate", "apart.json", "apart", "--out", "apart.csv", "--data", tables)
+        + ("--horizons", "0.1"),
+    ):
+        assert call(*command)[0] == 0
+
+
+# --- Exit codes ----------------------------------------------------------------------------------
+
+MISUSED = {
+    "no such command": (("compair",), "No such command 'compair'"),
+    "no such option": (("compare", "suite.toml", "--job", "2"), "No such option: --job"),
+    "no suite": (("compare",), "Missing argument 'suite'"),
+    "negative jobs": (("compare", "suite.toml", "--jobs", "-1"), "'--jobs'.*greater than or equal"),
+    "half a job": (("compare", "suite.toml", "--jobs", "1.5"), "'--jobs'.*integer"),
+    "negative seed": (("fit", "tiny", "--seed", "-1", "--identifier", "none"), "'--seed'"),
+    "no out": (("fit", "tiny", "--identifier", "none"), "Missing option '--out'"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), MISUSED.values(), ids=MISUSED.keys())
+def test_misuse_is_one_line_and_exit_code_2(call, arguments, words):
+    import re
+
+    code, out, err = call(*arguments)
+    assert code == 2 and out == ""
+    assert err.startswith("frictionid: ") and err.count("\n") == 1
+    assert re.search(words, err) and "see frictionid --help" in err
+
+
+def test_ctrl_c_while_reading_is_130(place, call, monkeypatch):
+    from frictionid.comparison import suite
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(suite, "load_dataset", stop)
+    write_suite(place)
+    code, out, err = call("compare", "suite.toml", "--out", "none")
+    assert (code, out) == (130, "")
+    assert err == "frictionid: interrupted; what is done stays in none: finish it with --resume\n"
+    assert not (place / "none").exists()
+
+
+def test_what_is_no_ones_mistake_is_not_hidden(call, monkeypatch):
+    from frictionid.comparison import suite
+
+    def fail(*_):
+        raise RuntimeError("a defect")
+
+    monkeypatch.setattr(suite, "load_suite", fail)
+    with pytest.raises(RuntimeError, match="a defect"):
+        call("compare", "suite.toml")
+
+
+def test_the_tiny_data_are_read_as_they_are_made(place):
+    made, read = dataset(), load_dataset(place / "tiny")
+    for a, b in zip(made.recordings, read.recordings, strict=True):
+        np.testing.assert_array_equal(a.angle.value, b.angle.value)
+        np.testing.assert_array_equal(a.truth.velocity.value, b.truth.velocity.value)

@@ -1,0 +1,296 @@
+"""The comparison: blind to what is held out, the same however it is run, strict with parts."""
+
+import sys
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from fixtures.tiny_pendulums import TRUTH, dataset, disturbed, recordings, shortened, write_suite
+
+from frictionid.comparison.cross_validate import Contest, compare, fit, ground_of, run
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite import load_suite, tasks_of
+from frictionid.comparison.tasks import Task, document, grounds_of, run_tasks
+from frictionid.data.states import RTS, Backward, SavitzkyGolay
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds, true_friction
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.identifiers import LeastSquares, Nothing, Published
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
+
+PROTOCOL = Protocol(horizons=(0.1, 0.3))
+FIT = LeastSquares(CoulombViscous())
+RECIPES = (STUDY, INTEGRAL)
+
+
+def contest(data=None, split=None, protocol=PROTOCOL, tests=()):
+    data = data or dataset()
+    return Contest(data, make_folds(data.recordings, split or Split(count=3)), protocol, tests)
+
+
+# --- Blind to what is held out -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
+def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(recipe):
+    whole = contest()
+    before = run(whole, FIT, recipe)
+    for held in (0, 7):
+        parts = list(recordings())
+        parts[held] = disturbed(parts[held], 0.3)
+        other = run(contest(dataset(recordings=tuple(parts))), FIT, recipe)
+        fold = int(whole.folds.labels[held][0])
+        same = [np.array_equal(before.friction.theta[f], other.friction.theta[f]) for f in range(3)]
+        assert same == [f == fold for f in range(3)]
+        assert not np.array_equal(before.overall.theta, other.overall.theta)
+
+
+def test_a_fold_is_blind_to_the_block_that_it_holds_out():
+    split = Split(count=4, kind="blocks", gap=0.25)
+    whole = contest(split=split)
+    before = run(whole, FIT, STUDY)
+    # the second block begins within recording 2 and ends within recording 5
+    labels = whole.folds.labels
+    held = [i for i, label in enumerate(labels) if (label == 1).all()]
+    parts = list(recordings())
+    for i in held:
+        parts[i] = disturbed(parts[i], 0.0)
+    other = run(contest(dataset(recordings=tuple(parts)), split), FIT, STUDY)
+    same = [np.array_equal(before.friction.theta[f], other.friction.theta[f]) for f in range(4)]
+    assert held and same == [False, True, False, False]
+
+
+def test_folds_and_all_data_are_fitted_as_if_alone():
+    whole = contest()
+    result = run(whole, FIT, INTEGRAL)
+    ground = ground_of(whole, [INTEGRAL])
+    problem, weights = ground.problems["integral"], ground.weights["integral"]
+    for f, theta in enumerate([*result.friction.theta, result.overall.theta]):
+        alone = FIT.fit(problem, weights[f : f + 1], 0).theta[0]
+        np.testing.assert_allclose(theta, alone, rtol=1e-6)
+    assert weights[-1].all()
+
+
+def test_the_held_out_are_the_same_for_all_identifiers_and_recipes():
+    ground = ground_of(contest(), RECIPES)
+    np.testing.assert_array_equal(ground.weights["study"], ground.weights["integral"])
+
+
+# --- The same however it is run ------------------------------------------------------------------
+
+OWN = """
+from dataclasses import dataclass
+from frictionid.comparison.registry import coulomb_viscous
+
+@dataclass(frozen=True)
+class Seeded:
+    def fit(self, problem, weights, seed):
+        found = coulomb_viscous().fit(problem, weights, seed)
+        return type(found)(found.law, found.theta * (1 + 0.01 * seed))
+"""
+
+
+def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", sys.path[:])
+    (tmp_path / "own_seeded.py").write_text(OWN)
+    changes = [("identifiers.0", {"kind": "own_seeded:Seeded"}), ("seeds", [0, 1])]
+    file = write_suite(tmp_path, changes)
+    tasks = tasks_of(load_suite(file), file)
+    grounds = grounds_of(tasks)
+    seen = {1: [], 2: []}
+    for jobs in (1, 2):
+        folder = tmp_path / f"jobs{jobs}"
+        done = seen[jobs].append
+        run_tasks(tasks, grounds, folder, LAWS, jobs=jobs, done=lambda t, to=done: to(t.file))
+    assert sorted(seen[1]) == sorted(seen[2]) == sorted(task.file for task in tasks)
+    from frictionid.files import read_json
+
+    for task in tasks:
+        one, two = (read_json(tmp_path / f"jobs{jobs}" / task.file) for jobs in (1, 2))
+        assert one.pop("seconds").keys() == two.pop("seconds").keys()
+        assert one == two
+    thetas = [
+        read_json(tmp_path / "jobs2" / f"tiny--Seeded--study--seed{seed}.json")["folds"]["theta"]
+        for seed in (0, 1)
+    ]
+    np.testing.assert_allclose(thetas[1], 1.01 * np.array(thetas[0]))
+
+
+def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
+    whole = contest()
+    calls = []
+
+    @dataclass(frozen=True)
+    class Counted(Nothing):
+        def fit(self, problem, weights, seed):
+            calls.append(seed)
+            return super().fit(problem, weights, seed)
+
+    none, given = Counted(), Published(true_friction(TRUTH))
+    tasks = [
+        Task(whole, name, identifier, recipe, seed)
+        for name, identifier in (("none", none), ("truth", given))
+        for recipe in RECIPES
+        for seed in (0, 1)
+    ]
+    run_tasks(tasks, grounds_of(tasks), tmp_path, LAWS, jobs=1)
+    assert len(calls) == 1 and len(list(tmp_path.iterdir())) == 8
+    from frictionid.files import read_json
+
+    for task in tasks:
+        alone = run(whole, task.identifier, task.recipe, task.seed)
+        expected = document(task, alone, LAWS)
+        found = read_json(tmp_path / task.file)
+        assert (found["fit"], found["seed"]) == (task.recipe.name, task.seed)
+        assert found["digest"] == expected["digest"]
+        assert [tuple(row) for row in found["rows"]["tiny"]] == [tuple(r) for r in alone.rows]
+
+
+def test_the_table_of_a_few_lines_of_python():
+    data = dataset()
+    folds = make_folds(data.recordings, Split(count=3))
+    identifiers = {"none": Nothing(), "stribeck": LeastSquares(Stribeck())}
+    results = compare(data, identifiers, folds, RECIPES, PROTOCOL)
+    assert set(results) == {(i, r.name) for i in identifiers for r in RECIPES}
+    best = results["stribeck", "integral"]
+    assert best.value("curve_error", "rms", joint="1") < 0.05
+    ahead = ("rollout_angle", "median", 0.3)
+    assert best.value(*ahead) < 0.2 * results["none", "integral"].value(*ahead)
+    again = run(contest(data), identifiers["stribeck"], INTEGRAL)
+    assert again.rows == best.rows
+    assert best.friction.theta.shape == (3, 1, 4) and best.overall.theta.shape == (1, 4)
+    assert best.curves.shape == (4, 401, 1)
+    with pytest.raises(InputError, match="no score 'rollout', 'median' at 0.3 s for joint all"):
+        best.value("rollout", "median", 0.3)
+
+
+def test_a_test_set_is_judged_by_what_all_data_gave():
+    test = dataset(name="test", recordings=recordings()[:3])
+    result = run(contest(tests=(test,)), FIT, INTEGRAL)
+    assert set(result.tests) == {"test"}
+    assert {row.fold for row in result.tests["test"]} == {"all"}
+    alone = run(contest(tests=(test,)), Published(result.overall), INTEGRAL)
+    assert alone.tests == result.tests
+    shown = {motion["dataset"]: motion["friction_of"] for motion in result.motions}
+    assert shown == {"tiny": "fold", "test": "all"}
+
+
+def test_models_that_bring_their_own_mechanism_are_judged_with_it():
+    friction = replace(true_friction(TRUTH), parameters={"mass": 0.4})
+    wrong, right = (
+        run(contest(), Published(given), INTEGRAL) for given in (friction, true_friction(TRUTH))
+    )
+    for score, statistic, horizon in (
+        ("one_step_integral", "rms", None),
+        ("one_step_euler", "rms", None),
+        ("rollout_angle", "median", 0.3),
+    ):
+        assert wrong.value(score, statistic, horizon) > 2 * right.value(score, statistic, horizon)
+    curve = [r.value("curve_error", "rms", joint="1") for r in (wrong, right)]
+    assert curve[0] == curve[1]
+
+
+# --- Recipes -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("states", [RTS(), SavitzkyGolay()])
+def test_smoothed_states_go_with_either_scheme(states):
+    for scheme in ("euler", "integral"):
+        result = run(contest(), FIT, Recipe("mine", states, scheme))
+        assert result.value("curve_error", "rms", joint="1") < 0.3
+
+
+def test_backward_differences_do_not_go_with_the_momentum_balance():
+    with pytest.raises(InputError, match="lag half a sample.*choose the states"):
+        Recipe("mine", Backward(), "integral")
+    assert Recipe("mine", Backward(), "euler").scheme == "euler"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [({"scheme": "rk4"}, "'rk4' is unknown; known are euler, integral"), ({"rest": -0.1}, "rest")],
+)
+def test_recipes_that_make_no_sense_are_refused(change, words):
+    with pytest.raises(InputError, match=words):
+        replace(INTEGRAL, **change)
+
+
+# --- Contests that cannot be held ----------------------------------------------------------------
+
+ABSURD = {
+    "long horizons": ({"protocol": Protocol(horizons=(9.0,))}, "9.15 s of motion"),
+    "long history": ({"protocol": Protocol(history=1e300)}, "no recording"),
+    "long sample time": ({"protocol": Protocol(sample_time=9.0)}, "lower sample_time"),
+    "few blocks": (
+        {"split": Split(count=60, kind="blocks"), "protocol": Protocol(horizons=(0.4,))},
+        "no fold holds out 0.4 s of motion in one piece",
+    ),
+    "wide gap": (
+        {
+            "data": dataset(recordings=recordings()[:1]),
+            "split": Split(count=2, kind="blocks", gap=1.0),
+        },
+        "fold 0 leaves nothing to train on: choose a smaller folds.gap",
+    ),
+    "truth of two joints": (
+        {"data": dataset(truth={**TRUTH, **{k: v * 2 for k, v in TRUTH.items() if k != "kind"}})},
+        r"\[truth\] is not that of 1 joints",
+    ),
+    "half a truth": ({"data": dataset(truth={**TRUTH, "viscous": "x"})}, r"\[truth\] viscous"),
+    "unknown mechanism": ({"data": dataset(mechanism={"kind": "pendulun"})}, "'pendulum'"),
+}
+
+
+@pytest.mark.parametrize(("change", "words"), ABSURD.values(), ids=ABSURD.keys())
+def test_contests_that_cannot_be_held_are_refused_before_anything_is_fitted(change, words):
+    change = {"protocol": PROTOCOL, **change}
+    with pytest.raises(InputError, match=words) as caught:
+        ground_of(contest(**change), RECIPES)
+    assert "\n" not in str(caught.value)
+
+
+def test_recordings_may_differ_in_length():
+    parts = recordings()
+    uneven = tuple(shortened(r, 0.5 + 0.09 * i) for i, r in enumerate(parts))
+    result = run(contest(dataset(recordings=uneven)), FIT, INTEGRAL)
+    assert result.value("curve_error", "rms", joint="1") < 0.1
+    assert {row.fold for row in result.rows} == {"0", "1", "2", "all"}
+
+
+# --- Identifiers that break the contract ---------------------------------------------------------
+
+
+def made(theta):
+    @dataclass(frozen=True)
+    class Made:
+        def fit(self, problem, weights, seed):
+            return Friction(CoulombViscous(), theta(len(weights)))
+
+    return Made()
+
+
+BROKEN = {
+    "one for all folds": (lambda _: np.ones((1, 1, 2)), r"shape \(1, 1, 2\), it must be \(4, 1,"),
+    "no folds": (lambda _: np.ones((1, 2)), r"shape \(1, 2\), it must be \(4, 1, 2\)"),
+    "two joints": (lambda F: np.ones((F, 2, 2)), r"shape \(4, 2, 2\), it must be"),
+    "a lost fold": (lambda F: np.full((F, 1, 2), np.nan), "numbers that are not finite"),
+    "endless": (lambda F: np.full((F, 1, 2), np.inf), "numbers that are not finite"),
+}
+
+
+@pytest.mark.parametrize(("theta", "words"), BROKEN.values(), ids=BROKEN.keys())
+def test_what_an_identifier_gives_is_checked(theta, words, tmp_path):
+    whole = contest()
+    task = Task(whole, "broken", made(theta), INTEGRAL, 0)
+    with pytest.raises(InputError, match=words) as caught:
+        run_tasks([task], grounds_of([task]), tmp_path, LAWS, jobs=1)
+    assert str(caught.value).startswith("tiny, broken by integral: ")
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_fitted_has_the_batch_of_its_weights():
+    ground = ground_of(contest(), [INTEGRAL])
+    problem = ground.problems["integral"]
+    weights = np.ones((2, len(problem.r)))
+    assert fit(FIT, problem, weights, 0).theta.shape == (2, 1, 2)

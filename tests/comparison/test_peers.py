@@ -1,0 +1,136 @@
+"""The comparison with mujoco.sysid: the same machine and windows, answers from two processes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fixtures.paths import ROOT
+from fixtures.random_machines import physical, states
+
+from frictionid.mechanics import acrobot
+from frictionid.simulate import Rig, load_rig, noise_free, simulate
+
+FOLDER = ROOT / "comparisons" / "peers"
+ROTORLESS = {"rotor": 0.0}
+
+
+@pytest.fixture
+def peers(monkeypatch: pytest.MonkeyPatch):
+    """The comparison's script as a module."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    import mujoco_sysid
+
+    return mujoco_sysid
+
+
+def need_toolbox() -> None:
+    """Skip where the peer is not installed."""
+    pytest.importorskip("mujoco", reason="the peer; the test extra installs it")
+    from mujoco import sysid
+
+    if not hasattr(sysid, "optimize"):
+        pytest.skip("mujoco.sysid without its packages; the extra `peers` installs them")
+
+
+def test_the_mjcf_is_the_same_machine(peers) -> None:
+    """Mass matrix, gravity and velocity terms, and the motor's joint, at random states."""
+    mujoco = pytest.importorskip("mujoco", reason="the peer; the test extra installs it")
+    mechanism, rng = acrobot(), np.random.default_rng(1)
+    for _ in range(20):
+        v = {k: float(x) for k, x in physical(mechanism, rng).items()} | ROTORLESS
+        q, w = states(mechanism, rng, ())
+        model = mujoco.MjModel.from_xml_string(peers.mjcf(v))
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q, w, 0.3
+        mujoco.mj_forward(model, data)
+        M, h = mechanism.dynamics(mechanism.base(v), q, w)
+        mass = np.zeros((2, 2))
+        mujoco.mj_fullM(model, data, mass)
+        np.testing.assert_allclose(mass, M, rtol=1e-10)
+        np.testing.assert_allclose(-data.qfrc_bias, h, rtol=1e-10, atol=1e-10)
+        np.testing.assert_array_equal(data.qfrc_actuator, [0.0, 0.3])
+
+
+def test_a_rotor_is_refused(peers) -> None:
+    with pytest.raises(ValueError, match="motor without rotor"):
+        peers.mjcf({**acrobot().defaults, "rotor": 1e-5})
+
+
+def short(rig: Rig, samples: int = 62) -> Rig:
+    """The rig with two of its recordings, made short, and a perfect camera."""
+    camera = replace(rig.camera, samples=samples)
+    return noise_free(replace(rig, recordings=rig.recordings[4:6], camera=camera))
+
+
+def test_windows_are_whole_and_share_their_ends(peers) -> None:
+    dataset = simulate(short(load_rig(peers.RIG)))
+    task = peers.task_of(dataset)
+    windows = task.windows(task.angle)
+    assert windows.shape == (task.count, peers.LENGTH + 1, 2) == (6, 21, 2)
+    recorded = dataset.recordings[1].angle.value
+    np.testing.assert_array_equal(windows[4], recorded[20:41])
+    np.testing.assert_array_equal(windows[4, -1], windows[5, 0])
+    np.testing.assert_allclose(task.start.reshape(-1, 4)[:, :2], windows[:, 0], atol=2e-3)
+    time = task.start.shape[1] * peers.LENGTH / 60.0
+    assert task.time[-1] == pytest.approx(time)
+
+
+def test_a_task_comes_back_from_its_file(peers, tmp_path: Path) -> None:
+    from exchange import load, save
+
+    task = peers.task_of(simulate(short(load_rig(peers.RIG))))
+    save(task, tmp_path / "task.npz")
+    for mine, read in zip(task, load(tmp_path / "task.npz"), strict=True):
+        np.testing.assert_array_equal(mine, read)
+
+
+def test_the_ways_of_the_peer_agree_and_come_near_the_truth(peers) -> None:
+    """Each in its own process; what is left is the peer's step, and that starts are smoothed."""
+    need_toolbox()
+    dataset = simulate(short(peers.truths(load_rig(peers.RIG))["coulomb_viscous"]))
+    task = peers.task_of(dataset)
+    found = {}
+    for way in ("documented", "batched"):
+        theta, wall, cpu = peers.solve(task, "mujoco_side.py", way)
+        assert wall > 0.0 and cpu > 0.0
+        assert np.all(peers.error_of(theta, "coulomb_viscous", dataset) < 0.05)
+        found[way] = theta
+    np.testing.assert_allclose(found["batched"], found["documented"], rtol=1e-3, atol=1e-5)
+
+
+def test_ours_comes_nearer(peers) -> None:
+    dataset = simulate(short(peers.truths(load_rig(peers.RIG))["coulomb_viscous"]))
+    theta, _, _ = peers.solve(peers.task_of(dataset), "our_side.py", "coulomb_viscous")
+    assert np.all(peers.error_of(theta, "coulomb_viscous", dataset) < 0.01)
+
+
+def test_the_end_of_a_side_is_told(peers) -> None:
+    task = peers.task_of(simulate(short(load_rig(peers.RIG))))
+    with pytest.raises(RuntimeError, match="no_side.py: .*No such file"):
+        peers.solve(task, "no_side.py")
+
+
+def run(peers, error: tuple[float, float], wall: float):
+    return peers.Run("stribeck", "", 6, np.array(error), wall, wall)
+
+
+def test_ratios_are_those_of_the_worst_seed(peers) -> None:
+    ours = [run(peers, (0.1, 0.2), 1.0), run(peers, (0.1, 0.1), 2.0)]
+    theirs = [run(peers, (1.0, 1.0), 20.0), run(peers, (2.0, 0.2), 20.0)]
+    errors, faster = peers.ratios(ours, theirs)
+    np.testing.assert_allclose(errors, [0.1, 0.5])
+    assert faster == 10.0
+
+
+def test_nothing_that_a_side_would_import_is_imported_for_it() -> None:
+    """The task's file needs NumPy only: importing more would hide it from one side's time."""
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import exchange; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(FOLDER)], capture_output=True, text=True, check=True
+    )
+    assert not {"frictionid", "mujoco", "scipy"} & set(done.stdout.split())

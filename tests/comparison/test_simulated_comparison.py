@@ -1,0 +1,48 @@
+"""What the recipes reach on the simulated acrobot whose friction is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fixtures.paths import DATA
+
+from frictionid import load_dataset
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
+from frictionid.friction.laws import AsymmetricStribeck
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe, training_problem
+from frictionid.mechanics import plant_of
+from frictionid.simulate import load_rig, noise_free, simulate
+
+
+def errors(dataset: Dataset, recipe: Recipe) -> Array:
+    """Curve error of each joint, fitted to all recordings."""
+    assert dataset.truth is not None
+    problem = training_problem(dataset, plant_of(dataset), recipe)
+    fitted = LeastSquares(AsymmetricStribeck()).fit(problem, np.ones((1, len(problem.r))), 0)[0]
+    speeds = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
+    grid = velocity_grid(np.concatenate(speeds))
+    return curve_error(curves(fitted, grid), curves(steady_state(dataset.truth), grid), grid)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Dataset:
+    """The committed data set: noise, but the right torque clock and inertias."""
+    return load_dataset(DATA / "acrobot_clean")
+
+
+def test_noise_free_motion_gives_the_curves_to_two_percent() -> None:
+    twin = simulate(noise_free(load_rig(DATA / "acrobot_clean" / "rig.toml")))
+    assert (errors(twin, INTEGRAL) < 0.02).all()
+
+
+def test_with_noise_our_errors_are_at_most_0_6_of_the_studys(clean: Dataset) -> None:
+    assert (errors(clean, INTEGRAL) <= 0.6 * errors(clean, STUDY)).all()
+
+
+def test_leaving_resting_joints_open_is_what_makes_the_curves_right(clean: Dataset) -> None:
+    """The same recipe that fits all rows alike is far off: its friction at rest is no law."""
+    alike = Recipe("alike", INTEGRAL.states, INTEGRAL.scheme, rest=0.0)
+    assert (errors(clean, INTEGRAL) < 0.7 * errors(clean, alike)).all()

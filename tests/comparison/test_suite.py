@@ -1,0 +1,285 @@
+"""Suites: what they make, and every mistake in one line that names file, key and way out."""
+
+import numpy as np
+import pytest
+import tomli_w
+from fixtures.suite_mistakes import MISTAKES
+from fixtures.tiny_pendulums import SUITE, TRUTH, suite, write_dataset, write_suite, write_toml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite import friction_of, identifier_named, load_suite, tasks_of
+from frictionid.data.states import RTS, SavitzkyGolay
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split
+from frictionid.friction import Friction
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.friction.model_files import save_model
+from frictionid.identifiers import LeastSquares, Nothing, Published
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with the data set `tiny`, a model file and a module with identifiers."""
+    folder = tmp_path_factory.mktemp("suites")
+    write_dataset(folder / "tiny")
+    write_dataset(folder / "other", name="other")
+    model = Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3})
+    save_model(model, folder / "model.json", LAWS)
+    two = Friction(CoulombViscous(), np.array([[0.02, 0.001], [0.0, 0.0]]))
+    save_model(two, folder / "two.json", LAWS)
+    strange = Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"m4": 0.3})
+    save_model(strange, folder / "strange.json", LAWS)
+    (folder / "own_parts.py").write_text(OWN)
+    (folder / "own_broken.py").write_text("1 / 0\n")
+    return folder
+
+
+OWN = """
+from dataclasses import dataclass
+from frictionid.identifiers import Nothing
+
+@dataclass(frozen=True)
+class Mine:
+    level: float = 1.0
+    def __post_init__(self):
+        if self.level < 0:
+            raise ValueError(f"level = {self.level} must not be negative")
+    def fit(self, problem, weights, seed):
+        return Nothing().fit(problem, weights, seed)
+
+class Idle:
+    pass
+
+number = 3
+"""
+
+
+def tasks(place, changes=(), data=None):
+    file = write_suite(place, changes)
+    return tasks_of(load_suite(file), file, data)
+
+
+# --- What a suite makes --------------------------------------------------------------------------
+
+
+def test_a_suite_is_the_constructor_calls_of_its_parts(place):
+    document = suite(
+        [
+            ("horizons", [0.2, 0.1]),
+            ("every", 0.5),
+            ("history", 0.2),
+            ("sample_time", 0.02),
+            ("seeds", [3, 1]),
+            ("folds", {"count": 4, "kind": "blocks", "gap": 0.1, "seed": 2}),
+        ]
+    )
+    document["identifiers"] = [
+        {"kind": "none", "recipes": ["study"]},
+        {"kind": "stribeck", "symmetric": False, "width": 0.05, "name": "mine"},
+        {"kind": "coulomb_viscous", "shape": "arctan"},
+    ]
+    document["recipes"] = [
+        {"name": "study"},
+        {
+            "name": "local",
+            "states": {"kind": "savgol", "window": 5, "order": 2},
+            "scheme": "integral",
+            "rest": 0.1,
+        },
+    ]
+    file = write_toml(place / "suite.toml", document)
+    made = tasks_of(load_suite(file), file)
+    local = Recipe("local", SavitzkyGolay(5, 2), "integral", 0.1)
+    none, mine = Nothing(), LeastSquares(AsymmetricStribeck(0.05))
+    rubs = LeastSquares(CoulombViscous(shape="arctan"))
+    expected = [("none", none, STUDY)]
+    for recipe in (STUDY, local):
+        expected += [("mine", mine, recipe), ("coulomb_viscous", rubs, recipe)]
+    found = [(t.name, t.identifier, t.recipe, t.seed) for t in made if t.name != "truth"]
+    assert sorted(map(repr, found)) == sorted(repr((*e, s)) for e in expected for s in (3, 1))
+    assert len(made) == len(expected) * 2 + 4
+    contest = made[0].contest
+    assert contest.protocol == Protocol((0.2, 0.1), 0.5, 0.2, 0.02)
+    assert contest.folds.count == 4 and contest.folds.gap == 0.1
+    assert {t.contest for t in made} == {contest}
+
+
+def test_defaults_are_those_of_the_parts(place):
+    document = {key: SUITE[key] for key in ("name", "datasets", "identifiers")}
+    found = load_suite(write_toml(place / "suite.toml", document))
+    assert found.folds == Split()
+    protocol = Protocol(tuple(found.horizons), found.every, found.history, found.sample_time)
+    assert protocol == Protocol()
+    assert [recipe.name for recipe in found.recipes] == ["integral"] and found.seeds == [0]
+    assert identifier_named("stribeck", {}) == LeastSquares(Stribeck())
+    assert identifier_named("coulomb_viscous", {}) == LeastSquares(CoulombViscous())
+    assert identifier_named("none", {}) == Nothing()
+    assert INTEGRAL.states == RTS()
+
+
+def test_the_truth_stands_beside_the_identifiers_where_it_is_one_of_our_laws(place):
+    truths = [task for task in tasks(place) if task.name == "truth"]
+    assert [task.recipe for task in truths] == [STUDY, INTEGRAL]
+    theta = truths[0].identifier.friction.theta[0]
+    assert theta.tolist() == [TRUTH[name][0] for name in AsymmetricStribeck.names]
+    write_dataset(place / "hidden", name="hidden", changes=[("truth.kind", "maxwell_slip")])
+    write_dataset(place / "measured", name="measured", changes=[("truth", None)])
+    for name in ("hidden", "measured"):
+        assert not [t for t in tasks(place, [("datasets.0.path", name)]) if t.name == "truth"]
+    late = [("truth.kind", "film_lag"), ("truth.lag", [0.02])]
+    write_dataset(place / "late", name="late", changes=late)
+    (truth, _) = [t for t in tasks(place, [("datasets.0.path", "late")]) if t.name == "truth"]
+    assert truth.identifier.friction.theta[0].tolist() == [*theta, 0.02]
+
+
+def test_a_model_file_is_found_beside_the_suite(place, monkeypatch):
+    monkeypatch.chdir(place.parent)
+    made = tasks(place, [("identifiers.1", {"kind": "published", "file": "model.json"})])
+    given = next(task.identifier for task in made if task.name == "published")
+    assert isinstance(given, Published) and given.friction.parameters == {"mass": 0.3}
+
+
+def test_an_identifier_of_ones_own_is_found_beside_the_suite(place):
+    entry = {"kind": "own_parts:Mine", "level": 2.0}
+    made = tasks(place, [("identifiers.1", entry)])
+    mine = next(task.identifier for task in made if task.name == "Mine")
+    assert mine.level == 2.0
+
+
+def test_one_data_set_may_have_its_tables_elsewhere_and_several_may_not(place, tmp_path):
+    tables = write_dataset(tmp_path / "tables")
+    (tmp_path / "tables" / "dataset.toml").unlink()
+    apart = place / "apart"
+    write_dataset(apart, name="apart", changes=[("collection", "pendulums")])
+    for table in apart.glob("*.csv"):
+        table.unlink()
+    made = tasks(place, [("datasets.0.path", "apart")], tables)
+    assert len(made[0].contest.dataset.recordings) == 12
+    # data sets that only test what was fitted to it share its collection
+    entry = {"path": "apart", "tests": ["apart_test"]}
+    write_dataset(place / "apart_test", name="apart_test", changes=[("collection", "pendulums")])
+    assert tasks(place, [("datasets.0", entry)], tables)[0].contest.tests[0].name == "apart_test"
+    with pytest.raises(InputError, match=r"--data .*several \(tiny, apart\).*FRICTIONID_DATA"):
+        tasks(place, [("datasets", [{"path": "tiny"}, {"path": "apart"}])], tables)
+
+
+def test_without_tables_both_ways_out_are_told(place, monkeypatch):
+    monkeypatch.delenv("FRICTIONID_DATA", raising=False)
+    write_dataset(place / "gone", name="gone", changes=[("collection", "pendulums")])
+    with pytest.raises(InputError, match="--data FOLDER, or set FRICTIONID_DATA"):
+        tasks(place, [("datasets.0.path", "gone")])
+    monkeypatch.setenv("FRICTIONID_DATA", str(place / "nowhere"))
+    with pytest.raises(InputError, match="nowhere/pendulums, does not exist"):
+        tasks(place, [("datasets.0.path", "gone")])
+
+
+# --- Mistakes ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("changes", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_a_mistake_is_one_line_that_names_file_and_key(place, changes, words):
+    before = written(place)
+    with pytest.raises(InputError, match=words) as caught:
+        tasks(place, changes)
+    message = str(caught.value)
+    assert message.startswith(str(place / "suite.toml")) and "\n" not in message
+    assert written(place) == before
+
+
+def written(place):
+    """All files but the suite, which the test itself writes, and what Python compiles."""
+    found = place.rglob("*")
+    return sorted(p for p in found if p.name != "suite.toml" and "__pycache__" not in str(p))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [b"name = ", b"\xff\xfe", b"a = " + b"[" * 9999, b"a = " + b"9" * 9999, b'name = "a"\n' * 2],
+    ids=lambda text: repr(text[:12]),
+)
+def test_what_is_no_toml_is_refused(tmp_path, text):
+    file = tmp_path / "suite.toml"
+    file.write_bytes(text)
+    with pytest.raises(InputError, match=r"suite\.toml: is no TOML"):
+        load_suite(file)
+
+
+def test_a_suite_that_cannot_be_read_is_refused_with_the_nearest(place):
+    write_suite(place)
+    with pytest.raises(InputError, match=r"suit\.toml: no such suite; did you mean .*suite\.toml"):
+        load_suite(place / "suit.toml")
+    with pytest.raises(InputError, match="tiny: cannot be read"):
+        load_suite(place / "tiny")
+
+
+@pytest.mark.parametrize("key", ["kind", "name", "recipes"])
+def test_keys_of_a_suite_are_no_settings(key):
+    with pytest.raises(InputError, match=f"--set {key}: is no setting"):
+        identifier_named("none", {key: "x"})
+
+
+# --- Whatever chance brings ----------------------------------------------------------------------
+
+TEXT = tomli_w.dumps(SUITE)
+VALUES = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 10**25),
+    st.floats(),
+    st.text(max_size=8),
+    st.sampled_from(["study", "integral", "stribeck", "tiny", "a:b", "..", ""]),
+    st.lists(st.integers(-2, 3), max_size=3),
+    st.dictionaries(st.sampled_from(["kind", "name", "path", "x", "count"]), st.integers(0, 3)),
+)
+KEYS = (
+    *("name", "title", "horizons", "horizons.0", "every", "history", "sample_time", "seeds"),
+    *("folds", "folds.count", "folds.kind", "folds.gap", "folds.seed", "datasets", "datasets.0"),
+    *("datasets.0.path", "datasets.0.tests", "recipes", "recipes.0", "recipes.0.name"),
+    *("recipes.0.states", "recipes.0.scheme", "recipes.0.rest", "identifiers", "identifiers.0"),
+    *("identifiers.0.kind", "identifiers.0.name", "identifiers.0.recipes", "identifiers.0.width"),
+    "identifiers.1.shape",
+)
+patient = settings(deadline=None, max_examples=60)
+
+
+def survives(place, content):
+    """The tasks of a suite's bytes, or one line that says what is wrong."""
+    file = place / "damaged.toml"
+    file.write_bytes(content)
+    try:
+        made = tasks_of(load_suite(file), file)
+    except InputError as error:
+        assert "\n" not in str(error) and str(error).startswith(str(file))
+    else:
+        assert made
+    finally:
+        file.unlink()
+
+
+@patient
+@given(changes=st.lists(st.tuples(st.sampled_from(KEYS), VALUES), min_size=1, max_size=2))
+def test_any_value_anywhere_is_taken_or_refused(place, changes):
+    try:
+        document = suite(changes)
+        content = tomli_w.dumps(document).encode()
+    except (TypeError, AttributeError, KeyError, IndexError, UnicodeEncodeError):
+        return  # the first change took away what the second one names
+    survives(place, content)
+
+
+@patient
+@given(
+    where=st.integers(0, len(TEXT)),
+    length=st.integers(0, 30),
+    instead=st.one_of(st.binary(max_size=4), st.sampled_from([b"[", b"]]", b"=", b'"', b"\n"])),
+)
+def test_any_damage_to_the_text_is_taken_or_refused(place, where, length, instead):
+    content = TEXT.encode()
+    survives(place, content[:where] + instead + content[where + length :])
+
+
+def test_friction_files_are_read_by_the_names_of_the_laws(place):
+    assert friction_of(place / "model.json").law == CoulombViscous()

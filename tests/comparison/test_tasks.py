@@ -1,0 +1,390 @@
+"""Tasks and their folder: what is done stays, what is stale goes, and any stop can be resumed."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures.tiny_pendulums import compare_into, recordings, write_dataset, write_suite
+
+from frictionid.cli import main
+from frictionid.comparison.results import COLUMNS, reduce, scores, task_documents
+from frictionid.comparison.tasks import lock
+from frictionid.errors import InputError
+from frictionid.evaluation import Split, make_folds
+from frictionid.files import write_text
+
+SLOW = """
+import os
+from dataclasses import dataclass
+from time import sleep
+from frictionid.comparison.registry import coulomb_viscous
+
+@dataclass(frozen=True)
+class Slow:
+    patient: bool = True
+    def fit(self, problem, weights, seed):
+        sleep(float(os.environ.get("PATIENCE", 0)) * self.patient)
+        return coulomb_viscous().fit(problem, weights, seed)
+
+@dataclass(frozen=True)
+class Counted:
+    seeded: bool
+    def fit(self, problem, weights, seed):
+        with open(os.environ["CALLS"], "a") as file:
+            print(seed, file=file)
+        return coulomb_viscous().fit(problem, weights, seed)
+"""
+SUITE = [
+    ("recipes", [{"name": "integral"}]),
+    (
+        "identifiers",
+        [
+            {"kind": "none"},
+            {"kind": "slow_part:Slow", "name": "a", "patient": False},
+            {"kind": "slow_part:Slow", "name": "b"},
+            {"kind": "slow_part:Slow", "name": "c", "patient": False},
+            {"kind": "slow_part:Slow", "name": "d"},
+        ],
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a suite of slow tasks, and what it gives when nothing interrupts it."""
+    folder = tmp_path_factory.mktemp("tasks")
+    (folder / "slow_part.py").write_text(SLOW)
+    write_suite(folder, SUITE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [*sys.path, str(folder)])
+        compare(folder / "suite.toml", folder / "whole")
+        yield folder
+
+
+def compare(file, folder, resume=False):
+    compare_into(file, folder, resume)
+    return stamps(folder)
+
+
+def command(patch, folder, out):
+    """Exit code of `frictionid compare` in this process."""
+    patch.chdir(folder)
+    patch.setattr(sys, "argv", ["frictionid", "compare", "suite.toml", "--out", out])
+    return main()
+
+
+def started(folder, out, finished):
+    """A comparison in a process group of its own, once it has finished some tasks."""
+    # a shell's background jobs ignore the interrupt, and what they start inherits that
+    call = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from frictionid.cli import main; sys.exit(main())"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", call, "compare", "suite.toml", "--out", out, "--jobs", "2"],
+        cwd=folder,
+        env={**os.environ, "PATIENCE": "30"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60
+    while len(list((folder / out / "tasks").glob("*.json"))) < finished:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    return process
+
+
+def group_is_gone(group):
+    """Whether no process of a group is left, after a little patience."""
+    for _ in range(60):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def stamps(folder):
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "tasks").glob("*.json")}
+
+
+# --- Stopped and resumed -------------------------------------------------------------------------
+
+
+def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, monkeypatch, capsys):
+    process = started(place, "stopped", 2)
+    # meanwhile nobody else can write there, and the first comparison does not notice
+    assert command(monkeypatch, place, "stopped") == 2
+    line = capsys.readouterr().err.strip()
+    assert line == (
+        "frictionid: stopped: another comparison is writing there: wait for it, "
+        "or choose another --out"
+    )
+    before = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)  # what a terminal does
+    out, err = process.communicate(timeout=20)
+    assert time.monotonic() - before < 5  # no running task is waited for
+    assert process.returncode == 130
+    assert err.strip() == (
+        "frictionid: interrupted; what is done stays in stopped: finish it with --resume"
+    )
+    assert out == "" and group_is_gone(process.pid)
+    done = stamps(place / "stopped")
+    assert 2 <= len(done) < 6
+    after = compare(place / "suite.toml", place / "stopped", resume=True)
+    assert_same_results(place / "stopped", place / "whole")
+    assert {name: after[name] for name in done} == done  # what was done has not been done again
+
+
+def test_tasks_that_are_given_up_are_not_told_of():
+    code = (
+        "import time; from frictionid.comparison.tasks import side_by_side; "
+        "found = side_by_side(time.sleep, [(t,) for t in (0, 0.5, 0.5, 0.5)], 2); "
+        "next(found); found.close()"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_a_killed_comparison_leaves_nothing_behind_and_is_resumed(place):
+    process = started(place, "killed", 2)
+    done = stamps(place / "killed")
+    os.kill(process.pid, signal.SIGKILL)  # the workers are not told
+    process.communicate(timeout=20)
+    assert process.returncode == -signal.SIGKILL
+    assert group_is_gone(process.pid)
+    # what a kill in the middle of writing leaves, and a file that was damaged since
+    half = ".tiny--b--integral--seed0.json.ab1_xy9z"
+    for part in ("", "tasks", "models", "../new"):
+        (place / "killed" / part).mkdir(exist_ok=True)
+        (place / "killed" / part / half).write_text('{"digest": ')
+    first = sorted(done)[0]
+    (place / "killed" / "tasks" / first).write_text('{"digest": "')
+    after = compare(place / "suite.toml", place / "killed", resume=True)
+    assert_same_results(place / "killed", place / "whole")
+    assert after[first] != done[first]
+    assert {n: t for n, t in after.items() if n in done and n != first} == {
+        n: t for n, t in done.items() if n != first
+    }
+    compare(place / "suite.toml", place / "new")  # killed before it had written anything
+    for name in ("killed", "new"):
+        assert not [path for path in (place / name).rglob(".*") if path.name != ".lock"]
+
+
+def assert_same_results(folder, other):
+    """Equal bytes of everything that is no time, in folders of the same files."""
+    names = sorted(str(p.relative_to(other)) for p in other.rglob("*") if p.is_file())
+    assert sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()) == names
+    for name in ("scores.csv", "provenance.json", "datasets.json"):
+        assert (folder / name).read_bytes() == (other / name).read_bytes()
+    for path in (other / "models").glob("*.json"):
+        assert (folder / "models" / path.name).read_bytes() == path.read_bytes()
+    for path in (other / "tasks").glob("*.json"):
+        assert timeless(folder / "tasks" / path.name) == timeless(path)
+
+
+def timeless(path):
+    document = json.loads(path.read_text())
+    assert set(document.pop("seconds")) == {"prepare", "fit", "score"}
+    return document
+
+
+def test_without_resume_everything_is_made_anew(place):
+    quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
+    file = write_suite(place, [SUITE[0], ("identifiers", list(quick))], "quick.toml")
+    out = place / "quick"
+    runs = []
+    for resume in (False, True, False):
+        runs.append((compare(file, out, resume), (out / "scores.csv").read_bytes()))
+    assert runs[0] == runs[1]
+    assert runs[2][1] == runs[0][1]
+    assert all(runs[2][0][name] != stamp for name, stamp in runs[0][0].items())
+
+
+@pytest.mark.parametrize("seeded", [False, True])
+def test_what_draws_nothing_is_fitted_once_for_all_seeds(place, seeded, tmp_path, monkeypatch):
+    recipes = [{"name": "study"}, {"name": "integral"}]
+    own = {"kind": "slow_part:Counted", "seeded": seeded}
+    changes = [("recipes", recipes), ("seeds", [0, 1, 2]), ("identifiers", [own])]
+    file = write_suite(place, changes, "seeds.toml")
+    monkeypatch.setenv("CALLS", str(tmp_path / "calls"))
+    out = place / f"seeds-{seeded}"
+    done = compare(file, out)
+    assert sum("Counted" in name for name in done) == 6
+    fits = (tmp_path / "calls").read_text().split()
+    assert fits == (["0"] * 2 if not seeded else ["0", "1", "2"] * 2)
+    table = pd.read_csv(out / "scores.csv")
+    assert set(table["seed"]) == {0, 1, 2}
+
+
+def test_what_does_not_belong_to_a_comparison_any_more_is_gone(place):
+    quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
+    file = write_suite(place, [SUITE[0], ("identifiers", list(quick))], "quick.toml")
+    out = place / "shrunk"
+    compare(file, out)
+    for name in ("tables/old.csv", "figures/old.png", "summary.md"):
+        (out / name).parent.mkdir(exist_ok=True)
+        (out / name).write_text("old")
+    write_suite(place, [SUITE[0], ("identifiers", list(quick[:1])), ("seeds", [1])], "quick.toml")
+    wanted = {f"tiny--{name}--integral--seed1.json" for name in ("none", "truth")}
+    assert set(compare(file, out, resume=True)) == wanted
+    assert {path.name for path in (out / "models").iterdir()} == wanted
+    assert not [path for path in out.rglob("*") if path.is_file() and path.read_bytes() == b"old"]
+    assert set(pd.read_csv(out / "scores.csv")["identifier"]) == {"none", "truth"}
+
+
+def test_a_data_set_that_changed_is_compared_anew(place):
+    changes = [SUITE[0], ("identifiers", [{"kind": "none"}]), ("datasets.0.path", "mine")]
+    file = write_suite(place, changes, "mine.toml")
+    write_dataset(place / "mine")
+    first = compare(file, place / "changed")
+    toml = place / "mine" / "dataset.toml"
+    toml.write_text(toml.read_text().replace("mass = 0.2", "mass = 0.21"))
+    second = compare(file, place / "changed", resume=True)
+    assert first.keys() == second.keys()
+    assert all(second[name] != first[name] for name in first)
+
+
+# --- What a folder holds -------------------------------------------------------------------------
+
+
+def test_scores_have_the_columns_of_the_issue_and_one_row_for_each_key(place):
+    table = pd.read_csv(place / "whole" / "scores.csv", dtype={"fold": str, "joint": str})
+    assert tuple(table.columns) == COLUMNS
+    assert COLUMNS[:11] == tuple(
+        "suite dataset identifier fit fold score statistic horizon_s joint value unit".split()
+    )
+    keys = list(COLUMNS[:9]) + ["seed"]
+    assert not table.duplicated(keys).any()
+    assert set(table["suite"]) == {"small"} and set(table["dataset"]) == {"tiny"}
+    assert set(table["identifier"]) == {"none", "a", "b", "c", "d", "truth"}
+    assert set(table["fit"]) == {"integral"} and set(table["fold"]) == {"0", "1", "2", "all"}
+    assert set(table["score"]) == {
+        *("one_step_euler", "one_step_integral", "rollout_angle", "rollout_angle_truth"),
+        *("curve_error", "n_parameters"),
+    }
+    assert set(table["statistic"]) == {"mean", "rms", "median", "q90", "diverged", "count"}
+    assert set(table["horizon_s"].dropna()) == {0.1, 0.3}
+    assert set(table["unit"]) == {"rad/s", "rad", "1"}
+    assert table["value"].notna().all()
+    # the same numbers as in the tasks' files, to nine digits
+    full = scores(place / "whole")
+    np.testing.assert_allclose(table["value"], full["value"], rtol=1e-8)
+    # identifiers that differ only in their patience find the same
+    parts = [table[table["identifier"] == name]["value"].to_numpy() for name in "abcd"]
+    for part in parts[1:]:
+        np.testing.assert_array_equal(part, parts[0])
+
+
+def test_provenance_is_complete(place):
+    document = json.loads((place / "whole" / "provenance.json").read_text())
+    assert document["suite"] == "small"
+    assert set(document["versions"]) >= {"python", "frictionid", "numpy", "scipy", "sympy", "torch"}
+    hashes = {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in (place / "tiny").glob("*.csv")
+    }
+    assert document["data"] == {"tiny": hashes}
+    assert document["folds"] == {"tiny": make_folds(recordings(), Split(count=3)).hash}
+    settings = document["settings"]
+    assert settings["horizons"] == [0.1, 0.3] and settings["every"] == 0.25
+    assert settings["folds"] == {"count": 3, "kind": "recordings", "gap": 0.25, "seed": 0}
+    assert settings["seeds"] == [0] and settings["recipes"][0]["name"] == "integral"
+    given = [{k: v for k, v in e.items() if v is not None} for e in settings["identifiers"]]
+    assert given == SUITE[1][1]
+    assert len(document["tasks"]) == 6
+    assert {p.name for p in (place / "whole" / "tasks").iterdir()} == set(document["tasks"])
+    for task in task_documents(place / "whole"):
+        assert "identifier" in task["settings"] and "recipe" in task["settings"]
+        assert len(task["digest"]) == 64
+
+
+def test_models_say_where_they_come_from(place):
+    model = json.loads((place / "whole" / "models" / "tiny--a--integral--seed0.json").read_text())
+    source = model["provenance"]
+    assert (source["dataset"], source["identifier"], source["fit"]) == ("tiny", "a", "integral")
+    assert "Slow" in source["settings"]["identifier"]
+    assert model["joints"][0]["coulomb"]["unit"] == "N m"
+
+
+def test_timings_stand_apart(place):
+    table = pd.read_csv(place / "whole" / "timings.csv")
+    assert list(table.columns) == ["dataset", "identifier", "fit", "seed", "part", "seconds"]
+    assert len(table) == 6 * 3 and (table["seconds"] >= 0).all()
+    assert set(table["part"]) == {"prepare", "fit", "score"}
+
+
+def test_tables_are_made_of_what_is_finished(place, tmp_path):
+    for path in (place / "whole").rglob("*.json"):
+        copy = tmp_path / path.relative_to(place / "whole")
+        copy.parent.mkdir(exist_ok=True)
+        copy.write_bytes(path.read_bytes())
+    (tmp_path / "tasks" / "tiny--a--integral--seed0.json").unlink()
+    (tmp_path / "models" / "old.json").write_text("{}")
+    table = reduce(tmp_path)
+    assert set(table["identifier"]) == {"none", "b", "c", "d", "truth"}
+    assert {path.name for path in (tmp_path / "models").iterdir()} == {
+        f"tiny--{name}--integral--seed0.json" for name in ("none", "b", "c", "d", "truth")
+    }
+    for path in (tmp_path / "tasks").iterdir():
+        path.unlink()
+    with pytest.raises(InputError, match="holds no finished task: run frictionid compare first"):
+        task_documents(tmp_path)
+
+
+# --- Folders that are none -----------------------------------------------------------------------
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(place, tmp_path, monkeypatch, capsys):
+    (tmp_path / "tasks").mkdir()
+    (tmp_path / "tasks" / "mine.json").write_text("{}")
+    assert command(monkeypatch, place, str(tmp_path)) == 2
+    line = capsys.readouterr().err.strip()
+    assert line.endswith("holds no comparison but 'tasks': choose another --out")
+    assert (tmp_path / "tasks" / "mine.json").read_text() == "{}"
+    assert not (tmp_path / "provenance.json").exists()
+
+
+@pytest.mark.parametrize("out", ["slow_part.py", "slow_part.py/deeper", "/proc/frictionid"])
+def test_a_folder_that_cannot_be_written_is_one_line(place, out, monkeypatch, capsys):
+    assert command(monkeypatch, place, out) == 2
+    err = capsys.readouterr().err.strip()
+    assert err.startswith(f"frictionid: {out}: cannot be written (") and "\n" not in err
+    assert err.endswith("choose another --out")
+
+
+def test_a_lock_keeps_others_out_until_it_is_released(tmp_path):
+    with lock(tmp_path / "new"):
+        with pytest.raises(InputError, match="another comparison is writing there"):
+            lock(tmp_path / "new")
+        with lock(tmp_path / "other"):
+            pass
+    with lock(tmp_path / "new"):
+        pass
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "new" / "file.json"
+    write_text(path, "first")
+    assert path.read_text() == "first" and path.stat().st_mode & 0o777 == 0o644
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
+        write_text(path, "second")
+    assert [p.name for p in Path(path.parent).iterdir()] == ["file.json"]
+    assert path.read_text() == "first"

@@ -1,0 +1,350 @@
+"""Tuning: it finds the best, sees nothing of what judges it, and goes on where it was stopped."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.paths import ROOT
+from fixtures.tiny_pendulums import dataset, disturbed, write_suite
+
+from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.registry import IDENTIFIERS
+from frictionid.comparison.search_space import Objective, Space, Tuning
+from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite, tasks_of
+from frictionid.comparison.tuning import lanes_of, tune, units_of
+from frictionid.comparison.tuning.nested_folds import training_contest
+from frictionid.comparison.tuning.trial import Unit
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.report.tuning import score_table, settings_tables, write_outcome
+
+OWN = """
+from dataclasses import dataclass, replace
+from frictionid.errors import InputError
+from frictionid.identifiers import LeastSquares
+from frictionid.friction.laws import CoulombViscous
+
+@dataclass(frozen=True)
+class Scaled:
+    "Friction that was found, times a factor: best is one."
+    factor: float = 0.5
+    mood: str = "good"
+
+    def fit(self, problem, weights, seed):
+        if self.mood == "bad":
+            raise InputError("in no mood to fit")
+        found = LeastSquares(CoulombViscous()).fit(problem, weights, seed)
+        return replace(found, theta=self.factor * found.theta)
+"""
+FACTOR = {"factor": {"low": 0.0, "high": 2.0}}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tuning")
+    (folder / "own_scaled.py").write_text(OWN)
+    return folder
+
+
+def contest(split=Split(count=3), recordings=None, **changes):
+    data = dataset(**({} if recordings is None else {"recordings": recordings}))
+    folds = make_folds(data.recordings, split)
+    return Contest(data, folds, Protocol((0.3,), every=0.5, **changes))
+
+
+def unit(place, own=None, search=None, **settings):
+    entry = IdentifierEntry(kind="own_scaled:Scaled", search=search or FACTOR, **settings)
+    return Unit(own or contest(), "scaled", entry, INTEGRAL, 0, place)
+
+
+def values(found):
+    return [(f.sampler, f.fold, [(dict(t.settings), t.value) for t in f.trials]) for f in found]
+
+
+def suite(place, search=None, tuning=None, **entry):
+    identifier = {"kind": "own_scaled:Scaled", "name": "scaled", "search": search or FACTOR}
+    file = write_suite(
+        place,
+        [
+            ("identifiers", [{"kind": "none"}, {**identifier, **entry}]),
+            ("recipes", [{"name": "integral"}]),
+            ("tune", tuning or {"trials": 2, "nested": False, "folds": 2}),
+        ],
+    )
+    return load_suite(file), file
+
+
+# --- What is found --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("sampler", "trials"), [("tpe", 15), ("gp", 9)])
+def test_samplers_find_the_best_setting_and_stay_near_it(place, tmp_path, sampler, trials):
+    tuning = Tuning(trials=trials, samplers=[sampler, "random"], folds=2, nested=False)
+    found = {f.sampler: f for f in tune([unit(place)], tuning, tmp_path)}
+    off = {n: [abs(t.settings["factor"] - 1.0) for t in f.trials] for n, f in found.items()}
+    assert off[sampler][:5] == off["random"][:5]  # all begin at random
+    assert np.mean(off[sampler][5:]) < 0.6 * np.mean(off["random"][5:])
+    assert min(off[sampler]) < 0.1
+    for f in found.values():
+        assert f.best.value == min(t.value for t in f.trials) and len(f.trials) == trials
+
+
+def test_the_suites_own_settings_are_the_first_trial(place, tmp_path):
+    tuning = Tuning(trials=2, folds=2, nested=False)
+    told, other = unit(place, factor=0.9), unit(place, factor=3.0)
+    (found,) = tune([told], tuning, tmp_path / "a")
+    assert found.trials[0].settings == {"factor": 0.9} and found.own == found.trials[0].value
+    (found,) = tune([other], tuning, tmp_path / "b")
+    assert all(t.settings["factor"] != 3.0 for t in found.trials) and math.isnan(found.own)
+
+
+def test_the_example_of_the_page_can_be_tuned_and_begins_with_what_the_suite_leaves_out(place):
+    page = (ROOT / "docs" / "identifiers.md").read_text()
+    example = tomllib.loads(
+        page.split("## Choosing settings")[1].split("```toml")[1].split("```")[0]
+    )
+    assert Tuning.model_validate(example["tune"]) == Tuning()
+    changes = [*example.items(), ("recipes", [{"name": "integral"}])]
+    file = write_suite(place, changes, "page.toml")
+    units = units_of(load_suite(file), file)
+    assert [u.name for u in units] == ["mlp", "lstm"]
+    for u in units:
+        assert set(u.own) == set(u.search)
+        assert all(space.holds(u.own[key]) for key, space in u.search.items())
+
+
+def test_choices_whole_numbers_and_rollouts(place, tmp_path):
+    entry = IdentifierEntry(
+        kind="spline",
+        search={
+            "degree": Space(low=1, high=3),
+            "knots": Space(choices=[[1.0, 9.0], [0.5, 2.0, 8.0]]),
+        },
+    )
+    own = Unit(contest(), "spline", entry, INTEGRAL, 0, place)
+    objective = Objective(score="rollout_angle", horizon=0.3)
+    (found,) = tune([own], Tuning(trials=3, folds=2, nested=False, objective=objective), tmp_path)
+    for trial in found.trials:
+        assert trial.settings["degree"] in (1, 2, 3) and 0 < trial.value < 0.1
+        assert trial.settings["knots"] in ([1.0, 9.0], [0.5, 2.0, 8.0])
+
+
+def test_settings_that_cannot_be_fitted_fail_alone(place, tmp_path):
+    search = {**FACTOR, "mood": {"choices": ["good", "bad"]}}
+    tuning = Tuning(trials=6, folds=2, nested=False, samplers=["random"])
+    (found,) = tune([unit(place, search=search)], tuning, tmp_path / "a")
+    failed = [t for t in found.trials if math.isnan(t.value)]
+    assert {t.settings["mood"] for t in failed} == {"bad"}
+    assert all("no mood" in t.error for t in failed)
+    assert found.best.settings["mood"] == "good"
+    never = unit(place, search={"mood": {"choices": ["bad"]}}, mood="bad")
+    with pytest.raises(InputError, match="no trial has a score: in no mood to fit"):
+        tune([never], tuning, tmp_path / "b")
+
+
+# --- What it may see ------------------------------------------------------------------------------
+
+
+def test_held_out_recordings_change_nothing_of_their_folds_study(place, tmp_path):
+    own = contest()
+    held = [i for i, label in enumerate(own.folds.labels) if label[0] == 1]
+    recordings = list(own.dataset.recordings)
+    for i in held:
+        recordings[i] = disturbed(recordings[i], 0.3)
+    other = contest(recordings=tuple(recordings))
+    tuning = Tuning(trials=1, folds=2)
+    a = {f.fold: f for f in tune([unit(place, own)], tuning, tmp_path / "a")}
+    b = {f.fold: f for f in tune([unit(place, other)], tuning, tmp_path / "b")}
+    assert a[1].trials == b[1].trials
+    assert a[1].held_out != b[1].held_out
+    for fold in (None, 0, 2):
+        assert a[fold].trials[0].value != b[fold].trials[0].value
+
+
+def test_parts_of_blocks_leave_the_held_out_block_and_its_gap():
+    gap = 0.1
+    own = contest(Split(count=3, kind="blocks", gap=gap))
+    for fold in range(3):
+        part = training_contest(own, fold, Split(count=2))
+        (test,) = part.tests
+        held, seen = samples(test), samples(part.dataset)
+        for name, times in held.items():
+            for other in seen.get(name, ()):
+                assert np.abs(times - other).min() >= gap - 1e-9
+        assert sum(map(len, held.values())) > 0 and sum(map(len, seen.values())) > 0
+        assert part.dataset.truth is None
+        assert all(r.truth is None for r in (*part.dataset.recordings, *test.recordings))
+
+
+def samples(part):
+    """Times of the samples of each recording that pieces came from."""
+    out = {}
+    for recording in part.recordings:
+        name = recording.name.split(",")[0]
+        out[name] = np.concatenate([out.get(name, np.empty(0)), recording.angle.time])
+    return out
+
+
+def test_shuffled_samples_part_nothing(place, tmp_path):
+    shuffled = unit(place, contest(Split(count=3, kind="shuffled")))
+    with pytest.raises(InputError, match="nested .* shuffled .*tune.nested = false"):
+        tune([shuffled], Tuning(trials=1, folds=2), tmp_path)
+    (found,) = tune([shuffled], Tuning(trials=1, folds=2, nested=False), tmp_path)
+    assert found.fold is None
+
+
+# --- Interruptions --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("after", [1, 7])
+def test_what_was_interrupted_is_resumed_with_the_same_trials(place, tmp_path, after):
+    tuning = Tuning(trials=7, folds=2, nested=False, samplers=["tpe"])
+    whole = tune([unit(place)], tuning, tmp_path / "whole")
+    told = []
+
+    def stop(name):
+        told.append(name)
+        if len(told) == after:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tune([unit(place)], tuning, tmp_path / "part", done=stop)
+    again = []
+    resumed = tune([unit(place)], tuning, tmp_path / "part", resume=True, done=again.append)
+    assert values(resumed) == values(whole) and len(again) == 7
+
+
+def test_a_trial_that_was_killed_is_made_again(place, tmp_path, monkeypatch):
+    from frictionid.comparison.tuning import studies
+
+    tuning = Tuning(trials=3, folds=2, nested=False)
+    whole = tune([unit(place, factor=0.9)], tuning, tmp_path / "whole")
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(studies, "judged", killed)
+        with pytest.raises(KeyboardInterrupt):
+            tune([unit(place, factor=0.9)], tuning, tmp_path / "part")
+    resumed = tune([unit(place, factor=0.9)], tuning, tmp_path / "part", resume=True)
+    assert values(resumed) == values(whole) and resumed[0].own == whole[0].own > 0
+
+
+def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path):
+    few, more = (Tuning(trials=t, folds=2, nested=False) for t in (2, 3))
+    (first,) = tune([unit(place)], few, tmp_path)
+    (longer,) = tune([unit(place)], more, tmp_path, resume=True)
+    assert longer.trials[:2] == first.trials and len(longer.trials) == 3
+    other = unit(place, contest(recordings=dataset().recordings[:8]))
+    (anew,) = tune([other], few, tmp_path, resume=True)
+    assert len(anew.trials) == 2 and anew.trials[0].value != first.trials[0].value
+
+
+# --- Suites and pages -----------------------------------------------------------------------------
+
+
+def test_the_written_suite_runs_with_the_chosen_settings(place, tmp_path):
+    table, file = suite(place, tuning={"trials": 2, "folds": 2})
+    units = units_of(table, file)
+    assert len(lanes_of(units, table.tune)) == 4
+    found = tune(units, table.tune, tmp_path)
+    page = write_outcome(tmp_path, found, table.tune.objective, file)
+    whole = next(f for f in found if f.fold is None)
+    tuned = tmp_path / "tiny.toml"
+    tasks = tasks_of(load_suite(tuned), tuned)
+    made = {task.name: task.identifier for task in tasks}
+    assert made["scaled"].factor == whole.best.settings["factor"] and "none" in made
+    assert tasks[0].contest.folds.hash == units[0].contest.folds.hash
+    text = page.read_text()
+    best = score_table(found, table.tune.objective).lines[0].cells
+    assert all(cell.text in text for cell in best)
+    (settings,) = settings_tables(found)
+    assert settings.lines[0].cells[0].text == "factor" and "0 to 2" in text
+    assert (tmp_path / "progress.png").stat().st_size > 1000
+    assert len((tmp_path / "trials.csv").read_text().splitlines()) == 1 + 4 * 2
+
+
+MISTAKES = {
+    "no search": ({"search": None}, {}, "no identifier has a search table: add one"),
+    "unknown setting": ({"search": {"fctor": {"low": 0, "high": 1}}}, {}, "fctor"),
+    "unknown space key": (
+        {"search": {"factor": {"lo": 0, "high": 1}}},
+        {},
+        r"search\.factor: unknown key 'lo'; did you mean 'low'",
+    ),
+    "no ends": ({"search": {"factor": {"low": 0}}}, {}, "factor: needs low and high, or choices"),
+    "ends": ({"search": {"factor": {"low": 1, "high": 0}}}, {}, "low = 1 must be below high = 0"),
+    "text": ({"search": {"factor": {"low": "a", "high": 1}}}, {}, "low: it should be a number"),
+    "log": ({"search": {"factor": {"low": 0, "high": 1, "log": True}}}, {}, "log needs a positive"),
+    "both": ({"search": {"factor": {"low": 0, "choices": [1]}}}, {}, "choices stand alone"),
+    "empty": ({"search": {}}, {}, r"search: .*at least 1"),
+    "step": ({"search": {"factor": {"low": 0, "high": 4, "step": 0.5}}}, {}, "whole number"),
+    "unknown tune key": ({}, {"trails": 3}, "tune: unknown key 'trails'; did you mean 'trials'"),
+    "sampler": ({}, {"samplers": ["tpf"]}, r"samplers\[0\]: .*'tpe', 'gp' or 'random', not 'tpf'"),
+    "one fold": ({}, {"folds": 1}, r"tune\.folds: .*greater than or equal to 2"),
+    "horizon": ({}, {"objective": {"score": "rollout_angle"}}, "needs a horizon"),
+    "rms": (
+        {},
+        {"objective": {"score": "rollout_angle", "horizon": 0.3, "statistic": "rms"}},
+        "rollout_angle has no rms: choose median or q90",
+    ),
+    "of ours": (
+        {"kind": "stribeck", "search": {"widht": {"low": 0.1, "high": 1.0}}},
+        {},
+        "unknown setting 'widht'; did you mean 'width'",
+    ),
+    "end of ours": (
+        {"kind": "stribeck", "search": {"width": {"low": 0.0, "high": 1.0}}},
+        {},
+        r"'scaled': width: it should be greater than 0.*\(search\.width at 0\.0\)",
+    ),
+}
+
+
+@pytest.mark.parametrize(("entry", "tuning", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_each_mistake_is_one_line_that_names_the_way_out(place, entry, tuning, words):
+    entry = {"kind": "own_scaled:Scaled", "name": "scaled", "search": FACTOR, **entry}
+    entry = {key: value for key, value in entry.items() if value is not None}
+    changes = [("identifiers", [entry]), ("recipes", [{"name": "integral"}]), ("tune", tuning)]
+    file = write_suite(place, changes, "wrong.toml")
+    with pytest.raises(InputError, match=words) as caught:
+        units_of(load_suite(file), file)
+    assert "\n" not in str(caught.value) and "wrong.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", IDENTIFIERS)
+def test_every_setting_can_be_written_in_a_suite_and_tuned(kind):
+    settings = set(inspect.signature(IDENTIFIERS[kind]).parameters)
+    assert not settings & set(IdentifierEntry.model_fields)
+
+
+def test_a_comparison_does_not_read_what_tuning_searches(place):
+    table, file = suite(place)
+    scaled = next(t for t in tasks_of(table, file) if t.name == "scaled")
+    plain = replace(scaled.identifier)
+    assert plain.factor == 0.5
+    entry = table.identifiers[1]
+    assert identifier_of(entry, place, [INTEGRAL])[1] == scaled.identifier
+
+
+def test_the_command_writes_page_and_suite(place, monkeypatch, capsys):
+    from frictionid.cli import main
+
+    suite(place)
+    monkeypatch.chdir(place)
+    monkeypatch.setattr(
+        "sys.argv", ["frictionid", "tune", "suite.toml", "--out", "t", "--jobs", "1"]
+    )
+    assert main() == 0
+    out = capsys.readouterr().out
+    assert "factor" in out and str(place / "t" / "summary.md") in out
+    assert (place / "t" / "tiny.toml").exists() and (place / "t" / "journal.log").exists()
+    monkeypatch.setattr("sys.argv", ["frictionid", "tune", "suite.toml", "--out", "."])
+    assert main() == 2 and "holds no tuning but" in capsys.readouterr().err

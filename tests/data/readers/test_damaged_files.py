@@ -1,0 +1,267 @@
+"""Every mistake in the files of readers is one clear line, and so is whatever chance brings."""
+
+import json
+
+import numpy as np
+import pytest
+from fixtures.dataset_files import described, load
+from fixtures.own_reader import read_by
+from fixtures.reader_files import (
+    MARKERS,
+    MOTOR,
+    bam_bytes,
+    bam_log,
+    emps_variables,
+    marker_csv,
+    mat_bytes,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from frictionid.data.readers.bam import read_bam
+from frictionid.data.readers.bare import read_bare
+from frictionid.data.readers.emps import read_emps
+from frictionid.data.readers.ibm import read_ibm
+from frictionid.data.readers.markers import read_markers
+from frictionid.data.readers.phy180 import read_phy180
+from frictionid.data.recordings import Recording
+from frictionid.errors import InputError
+
+patient = settings(
+    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def refused(read, path, content, given_settings, words):
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=words) as caught:
+        read(path, given_settings)
+    assert "\n" not in str(caught.value)
+
+
+# --- Settings and [reader] -----------------------------------------------------------------------
+
+READERS = {
+    "unknown reader": ({"kind": "bamm"}, "kind = 'bamm' is unknown; did you mean 'bam'"),
+    "unknown setting": ({"kind": "bam", "Kt": 1.0}, r"\[reader\]: unknown key 'Kt'.*'kt'"),
+    "missing setting": ({"kind": "bam", "kt": 1.0}, r"\[reader\]: the key 'R' is missing"),
+    "negative": ({"kind": "bam", "kt": -1.0, "R": 1.0}, "kt: .*greater than 0, not -1.0"),
+    "no setting": ({"kind": "phy180", "rate": 3.0}, "unknown key 'rate'"),
+    "missing module": ({"kind": "no_such_module:read"}, "cannot be imported"),
+    "missing function": ({"kind": "my_readers:reed"}, "cannot be imported"),
+    "no function": ({"kind": "my_readers:OWN_NUMBER"}, "cannot be imported|is no function"),
+    "broken": ({"kind": "my_readers:broken"}, r"a\.log: the reader .* failed \(KeyError"),
+    "no recording": ({"kind": "my_readers:wrong"}, "must return a Recording, not int"),
+    "no kind": ({"rate": 3.0}, "'reader.kind' is missing"),
+}
+
+
+@pytest.mark.parametrize(("reader", "words"), READERS.values(), ids=READERS)
+def test_a_mistake_in_reader_is_one_clear_line(tmp_path, reader, words):
+    with pytest.raises(InputError, match=words) as caught:
+        read_by(tmp_path, reader)
+    assert "\n" not in str(caught.value)
+
+
+def test_reader_and_columns_exclude_each_other(tmp_path):
+    with pytest.raises(InputError, match=r"\[columns\] and \[reader\] exclude each other"):
+        load(tmp_path, described(reader={"kind": "bam"}))
+    with pytest.raises(InputError, match="'columns' is missing; add it, or a "):
+        load(tmp_path, described(columns=None))
+
+
+def test_the_noise_must_fit_the_joints_of_the_reader(tmp_path):
+    reader = {"kind": "my_readers:read", "scale": 1.0, "rate": 1.0}
+    with pytest.raises(InputError, match=r"sigma\.angle has 2 numbers for 1 joints"):
+        read_by(tmp_path, reader, {"sigma": {"angle": [0.1, 0.1]}})
+
+
+MARKER_MISTAKES = {
+    "no time": ({"time": None}, "give either time .* or rate"),
+    "two times": ({"rate": 3.0}, "give either time .* or rate"),
+    "numbers differ": ({"y": ["y0", "y1"]}, "x names 3 columns and y 2"),
+    "twice": ({"x": ["x0", "x1", "y0"]}, "name a column twice"),
+    "one marker": ({"x": ["x0"], "y": ["y0"]}, r"\[reader\]: x: .*at least 2"),
+    "no column": ({"x": ["x0", "x1", "x9"]}, "has no column 'x9'"),
+    "headerless": ({"header": False}, "has no column 'x0'; it has 1 to 7"),
+    "pivot": ({"pivot": "flying"}, "'moving' or 'fixed', not 'flying'"),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), MARKER_MISTAKES.values(), ids=MARKER_MISTAKES)
+def test_a_mistake_in_the_settings_of_markers_is_one_clear_line(tmp_path, changes, words):
+    merged = {k: v for k, v in {**MARKERS, **changes}.items() if v is not None}
+    refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
+
+
+# --- Files ---------------------------------------------------------------------------------------
+
+
+def entry(at, **changes):
+    """Content of a log with one entry changed; None deletes."""
+    log = bam_log()
+    log["entries"][at] = {k: v for k, v in {**log["entries"][at], **changes}.items() if v != "gone"}
+    return json.dumps(log).encode()
+
+
+LOGS = {
+    "junk": (b"\x00\xff{", "is no JSON"),
+    "deep": (b"[" * 100000, "is no JSON"),
+    "a list": (b"[]", "has no list of entries"),
+    "no entries": (b'{"mass": 1}', "has no list of entries"),
+    "few entries": (json.dumps(bam_log(3, passive=1) | {"entries": [{}]}).encode(), "1 entries"),
+    "no mass": (json.dumps({**bam_log(), "mass": None}).encode(), "mass is missing"),
+    "text": (json.dumps({**bam_log(), "kp": "32"}).encode(), "kp is '32', which is no number"),
+    "negative": (json.dumps({**bam_log(), "length": -1}).encode(), "length must be positive"),
+    "huge": (json.dumps({**bam_log(), "kp": 10**400}).encode(), "kp is too large"),
+    "entry": (json.dumps({**bam_log(), "entries": [1, 2, 3]}).encode(), "entry 0 .* is no object"),
+    "no position": (entry(4, position="gone"), "entry 4 .*position is missing"),
+    "nan": (entry(5, position=float("nan")), "entry 5 .*'position' is empty or nan"),
+    "back in time": (entry(7, timestamp=0.0), "entry 7 .*time must increase"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), LOGS.values(), ids=LOGS)
+def test_a_damaged_log_is_one_clear_line(tmp_path, content, words):
+    refused(read_bam, tmp_path / "a.json", content, MOTOR, words)
+
+
+def test_a_log_without_the_asked_phase_is_refused(tmp_path):
+    for passive, phase in ((0, "passive"), (60, "driven")):
+        asked = {**MOTOR, "phase": phase}
+        refused(read_bam, tmp_path / "a.json", bam_bytes(passive=passive), asked, f"0 {phase} pha")
+
+
+CARRIAGES = {
+    "junk": (b"junk", "is no whole MAT file"),
+    "empty": (b"", "is no whole MAT file"),
+    "no gain": (mat_bytes({"t": [0.0, 1.0]}), "has no column 'qm'"),
+    "cut off": (mat_bytes(emps_variables())[:-40], "is no whole MAT file"),
+    "version 7.3": (b"MATLAB 7.3".ljust(124) + b"\x00\x02IM", "version 7.3; save it again"),
+    "two gains": (mat_bytes(emps_variables(gtau=[1.0, 2.0])), "gtau must be one number"),
+    "zero gain": (mat_bytes(emps_variables(gtau=0.0)), "gtau must be one number"),
+    "lengths": (mat_bytes(emps_variables(qm=np.ones(3))), "columns differ in length .*'qm' 3"),
+    "text": (mat_bytes(emps_variables(qm="abc")), "'qm' holds no real numbers"),
+    "complex": (mat_bytes(emps_variables(qm=np.ones(50) * 1j)), "'qm' holds no real numbers"),
+    "matrix": (mat_bytes(emps_variables(qm=np.ones((50, 2)))), r"name one of them, as qm\(:,1\)"),
+    "time": (mat_bytes(emps_variables(t=np.zeros(50))), "row 2: time must increase: 't' is 0"),
+    "nan": (mat_bytes(emps_variables(vir=np.full(50, np.nan))), "row 1: 'vir' is empty or nan"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), CARRIAGES.values(), ids=CARRIAGES)
+def test_a_damaged_mat_file_is_one_clear_line(tmp_path, content, words):
+    refused(read_emps, tmp_path / "a.mat", content, {}, words)
+
+
+MAT_COLUMNS = {
+    "no name": ("q[2]", "names no column; write q"),
+    "too many": ("q(:,3)", r"there is no 'q\(:,3\)', it has 2 columns"),
+    "no field": ("q.x", "has no column 'q.x'"),
+    "no such field": ("log.x", "has no column 'log.x'; it has 'y'"),
+}
+
+
+@pytest.mark.parametrize(("name", "words"), MAT_COLUMNS.values(), ids=MAT_COLUMNS)
+def test_a_wrong_name_of_a_mat_column_is_one_clear_line(tmp_path, name, words):
+    content = mat_bytes({"t": np.arange(5.0), "q": np.ones((5, 2)), "log": {"y": 1.0}})
+    names = {"time": "t", "angle": [name], "torque": [""]}
+    document = described(recordings__patterns=["*.mat"], columns=names)
+    with pytest.raises(InputError, match=words):
+        load(tmp_path, document, a_mat=content)
+
+
+TABLES = {
+    "empty": (b"", "has no rows"),
+    "no text": (b"\xff\xfe", "is no text in UTF-8"),
+    "ragged": (b"1,2,3,4,5,6\n1,2\n", "row 2: 2 cells where the first row has 6"),
+    "header": (b"a,b,c,d,e,f\n", "row 1: .*header = true"),
+    "a hole": (b"1,2,3,4,5,6\n2,3,4,,6,7\n", "row 2: '4' is empty or nan"),
+    "same place": (b"1,2,3,4,5,6\n1,2,1,2,5,6\n", "row 2: two neighbouring markers coincide"),
+    "infinite": (b"1,2,3,4,5,6\n1,inf,1,2,5,6\n", "row 2: '2' is inf"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), TABLES.values(), ids=TABLES)
+def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, content, words):
+    refused(read_ibm, tmp_path / "0.csv", content, {}, words)
+
+
+def test_unreadable_files_are_named(tmp_path):
+    for read, given_settings in ((read_bam, MOTOR), (read_emps, {}), (read_phy180, {})):
+        with pytest.raises(InputError, match="cannot be read"):
+            read(tmp_path / "nowhere.mat", given_settings)
+    refused(read_ibm, tmp_path / "0.csv.gz", b"1,2\n", {}, "is no whole gzip file")
+    refused(read_emps, tmp_path / "a.csv", b"1,2\n", {}, "are MAT files")
+
+
+# --- Whatever chance brings ----------------------------------------------------------------------
+
+
+def damaged(content):
+    """The content with a part cut out, overwritten or repeated."""
+    size = len(content)
+    spots = st.tuples(st.integers(0, size), st.integers(0, 60), st.binary(max_size=30))
+    return spots.map(lambda s: content[: s[0]] + s[2] + content[s[0] + s[1] :])
+
+
+def survives(read, path, content, given_settings):
+    """The file is read, or refused in one line: nothing else happens."""
+    path.write_bytes(content)
+    try:
+        recording = read(path, given_settings)
+    except InputError as error:
+        assert "\n" not in str(error)
+    else:
+        assert isinstance(recording, Recording)
+        assert np.isfinite(recording.angle.value).all()
+
+
+@patient
+@given(damaged(bam_bytes(samples=12, passive=4)))
+def test_damaged_logs_end_in_one_line(tmp_path, content):
+    survives(read_bam, tmp_path / "a.json", content, MOTOR)
+
+
+@patient
+@given(
+    damaged(mat_bytes(emps_variables(samples=12)))
+    | damaged(mat_bytes(emps_variables(samples=12), do_compression=True))
+)
+def test_damaged_mat_files_end_in_one_line(tmp_path, content):
+    survives(read_emps, tmp_path / "a.mat", content, {})
+
+
+@patient
+@given(damaged(marker_csv(12)[0]))
+def test_damaged_marker_tables_end_in_one_line(tmp_path, content):
+    survives(read_markers, tmp_path / "a.csv", content, MARKERS)
+
+
+@patient
+@given(
+    st.binary(max_size=200) | st.text(alphabet="0123456789.,-e\n ", max_size=120).map(str.encode)
+)
+def test_junk_without_a_header_ends_in_one_line(content):
+    try:
+        table = read_bare(content, "a.csv", ["1"])
+    except InputError as error:
+        assert "\n" not in str(error)
+    else:
+        assert len(table.rows) == len(table.columns["1"])
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=9), inner, max_size=4)
+    ),
+    max_leaves=12,
+)
+
+
+@patient
+@given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
+def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
+    log = {**bam_log(samples=8, passive=2), key: value}
+    survives(read_bam, tmp_path / "a.json", json.dumps(log).encode(), MOTOR)

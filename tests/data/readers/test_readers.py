@@ -1,0 +1,221 @@
+"""Readers: what is read is what was measured, in SI units, with the signs of the mechanisms."""
+
+import gzip
+import json
+
+import numpy as np
+import pytest
+import scipy.io
+from fixtures.dataset_files import described, load, motion
+from fixtures.own_reader import read_by
+from fixtures.reader_files import (
+    MARKERS,
+    MOTOR,
+    bam_bytes,
+    bam_log,
+    column,
+    emps_variables,
+    marker_csv,
+    mat_bytes,
+)
+
+from frictionid.data.readers.bam import XL330_GAIN, read_bam
+from frictionid.data.readers.dfki_double_pendulum import read_dfki_double_pendulum
+from frictionid.data.readers.dfki_simple_pendulum import read_dfki_simple_pendulum
+from frictionid.data.readers.emps import read_emps
+from frictionid.data.readers.ibm import read_ibm
+from frictionid.data.readers.markers import read_markers
+from frictionid.data.readers.mat import read_mat
+from frictionid.data.readers.phy180 import read_phy180
+
+
+def put(folder, name, content):
+    path = folder / name
+    path.write_bytes(content)
+    return path
+
+
+# --- MAT tables ----------------------------------------------------------------------------------
+
+
+def test_mat_tables_hold_the_same_numbers_as_csv(tmp_path):
+    columns = motion(30)
+    document = described(
+        columns__time="log.t",
+        columns__angle=["log.q(:,1)", "log.q(:,2)"],
+        columns__torque=["", "u2"],
+        recordings__patterns=["*.mat"],
+    )
+    table = np.stack([columns["q1"], columns["q2"]], axis=1)
+    content = mat_bytes({"log": {"t": columns["time"], "q": table}, "u2": columns["u2"]})
+    (recording,) = load(tmp_path, document, a_mat=content).recordings
+    assert recording.name == "a"
+    np.testing.assert_array_equal(recording.angle.time, columns["time"])
+    np.testing.assert_array_equal(recording.angle.value, table)
+    np.testing.assert_array_equal(recording.torque.value[:, 1], columns["u2"])
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_mat_variables_are_those_that_scipy_reads(tmp_path, compressed):
+    rng = np.random.default_rng(1)
+    kinds = ["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"]
+    variables = {f"x{k}": (100 * rng.random((5, 3))).astype(k) for k in kinds}
+    variables |= {"cube": rng.random((2, 3, 4)), "one": 3.0, "none": np.zeros((0, 2))}
+    variables |= {"text": "abc", "cell": np.array([1.0, "a"], dtype=object), "z": np.ones(3) * 1j}
+    variables |= {"log": {"q": rng.random((4, 2)), "deep": {"t": np.arange(4.0)}}}
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, variables, do_compression=compressed)
+    found, expected = read_mat(path.read_bytes(), "a.mat"), scipy.io.loadmat(path)
+    for name in (*(f"x{k}" for k in kinds), "cube", "one", "none"):
+        np.testing.assert_array_equal(found[name], expected[name])
+        assert found[name].dtype == expected[name].dtype
+    assert (found["text"], found["cell"], found["z"]) == (None, None, None)
+    np.testing.assert_array_equal(found["log"]["deep"]["t"].ravel(), np.arange(4.0))
+    np.testing.assert_array_equal(found["log"]["q"], variables["log"]["q"])
+
+
+# --- bam -----------------------------------------------------------------------------------------
+
+
+def test_bam_torque_is_that_of_the_motor_and_zero_without_it(tmp_path):
+    log = bam_log()
+    recording = read_bam(put(tmp_path, "a.json", bam_bytes()), MOTOR)
+    time, q = column(log, "timestamp"), column(log, "position")
+    duty = np.clip(XL330_GAIN * 400 * (column(log, "goal_position") - q), -1, 1)
+    expected = 0.4 * (7.4 * duty - 0.4 * np.gradient(q, time)) / 4.0
+    driven = column(log, "torque_enable") > 0
+    np.testing.assert_array_equal(recording.angle.time, time)
+    np.testing.assert_allclose(recording.torque.value[driven, 0], expected[driven], rtol=1e-12)
+    assert np.all(recording.torque.value[~driven] == 0.0)
+    assert np.any(np.abs(expected[~driven]) > 0.01)  # the back-EMF of a connected motor
+
+
+def test_bam_duty_stays_within_its_limit(tmp_path):
+    path = put(tmp_path, "a.json", bam_bytes(kp=1e6, passive=0))
+    settings = {**MOTOR, "limit": 0.5}
+    time, q = column(bam_log(), "timestamp"), column(bam_log(), "position")
+    volts = read_bam(path, settings).torque.value[:, 0] * 4.0 / 0.4 + 0.4 * np.gradient(q, time)
+    np.testing.assert_allclose(np.abs(volts), 0.5 * 7.4, rtol=1e-9)
+
+
+def test_bam_load_is_a_signed_word_and_mass_and_length_are_the_logs(tmp_path):
+    log = bam_log(mass=0.7, length=0.2)
+    recording = read_bam(put(tmp_path, "a.json", json.dumps(log).encode()), MOTOR)
+    word = column(log, "load")
+    assert recording.parameters == {"mass": 0.7, "length": 0.2}
+    load_ = recording.covariates["load"].value[:, 0]
+    assert load_.min() < 0 and load_.max() <= 32767
+    np.testing.assert_array_equal(np.mod(load_, 65536), word)
+
+
+def test_bam_phases_part_the_log_between_them(tmp_path):
+    path = put(tmp_path, "a.json.gz", gzip.compress(bam_bytes()))
+    parts = [read_bam(path, {**MOTOR, "phase": p, "offset": 0.1}) for p in ("driven", "passive")]
+    whole = read_bam(path, MOTOR)
+    time = np.concatenate([part.angle.time for part in parts])
+    angle = np.concatenate([part.angle.value for part in parts])
+    np.testing.assert_array_equal(time, whole.angle.time)
+    np.testing.assert_allclose(angle, whole.angle.value + 0.1)
+    assert np.all(parts[1].torque.value == 0.0)
+
+
+def test_bam_arm_counts_as_a_rod(tmp_path):
+    path = put(tmp_path, "a.json", bam_bytes(mass=1.0, length=0.5, arm_mass=0.3))
+    p = read_bam(path, MOTOR).parameters
+    assert p["mass"] * p["length"] == pytest.approx((1.0 + 0.3 / 2) * 0.5)
+    inertia = p["mass"] * p["length"] ** 2 + p["inertia"]
+    assert inertia == pytest.approx((1.0 + 0.3 / 3) * 0.5**2)
+
+
+# --- the others ----------------------------------------------------------------------------------
+
+
+def test_emps_force_is_gain_times_voltage(tmp_path):
+    variables = emps_variables()
+    recording = read_emps(put(tmp_path, "a.mat", mat_bytes(variables)), {})
+    np.testing.assert_array_equal(recording.angle.value, variables["qm"])
+    np.testing.assert_allclose(recording.torque.value, 35.0 * variables["vir"])
+    np.testing.assert_array_equal(recording.covariates["reference"].value, variables["qg"])
+    assert recording.torque.hold == "previous"
+
+
+def test_markers_give_the_angles_they_were_made_of(tmp_path):
+    content, angles = marker_csv()
+    recording = read_markers(put(tmp_path, "a.csv", content), MARKERS)
+    np.testing.assert_allclose(recording.angle.value, angles, atol=1e-9)
+    np.testing.assert_allclose(recording.angle.time, np.arange(40) * 0.01)
+    assert np.all(recording.torque.value == 0.0)
+
+
+def test_markers_are_the_same_with_y_upwards_mirrored_or_by_frame_rate(tmp_path):
+    content, angles = marker_csv()
+    path = put(tmp_path, "a.csv", content)
+    rate = {k: v for k, v in MARKERS.items() if k != "time"} | {"rate": 100.0}
+    np.testing.assert_allclose(read_markers(path, rate).angle.value, angles, atol=1e-9)
+    mirrored = read_markers(path, {**MARKERS, "mirrored": True})
+    np.testing.assert_allclose(mirrored.angle.value, -angles, atol=1e-9)
+    up = read_markers(path, {**MARKERS, "y_points": "up"}).angle.value
+    np.testing.assert_allclose(np.cos(up[:, 0]), -np.cos(angles[:, 0]), atol=1e-9)
+
+
+def test_rows_without_a_marker_can_be_dropped_and_keep_their_time(tmp_path):
+    lines = marker_csv()[0].decode().splitlines()
+    lines[6] = lines[6].rpartition(",")[0] + ","
+    path = put(tmp_path, "a.csv", "\n".join(lines).encode())
+    recording = read_markers(path, {**MARKERS, "missing": "drop"})
+    np.testing.assert_allclose(recording.angle.time, np.delete(np.arange(40) * 0.01, 5))
+
+
+def test_ibm_is_a_preset_of_markers(tmp_path):
+    content, angles = marker_csv()
+    rows = [line.partition(",")[2] for line in content.decode().splitlines()[1:]]
+    path = put(tmp_path, "0.csv.gz", gzip.compress("\n".join(rows).encode()))
+    recording = read_ibm(path, {})
+    np.testing.assert_allclose(recording.angle.value, angles, atol=1e-9)
+    assert np.diff(recording.angle.time).max() == pytest.approx(1 / 400)
+
+
+def test_phy180_reads_two_of_three_columns(tmp_path):
+    path = put(tmp_path, "a.txt", b"0.0 0.7 9.9\n0.05 0.6 9.9\n\n0.1 0.5 nan\n")
+    recording = read_phy180(path, {})
+    assert recording.angle.value.ravel().tolist() == [0.7, 0.6, 0.5]
+    assert np.all(recording.torque.value == 0.0)
+
+
+def test_dfki_logs_may_have_more_columns_than_are_read(tmp_path):
+    head = "time,pos_meas1,pos_meas2,vel_meas1,pos_filt1,tau_con1,tau_con2,tau_meas1,tau_meas2"
+    rows = ["0.0,1,2,3,4,5,6,7,8", "0.1,1,2,3,4,5,6,7,8"]
+    path = put(tmp_path, "a.csv", "\n".join([head, *rows]).encode())
+    measured = read_dfki_double_pendulum(path, {})
+    commanded = read_dfki_double_pendulum(path, {"torque": "commanded"})
+    assert measured.angle.value[0].tolist() == [1.0, 2.0]
+    assert (measured.torque.value[0].tolist(), measured.torque.hold) == ([7.0, 8.0], "linear")
+    assert (commanded.torque.value[0].tolist(), commanded.torque.hold) == ([5.0, 6.0], "previous")
+    single = put(tmp_path, "b.csv", b"time,position,velocity,torque\n0,1,2,3\n1,4,5,6\n")
+    recording = read_dfki_simple_pendulum(single, {})
+    assert recording.angle.value.ravel().tolist() == [1.0, 4.0]
+    assert recording.velocity.value.ravel().tolist() == [2.0, 5.0]
+    assert recording.torque.value.ravel().tolist() == [3.0, 6.0]
+
+
+# --- [reader] in dataset.toml --------------------------------------------------------------------
+
+
+def test_ones_own_reader_is_one_function(tmp_path):
+    reader = {"kind": "my_readers:read", "scale": 0.5, "rate": 10.0}
+    span = {"patterns": ["a.log"], "start": 0.1, "parameters": {"a.log": {"length": 0.3}}}
+    dataset = read_by(tmp_path, reader, {"recordings": span, "sigma": {"angle": 0.01}})
+    (recording,) = dataset.recordings
+    assert recording.angle.value.ravel().tolist() == [1.0, 1.5, 2.0]
+    assert recording.parameters == {"mass": 2.0, "length": 0.3}
+    assert recording.angle.sigma.tolist() == [0.01]
+    assert recording.name == "a.log"
+
+
+def test_readers_are_named_in_the_description(tmp_path):
+    reader = {"kind": "bam", **MOTOR, "phase": "passive"}
+    dataset = read_by(tmp_path, reader, name="day_1.json.gz", content=gzip.compress(bam_bytes()))
+    (recording,) = dataset.recordings
+    assert recording.name == "day_1"
+    assert len(recording.angle.time) == 20
+    assert recording.parameters == {"mass": 0.49, "length": 0.1}

@@ -1,0 +1,134 @@
+"""Joint states of ROS 2 bags: what was written comes back, and mistakes are one line."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.ros import read_ros
+from frictionid.errors import InputError
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")
+typesys = pytest.importorskip("rosbags.typesys")
+
+STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+TYPE = "sensor_msgs/msg/JointState"
+START = 1_700_000_000_123_456_789  # [ns]
+
+
+def message(stamp, names, position, velocity, effort):
+    types = STORE.types
+    sec, nano = divmod(stamp, 10**9)
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](sec, nano), "base")
+    arrays = [np.asarray(a, dtype=np.float64) for a in (position, velocity, effort)]
+    return types[TYPE](header, list(names), *arrays)
+
+
+def write(folder, messages, plugin="MCAP", topics=("/joint_states",), kind=TYPE):
+    """A bag; its file."""
+    storage = getattr(rosbag2.StoragePlugin, plugin)
+    with rosbag2.Writer(folder, version=9, storage_plugin=storage) as bag:
+        for topic in topics:
+            connection = bag.add_connection(topic, kind, typestore=STORE)
+            for late, one in messages:
+                bag.write(connection, START + late, STORE.serialize_cdr(one, kind))
+    return next(p for p in folder.iterdir() if p.suffix in (".mcap", ".db3"))
+
+
+@pytest.fixture
+def motion():
+    """Times [ns], positions, velocities and efforts (50, 2) with even and uneven steps."""
+    generator = np.random.default_rng(1)
+    times = np.cumsum(generator.integers(1_000_000, 9_000_000, 50))
+    return times - times[0], *(generator.standard_normal((50, 2)) for _ in range(3))
+
+
+def states(motion, names=("shoulder", "elbow"), effort=True):
+    times, q, w, u = motion
+    out = []
+    for k, t in enumerate(times):
+        # the order of the joints may change from message to message
+        order = (0, 1) if k % 2 == 0 or k == 0 else (1, 0)
+        own = [names[i] for i in order]
+        cells = [v[k, list(order)] for v in (q, w, u)]
+        cells[2] = cells[2] if effort else []
+        out.append((int(t) + 5_000_000, message(START + int(t), own, *cells)))
+    return out
+
+
+@pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
+def test_joint_states_come_back_whatever_their_order(motion, tmp_path, plugin):
+    times, q, w, u = motion
+    file = write(tmp_path / "bag", states(motion), plugin)
+    settings = {"joints": ["elbow", "shoulder"], "driven": ["elbow"]}
+    found = read_ros(file, settings)
+    np.testing.assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found.angle.value, q[:, ::-1])
+    np.testing.assert_array_equal(found.velocity.value, w[:, ::-1])
+    np.testing.assert_array_equal(found.torque.value, np.stack([u[:, 1], 0 * u[:, 0]], axis=1))
+    received = read_ros(file, {**settings, "clock": "received"})
+    np.testing.assert_allclose(received.angle.time, found.angle.time, atol=1e-12)
+
+
+def test_a_bag_is_a_data_set(motion, tmp_path):
+    file = write(tmp_path / "bag", states(motion))
+    (tmp_path / "dataset.toml").write_text(
+        'name = "bags"\n[mechanism]\nkind = "acrobot"\n[reader]\nkind = "ros"\n'
+        'driven = ["elbow"]\n[recordings]\npatterns = ["bag/*.mcap"]\n'
+    )
+    recording = load_dataset(tmp_path).recordings[0]
+    assert recording.name == f"bag/{file.stem}"
+    np.testing.assert_array_equal(recording.angle.value, motion[1])
+
+
+def test_passive_joints_need_no_effort(motion, tmp_path):
+    file = write(tmp_path / "bag", states(motion, effort=False))
+    assert not read_ros(file, {"driven": []}).torque.value.any()
+    with pytest.raises(InputError, match=r"have no effort; without motors set driven = \[\]"):
+        read_ros(file, {})
+
+
+def test_mistakes_are_told_in_one_line(motion, tmp_path):
+    good = states(motion)
+    file = write(tmp_path / "good", good)
+    two = write(tmp_path / "two", good, topics=("/a", "/b"))
+    header = STORE.types["std_msgs/msg/Header"]
+    other = write(
+        tmp_path / "other",
+        [(0, header(good[0][1].header.stamp, "x"))],
+        kind="std_msgs/msg/Header",
+    )
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(file.read_bytes()[: len(file.read_bytes()) // 2])
+    empty = tmp_path / "empty.db3"
+    empty.write_bytes(b"")
+    back = write(tmp_path / "back", [*good, good[3]])
+    few = write(tmp_path / "few", good[:1])
+    cases = (
+        (file, {"joints": ["shoulder", "elbw"]}, "has no joint 'elbw'; did you mean 'elbow'?"),
+        (file, {"topic": "/joint_state"}, "did you mean '/joint_states'?"),
+        (file, {"driven": ["knee"]}, "driven: 'knee' is no joint"),
+        (file, {"topc": "/x"}, "unknown key 'topc'; did you mean 'topic'?"),
+        (two, {}, "has the topics /a, /b: name one"),
+        (other, {}, f"has no topic of {TYPE}"),
+        (torn, {}, "is no whole ROS 2 bag"),
+        (empty, {}, "is no whole ROS 2 bag"),
+        (back, {}, "time must increase"),
+        (few, {}, "has 1 joint states"),
+        (tmp_path / "good" / "metadata.yaml", {}, "is no .mcap or .db3 file"),
+    )
+    for path, settings, said in cases:
+        with pytest.raises(InputError, match=".") as complaint:
+            read_ros(path, settings)
+        assert said in str(complaint.value), (said, str(complaint.value))
+        assert str(path) in str(complaint.value)
+        assert "\n" not in str(complaint.value)
+
+
+def test_without_the_package_the_way_to_it_is_told(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    file = tmp_path / "a.mcap"
+    file.write_bytes(b"x")
+    with pytest.raises(InputError, match=r"pip install 'frictionid\[ros\]'"):
+        read_ros(file, {})

@@ -1,0 +1,303 @@
+"""Every mistake in a data set is one clear line: found ones by name, and whatever chance brings."""
+
+import gzip
+import hashlib
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from fixtures.dataset_files import COLUMNS, csv_bytes, described, load, motion, parquet_bytes, write
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.errors import InputError
+
+# Rules, not speed: a busy machine may be slow.
+patient = settings(deadline=None, max_examples=60)
+
+
+# --- Mistakes in dataset.toml --------------------------------------------------------------------
+
+
+MISTAKES = {
+    "unknown key": ({"colums": {}}, "unknown key 'colums'; did you mean 'columns'"),
+    "unknown inner key": ({"columns__angel": ["q1"]}, "columns: unknown key 'angel'; .*'angle'"),
+    "unknown quantity": ({"units__force": "N"}, "units: unknown key 'force'.*'torque'"),
+    "missing key": ({"mechanism__kind": None}, "'mechanism.kind' is missing"),
+    "missing table": ({"recordings": None}, "'recordings' is missing"),
+    "not a list": ({"columns__angle": "q1"}, r"columns\.angle: .*list, not 'q1'"),
+    "not a name": ({"columns__angle": ["q1", 2]}, r"columns\.angle\[1\]: .*string, not 2"),
+    "not a number": ({"mechanism__parameters": {"m4": "x"}}, r"parameters\.m4: .*number, not 'x'"),
+    "a truth value": ({"mechanism__parameters": {"m4": True}}, r"m4: .*number, not True"),
+    "not finite": ({"mechanism__parameters": {"m4": float("nan")}}, r"m4: .*finite.*, not nan"),
+    "unknown unit": ({"units__angle": "grad"}, "unknown unit 'grad'; known: 'rad', 'mrad', 'deg'"),
+    "unknown hold": ({"hold__torque": "next"}, r"hold\.torque: .*'previous' or 'linear'.*'next'"),
+    "joints disagree": ({"columns__torque": ["u2"]}, "torque names 1 columns and angle names 2"),
+    "nameless angle": ({"columns__angle": ["q1", ""]}, "only torque may have"),
+    "column twice": ({"columns__angle": ["q1", "q1"]}, "column 'q1' is named twice"),
+    "torque is angle": ({"columns__torque": ["", "q2"]}, "column 'q2' is named twice"),
+    "nameless clock": ({"columns__time": ""}, r"columns\.time\.angle: .*at least 1 char"),
+    "no joint": ({"columns__angle": []}, r"columns\.angle: .*at least 1"),
+    "half a clock": ({"columns__time": {"angle": "time"}}, r"'columns\.time\.torque' is missing"),
+    "no sigma": ({"sigma__angle": 0.0}, r"sigma\.angle.*greater than 0, not 0\.0"),
+    "sigmas disagree": ({"sigma__angle": [0.1, 0.1, 0.1]}, "sigma.angle has 3 numbers for 2"),
+    "start behind stop": ({"recordings__start": 2.0, "recordings__stop": 1.0}, "before stop"),
+    "start too late": ({"recordings__start": 99.0}, "'a'.*no sample lies between"),
+    "a single sample": ({"recordings__stop": 0.001}, "'a': angle needs at least 2 samples"),
+    "no match": ({"recordings__patterns": ["*.csv", "b*"]}, r"patterns: 'b\*' matches no file"),
+    "no pattern": ({"recordings__patterns": [""]}, "'' is no relative pattern"),
+    "absolute pattern": ({"recordings__patterns": ["/*"]}, r"'/\*' is no relative pattern"),
+    "foreign folder": ({"recordings__patterns": ["../*"]}, "leaves the folder"),
+    "no table": ({"recordings__patterns": ["*"]}, r"dataset\.toml: tables end with \.csv"),
+    "foreign override": ({"recordings__parameters": {"c.csv": {}}}, "'c.csv' is no file.*'a.csv'"),
+    "foreign hash": ({"sha256": {"A.csv": "0" * 64}}, "sha256: 'A.csv' is no file.*'a.csv'"),
+    "no hash": ({"sha256": {"a.csv": "12"}}, r"sha256\.a\.csv: .*not '12'"),
+    "missing column": (
+        {"columns__angle": ["q1", "q3"]},
+        r"a\.csv has no column 'q3'; it has 'time'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, changes, words):
+    with pytest.raises(InputError, match=words) as caught:
+        load(tmp_path, described(**changes))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", [b"name = ", b"\xff\xfe", b"a = " + b"[" * 9999, b"a = " + b"9" * 9999], ids=repr
+)
+def test_what_is_no_toml_is_refused(tmp_path, text):
+    with pytest.raises(InputError, match=r"dataset\.toml is no TOML"):
+        load(tmp_path, text)
+
+
+def test_a_missing_description_or_folder_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere does not exist; name a folder"):
+        load_dataset(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"dataset\.toml does not exist"):
+        load_dataset(tmp_path)
+    with pytest.raises(InputError, match="folder of its tables, .*nowhere, does not exist"):
+        load_dataset(write(tmp_path), data=tmp_path / "nowhere")
+
+
+def test_two_tables_of_one_name_are_refused(tmp_path):
+    text = csv_bytes(motion())
+    document = described(recordings__patterns=["a.*"])
+    with pytest.raises(InputError, match="two recordings are called 'a'"):
+        load(tmp_path, document, a_csv=text, a_csv_gz=gzip.compress(text))
+
+
+# --- Mistakes in tables --------------------------------------------------------------------------
+
+
+def table(*rows):
+    return "\n".join(["time,q1,q2,u2", *rows]).encode()
+
+
+DAMAGES = {
+    "empty file": (b"", r"a\.csv is empty"),
+    "empty table": (table(), "has no rows"),
+    "binary": (bytes(range(256)), "no CSV text in UTF-8"),
+    "no header": (b"0,1,2,3\n1,1,2,3\n", "no column 'time'; it has '0', '1'"),
+    "other separator": (b"time;q1;q2;u2\n0;1;2;3\n", "no column 'time'; it has 'time;q1;q2;u2'"),
+    "same name twice": (b"time,q1,q1,q2,u2\n0,1,2,3,4\n", "2 columns called 'q1'"),
+    "short row": (table("0,1,2,3", "1,1,2"), "row 3: 3 cells under 4 column names"),
+    "stray quotes": (table('0,1,"2,3', '1,1,2,3"', "2,1,2,3"), "row 2: a quote is left open"),
+    "open quote": (table("0,1,2,3", '1,1,2,"3'), "no CSV text.*unexpected end"),
+    "text": (table("0,1,2,3", "1,1,abc,3"), "row 3: column 'q2' holds 'abc', which is no number"),
+    "decimal comma": (b'time,q1,q2,u2\n"0,5",1,2,3\n', "row 2: column 'time' holds '0,5'"),
+    "empty cell": (table("0,1,2,3", "1,1,,3"), "row 3: 'q2' is empty or nan"),
+    "empty time": (table("0,1,2,3", ",1,2,3"), "row 3: 'time' is empty or nan"),
+    "nan": (table("0,1,2,3", "", "1,nan,2,3"), "row 4: 'q1' is empty or nan"),
+    "infinite": (table("0,1,2,3", "1,1,2,-inf"), "row 3: 'u2' is -inf"),
+    "time back": (table("0,1,2,3", "2,1,2,3", "1,1,2,3"), "row 4: time must increase: .*1 after 2"),
+    "time twice": (table("0,1,2,3", "0,1,2,3"), "row 3: time must increase: 'time' is 0 after 0"),
+    "one row": (table("0,1,2,3"), "angle needs at least 2 samples"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), DAMAGES.values(), ids=DAMAGES.keys())
+def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
+    with pytest.raises(InputError, match=words) as caught:
+        load(tmp_path, a_csv=content)
+    assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a_csv_gz", csv_bytes(motion()), r"a\.csv\.gz is no whole gzip file"),
+        ("a_csv_gz", gzip.compress(csv_bytes(motion()))[:-9], "no whole gzip file"),
+        ("a_parquet", b"PAR1 and so on", r"a\.parquet is no whole Parquet file"),
+        ("a_parquet", parquet_bytes(motion()).replace(b"temp", b"te\x80p"), "no whole.*utf-8"),
+        ("a_parquet", parquet_bytes(motion())[:-20], "no whole Parquet file"),
+        ("a_parquet", parquet_bytes({"time": [0.0, 1.0]}), "has no column 'q1'; it has 'time'"),
+        (
+            "a_parquet",
+            parquet_bytes({"time": [0.0], "q1": ["x"], "q2": [1.0], "u2": [1.0]}),
+            "column 'q1' holds no numbers",
+        ),
+        (
+            "a_parquet",
+            parquet_bytes({"time": [0.0], "q1": [[1.0]], "q2": [1.0], "u2": [1.0]}),
+            "column 'q1' holds no numbers",
+        ),
+        (
+            "a_parquet",
+            parquet_bytes({"time": [0, 1, 1], "q1": [1] * 3, "q2": [2] * 3, "u2": [3] * 3}),
+            "row 4: time must increase",
+        ),
+    ],
+)
+def test_a_damaged_gzip_or_parquet_file_is_one_clear_line(tmp_path, name, content, words):
+    with pytest.raises(InputError, match=words):
+        load(tmp_path, described(recordings__patterns=["a.*"]), **{name: content})
+
+
+def test_clocks_must_run_in_the_same_time(tmp_path):
+    document = described(columns__time={"angle": "time", "torque": "t_drive"})
+    columns = motion() | {"t_drive": motion()["time"] + 1.7e9}
+    with pytest.raises(InputError, match="share no moment; both clocks must count"):
+        load(tmp_path, document, a_csv=csv_bytes(columns))
+    with pytest.raises(InputError, match="the column 't_drive' is empty"):
+        load(tmp_path, document, a_csv=csv_bytes(columns | {"t_drive": [None] * 9}))
+
+
+def test_a_number_too_large_for_its_unit_is_refused(tmp_path):
+    columns = motion() | {"q1": np.full(9, 1e308)}
+    with pytest.raises(InputError, match="'a', angle, sample 0.*column 0' is inf"):
+        load(tmp_path, described(units={"angle": "rev"}), a_csv=csv_bytes(columns))
+
+
+# --- Whatever comes: success or an InputError -----------------------------------------------------
+
+
+def try_to_load(document=None, **tables):
+    """True where a data set was read, False where it was refused in one line."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            dataset = load(Path(folder), document, **tables)
+        except InputError as error:
+            assert len(str(error).splitlines()) == 1
+            return False
+    assert all(np.isfinite(recording.angle.value).all() for recording in dataset.recordings)
+    return True
+
+
+CELLS = st.sampled_from(["", "nan", "NaN", "inf", "-1e999", "abc", "1_0", "\x00", "0x1", "١"])
+
+
+@patient
+@given(st.data())
+def test_damaged_cells_are_refused_or_harmless(data):
+    rows = [line.split(",") for line in csv_bytes(motion()).decode().splitlines()]
+    for _ in range(data.draw(st.integers(1, 3))):
+        row = rows[data.draw(st.integers(0, len(rows) - 1))]
+        row[data.draw(st.integers(0, len(row) - 1))] = data.draw(CELLS)
+    used = [row[k] for row in rows[1:] for k in (0, 1, 2, 6)]
+    loaded = try_to_load(a_csv="\n".join(",".join(row) for row in rows).encode())
+    assert not (loaded and {"", "nan", "inf", "abc"} & set(used))
+
+
+@patient
+@given(st.permutations(range(9)))
+def test_shuffled_rows_are_refused(order):
+    columns = {name: column[list(order)] for name, column in motion().items()}
+    assert try_to_load(a_csv=csv_bytes(columns)) == (list(order) == sorted(order))
+
+
+@patient
+@given(st.sets(st.sampled_from(COLUMNS)))
+def test_a_table_is_refused_without_a_column_that_is_read(deleted):
+    columns = {name: column for name, column in motion().items() if name not in deleted}
+    needed = {"time", "q1", "q2", "u2"}
+    assert try_to_load(a_csv=csv_bytes(columns)) == needed.issubset(columns)
+
+
+@pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])
+@patient
+@given(data=st.data())
+def test_damaged_bytes_are_refused_or_harmless(ending, data):
+    text = csv_bytes(motion())
+    make = {"csv": bytes, "csv_gz": lambda text: gzip.compress(text, mtime=0)}
+    content = make[ending](text) if ending in make else parquet_bytes(motion())
+    content = damaged(data, content)
+    try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
+
+
+@patient
+@given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
+def test_junk_is_refused(content, ending):
+    assert not try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
+
+
+@patient
+@given(st.data())
+def test_damaged_toml_is_refused_or_harmless(data):
+    try_to_load(damaged(data, tomli_w.dumps(full_description()).encode()))
+
+
+VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**400), 10**400)
+    | st.floats()
+    | st.text(max_size=5)
+    | st.sampled_from(["q1", "time", "*.csv", "**", "*/", "a.csv", "deg", "\x00", "../a.csv"]),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+@patient
+@given(st.data())
+def test_any_value_in_any_place_of_the_description_is_refused_or_harmless(data):
+    document = full_description()
+    at = document
+    while True:
+        key = data.draw(st.sampled_from(sorted(at)))
+        if not isinstance(at[key], dict) or data.draw(st.integers(0, 3)) == 0:
+            break
+        at = at[key]
+    at[key] = data.draw(VALUES.filter(lambda value: value is not None))
+    try:
+        text = tomli_w.dumps(document).encode()
+    except (TypeError, UnicodeEncodeError):
+        return
+    try_to_load(text)
+
+
+def full_description():
+    """A description with every table in it."""
+    return described(
+        columns__velocity=["w1", "w2"],
+        columns__truth={"angle": ["q1", "q2"], "velocity": ["w1", "w2"]},
+        columns__covariates={"temperature": "temp"},
+        units={"time": "s", "angle": "deg", "velocity": "deg/s", "torque": "mN m"},
+        hold={"torque": "linear"},
+        sigma={"angle": 0.1, "torque": [0.1, 0.2]},
+        recordings__start=0.0,
+        recordings__stop=1.0,
+        recordings__parameters={"a.csv": {"m4": 0.0}},
+        sha256={"a.csv": hashlib.sha256(csv_bytes(motion())).hexdigest()},
+        truth={"law": "none"},
+    )
+
+
+def damaged(data, content):
+    """Content with a few bytes replaced, deleted or inserted."""
+    content = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        length = data.draw(st.integers(0, 3))
+        content[at : at + length] = data.draw(st.binary(max_size=3))
+    return bytes(content)

@@ -1,0 +1,146 @@
+"""Laws of signals: exact values and averages, held or linear, on any clock."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from frictionid.data.signals import Signal, averages, cut, sample
+from frictionid.errors import InputError
+
+HOLDS = ("linear", "previous")
+# Laws, not speed: a busy machine may be slow.
+patient = settings(deadline=None)
+
+
+@st.composite
+def clocks(draw, smallest=1):
+    """Uneven, increasing times somewhere around zero."""
+    steps = draw(st.lists(st.floats(1e-3, 1.0), min_size=smallest - 1, max_size=12).map(np.array))
+    return draw(st.floats(-5.0, 5.0)) + np.concatenate([[0.0], np.cumsum(steps)])
+
+
+@st.composite
+def signals(draw):
+    time = draw(clocks())
+    shape = (len(time), draw(st.integers(1, 3)))
+    value = draw(hnp.arrays(float, shape, elements=st.floats(-10, 10)))
+    return Signal(time, value, draw(st.sampled_from(HOLDS)))
+
+
+def integral_by_brute_force(signal, start, stop):
+    """Sum over the intervals on which the signal has no corner, each by its midpoint's value."""
+    inside = signal.time[(signal.time > start) & (signal.time < stop)]
+    corners = np.concatenate([[start], inside, [stop]])
+    middle = 0.5 * (corners[:-1] + corners[1:])
+    return (sample(signal, middle) * np.diff(corners)[:, None]).sum(axis=0)
+
+
+@patient
+@given(signals())
+def test_sample_at_own_times_is_the_value(signal):
+    np.testing.assert_array_equal(sample(signal, signal.time), signal.value)
+
+
+@patient
+@given(signals(), st.floats(1e-3, 10.0))
+def test_first_and_last_value_stay_outside_the_span(signal, beyond):
+    outside = [signal.time[0] - beyond, signal.time[-1] + beyond]
+    np.testing.assert_array_equal(sample(signal, outside), signal.value[[0, -1]])
+
+
+@patient
+@given(signals(), st.floats(0.01, 0.99))
+def test_between_two_samples_linear_interpolates_and_previous_holds(signal, share):
+    left, right = signal.value[:-1], signal.value[1:]
+    between = (1 - share) * signal.time[:-1] + share * signal.time[1:]
+    held = sample(signal._replace(hold="previous"), between)
+    np.testing.assert_array_equal(held, left)
+    linear = sample(signal._replace(hold="linear"), between)
+    np.testing.assert_allclose(linear, (1 - share) * left + share * right, atol=1e-10)
+
+
+@patient
+@given(signals(), clocks(smallest=2))
+def test_averages_are_the_integral_of_what_sample_returns(signal, edges):
+    total = averages(signal, edges) * np.diff(edges)[:, None]
+    for k in range(len(edges) - 1):
+        expected = integral_by_brute_force(signal, edges[k], edges[k + 1])
+        np.testing.assert_allclose(total[k], expected, atol=1e-11)
+
+
+@patient
+@given(signals(), clocks(smallest=3), st.data())
+def test_finer_edges_keep_every_integral(signal, edges, data):
+    kept = sorted({0, len(edges) - 1, data.draw(st.integers(0, len(edges) - 1))})
+    fine = averages(signal, edges) * np.diff(edges)[:, None]
+    coarse = averages(signal, edges[kept]) * np.diff(edges[kept])[:, None]
+    np.testing.assert_allclose(np.add.reduceat(fine, kept[:-1]), coarse, atol=1e-11)
+
+
+@patient
+@given(clocks(), st.floats(-1e6, 1e6), st.sampled_from(HOLDS), clocks(smallest=2))
+def test_a_constant_stays_exactly(time, constant, hold, edges):
+    signal = Signal(time, np.full((len(time), 2), constant), hold)
+    np.testing.assert_array_equal(averages(signal, edges), np.full((len(edges) - 1, 2), constant))
+    np.testing.assert_array_equal(sample(signal, edges), np.full((len(edges), 2), constant))
+
+
+@patient
+@given(clocks(smallest=2), clocks(smallest=2), st.floats(-10, 10), st.floats(-10, 10))
+def test_the_average_of_a_ramp_is_its_midpoint(time, edges, slope, level):
+    # Only within the span: outside it the ramp is held.
+    edges = time[0] + (edges - edges[0]) / (edges[-1] - edges[0]) * (time[-1] - time[0])
+    signal = Signal(time, (level + slope * time)[:, None])
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    np.testing.assert_allclose(averages(signal, edges)[:, 0], level + slope * middle, atol=1e-8)
+
+
+@patient
+@given(signals(), clocks(smallest=2))
+def test_averages_stay_between_the_extremes(signal, edges):
+    mean = averages(signal, edges)
+    assert np.all(mean >= signal.value.min(axis=0) - 1e-9)
+    assert np.all(mean <= signal.value.max(axis=0) + 1e-9)
+
+
+@patient
+@given(signals(), st.floats(-1e6, 1e6))
+def test_all_clocks_may_count_from_another_instant(signal, shift):
+    edges = np.linspace(signal.time[0] - 1.0, signal.time[-1] + 1.0, 7)
+    later = signal._replace(time=signal.time + shift)
+    np.testing.assert_allclose(averages(later, edges + shift), averages(signal, edges), atol=1e-6)
+
+
+@patient
+@given(signals(), st.floats(-5, 5), st.floats(0, 10))
+def test_cut_keeps_the_samples_of_the_span_and_nothing_else(signal, start, length):
+    inside = (signal.time >= start) & (signal.time <= start + length)
+    if not inside.any():
+        with pytest.raises(InputError, match="no sample lies between"):
+            cut(signal, start, start + length)
+        return
+    part = cut(signal, start, start + length)
+    np.testing.assert_array_equal(part.time, signal.time[inside])
+    np.testing.assert_array_equal(part.value, signal.value[inside])
+    assert part.hold == signal.hold
+
+
+def test_lists_are_as_good_as_arrays():
+    lists = Signal([0, 1, 3], [[0], [2], [4]])
+    arrays = Signal(np.array([0.0, 1.0, 3.0]), np.array([[0.0], [2.0], [4.0]]))
+    np.testing.assert_array_equal(sample(lists, [0.5, 2]), sample(arrays, [0.5, 2]))
+    np.testing.assert_array_equal(averages(lists, [0, 2]), averages(arrays, [0, 2]))
+    np.testing.assert_array_equal(cut(lists, 0, 1).value, cut(arrays, 0, 1).value)
+
+
+@pytest.mark.parametrize("edges", [[0.0, 0.0], [0.0, 1.0, 0.5], [0.0, np.nan]])
+def test_edges_that_do_not_increase_are_refused(edges):
+    with pytest.raises(InputError, match="edges of averages must increase"):
+        averages(Signal(np.arange(2.0), np.ones((2, 1))), edges)
+
+
+def test_an_unknown_hold_is_refused():
+    with pytest.raises(InputError, match="hold must be .* not 'next'"):
+        sample(Signal(np.arange(2.0), np.ones((2, 1)), "next"), [0.5])

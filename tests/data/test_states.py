@@ -1,0 +1,302 @@
+"""Laws of the state estimators: dense least squares, scipy, exact motions, recordings apart."""
+
+import numpy as np
+import pytest
+from scipy.signal import savgol_filter
+
+from frictionid.data.kalman import filtered, likeliest, pad, smoothed
+from frictionid.data.signals import Signal
+from frictionid.data.states import RTS, Backward, Causal, SavitzkyGolay
+from frictionid.errors import InputError
+
+ESTIMATORS = {
+    "backward": Backward(),
+    "savgol": SavitzkyGolay(),
+    "rts": RTS(),
+    "causal": Causal(),
+}
+
+
+def even(length=60, rate=60.0):
+    return np.arange(length) / rate
+
+
+def uneven(rng, length=60):
+    """Time stamps that scatter by a factor of ten, with a gap of 0.4 s in the middle."""
+    time = np.cumsum(rng.uniform(0.004, 0.04, length))
+    time[length // 2 :] += 0.4
+    return time
+
+
+def clock(name):
+    return even() if name == "even" else uneven(np.random.default_rng(1))
+
+
+def wave(time, rng, noise=1.6e-3):
+    return np.sin(5 * time) + 0.3 * np.cos(11 * time + 1) + noise * rng.normal(size=len(time))
+
+
+def one(time, value):
+    return Signal(time, np.asarray(value)[:, None])
+
+
+def transition(dt):
+    F = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    Q = np.array(
+        [
+            [dt**5 / 20, dt**4 / 8, dt**3 / 6],
+            [dt**4 / 8, dt**3 / 3, dt**2 / 2],
+            [dt**3 / 6, dt**2 / 2, dt],
+        ]
+    )
+    return F, Q
+
+
+def most_probable(time, value, rho):
+    """States (T, 3) of greatest probability, by least squares over all of them at once.
+
+    Rows y_k - x_k[0] and Q^-1/2 (x_{k+1} - F x_k); nothing is known beforehand of the first state.
+    """
+    T = len(time)
+    rows = np.zeros((T + 3 * (T - 1), T, 3))
+    rows[np.arange(T), np.arange(T), 0] = 1.0
+    for k, dt in enumerate(np.diff(time)):
+        F, Q = transition(dt)
+        unit = np.sqrt(np.diag(Q))
+        root = np.linalg.cholesky(Q / np.outer(unit, unit))
+        whiten = np.linalg.solve(root, np.diag(1 / (unit * np.sqrt(rho))))
+        at = slice(T + 3 * k, T + 3 * k + 3)
+        rows[at, k], rows[at, k + 1] = -whiten @ F, whiten
+    A = rows.reshape(len(rows), -1)
+    scale = np.linalg.norm(A, axis=0)
+    y = np.concatenate([value, np.zeros(3 * (T - 1))])
+    return (np.linalg.lstsq(A / scale, y, rcond=None)[0] / scale).reshape(T, 3)
+
+
+# ---------------------------------------------------------------- the smoother and its filter
+
+# of the greatest velocity; that nothing is known at the start costs digits on slow motions
+ROUNDING = {1e5: 1e-4, 1e8: 5e-6, 1e11: 1e-7}
+
+
+@pytest.mark.parametrize("rho", ROUNDING)
+@pytest.mark.parametrize("stamps", ["even", "uneven"])
+def test_the_smoother_is_the_dense_least_squares_solution(stamps, rho):
+    time = clock(stamps)
+    value = wave(time, np.random.default_rng(2))
+    expected = most_probable(time, value, rho)
+    found = smoothed(pad([one(time, value)]), np.array([rho]))[:, 0]
+    error = np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0)
+    assert error[0] < ROUNDING[rho] and error[1] < ROUNDING[rho]
+    assert error[2] < 50 * ROUNDING[rho]
+
+
+@pytest.mark.parametrize("stamps", ["even", "uneven"])
+def test_the_filter_is_the_smoother_of_the_samples_so_far(stamps):
+    time = clock(stamps)
+    value = wave(time, np.random.default_rng(3))
+    rho = np.array([1e9])
+    mean = filtered(pad([one(time, value)]), rho).mean[:, 0]
+    for stop in (4, 10, 31, 60):
+        so_far = pad([one(time[:stop], value[:stop])])
+        np.testing.assert_array_equal(mean[stop - 1], smoothed(so_far, rho)[-1, 0])
+        expected = most_probable(time[:stop], value[:stop], rho[0])[-1]
+        np.testing.assert_allclose(mean[stop - 1, :2], expected[:2], rtol=1e-6, atol=1e-6)
+
+
+def test_the_filter_ignores_what_comes_later_and_the_smoother_does_not():
+    time, rho = even(), np.array([1e9])
+    value = wave(time, np.random.default_rng(4))
+    other = value.copy()
+    other[31:] += 1.0
+    a, b = (pad([one(time, y)]) for y in (value, other))
+    before = slice(0, 31)
+    np.testing.assert_array_equal(filtered(a, rho).mean[before], filtered(b, rho).mean[before])
+    assert np.abs(smoothed(a, rho) - smoothed(b, rho))[30, 0, 1] > 1.0
+
+
+def test_the_public_estimators_use_the_likeliest_ratio():
+    time = even()
+    angle = one(time, wave(time, np.random.default_rng(5)))
+    series = pad([angle])
+    rho = likeliest(series)
+    np.testing.assert_array_equal(RTS()([angle])[0].w, smoothed(series, rho)[..., 1])
+
+
+def test_the_causal_estimator_sees_nothing_of_what_comes_later():
+    rng = np.random.default_rng(5)
+    time = even()
+    angle = one(time, wave(time, rng))
+    for stop in (3, 10, 31):
+        noisy = angle.value + 0.3 * (time >= time[stop])[:, None] * rng.normal(size=(len(time), 1))
+        before, other = (Causal()([angle._replace(value=v)])[0] for v in (angle.value, noisy))
+        np.testing.assert_array_equal(before.w[:stop], other.w[:stop])
+        np.testing.assert_array_equal(before.q[:stop], other.q[:stop])
+        assert np.abs(before.w - other.w)[stop:].max() > 0.1
+
+
+def test_the_causal_estimator_ends_with_the_ratio_that_all_samples_make_likeliest():
+    time = even()
+    angle = one(time, wave(time, np.random.default_rng(5)))
+    series = pad([angle])
+    rho = likeliest(series)
+    # it tries whole decades, so it ends within half a decade
+    low, high = (filtered(series, rho * 10.0**shift).mean[-1, 0, 1] for shift in (-0.6, 0.6))
+    assert min(low, high) <= Causal()([angle])[0].w[-1, 0] <= max(low, high)
+
+
+@pytest.mark.parametrize("exponent", [5.0, 8.0, 10.0])
+def test_the_likeliest_ratio_is_that_of_the_model_which_drew_the_data(exponent):
+    rng = np.random.default_rng(6)
+    S, T = 48, 240
+    F, Q = transition(1 / 60)
+    shocks = rng.multivariate_normal(np.zeros(3), Q * 10.0**exponent, (T, S), method="cholesky")
+    x = np.zeros((T, S, 3))
+    for k in range(1, T):
+        x[k] = x[k - 1] @ F.T + shocks[k]
+    sigma = 1.6e-3  # the ratio is all that matters, not the size of the noise
+    angle = Signal(even(T), sigma * (x[..., 0] + rng.normal(size=(T, S))))
+    found = np.log10(likeliest(pad([angle])))
+    assert abs(np.median(found) - exponent) < 0.15
+    assert np.abs(found - exponent).max() < 1.5
+
+
+def test_a_wave_without_noise_is_recovered_and_ever_better_on_faster_clocks():
+    def errors(estimator, rate):
+        time = even(int(2 * rate), rate)
+        w = estimator([one(time, np.sin(5 * time))])[0].w[:, 0]
+        return np.abs(w - 5 * np.cos(5 * time))
+
+    inner = slice(20, -20)
+    smooth = [errors(RTS(), rate)[inner].max() for rate in (30, 60, 120)]
+    causal = [errors(Causal(), rate)[inner].max() for rate in (30, 60, 120)]
+    assert smooth[1] < 1e-5 and causal[1] < 0.01
+    assert errors(RTS(), 60).max() < 0.01  # at the ends it is a filter
+    for coarse, fine in (smooth[:2], smooth[1:], causal[:2], causal[1:]):
+        assert fine < coarse / 3
+
+
+# ---------------------------------------------------------------- all estimators
+
+
+@pytest.fixture(params=ESTIMATORS)
+def estimator(request):
+    return ESTIMATORS[request.param]
+
+
+def several(rng):
+    """Recordings of two joints, unequal in length and clock."""
+    out = []
+    for length in (40, 77, 25):
+        time = uneven(rng, length)
+        out.append(Signal(time, np.stack([wave(time, rng), 3 * wave(time, rng)], axis=1)))
+    return out
+
+
+def test_many_recordings_at_once_give_what_each_gives_alone(estimator):
+    angles = several(np.random.default_rng(7))
+    for angle, together in zip(angles, estimator(angles), strict=True):
+        alone = estimator([angle])[0]
+        for a, b in zip(together, alone, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_joints_do_not_mix(estimator):
+    angle = several(np.random.default_rng(8))[0]
+    both = estimator([angle])[0]
+    second = estimator([angle._replace(value=angle.value[:, 1:])])[0]
+    np.testing.assert_allclose(both.w[:, 1:], second.w, rtol=0, atol=1e-12)
+
+
+def test_clock_origin_and_angle_origin_do_not_matter_and_units_scale(estimator):
+    angle = several(np.random.default_rng(9))[1]
+    plain = estimator([angle])[0]
+    moved = estimator([Signal(angle.time + 8.0, angle.value + 2.0)])[0]
+    np.testing.assert_allclose(moved.w, plain.w, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(moved.q, plain.q + 2.0, rtol=0, atol=1e-7)
+    scaled = estimator([Signal(angle.time, 1e-3 * angle.value)])[0]
+    np.testing.assert_allclose(scaled.w, 1e-3 * plain.w, rtol=0, atol=1e-8)
+
+
+EXACT = [
+    (Backward(), 1),
+    (SavitzkyGolay(), 3),
+    (SavitzkyGolay(window=11, order=5), 5),
+    (RTS(), 2),
+    (Causal(), 2),
+]
+
+
+@pytest.mark.parametrize(("estimator", "degree"), EXACT)
+@pytest.mark.parametrize("stamps", ["even", "uneven"])
+def test_motions_that_the_model_contains_are_exact(estimator, degree, stamps):
+    time = clock(stamps)
+    motion = np.polynomial.Polynomial(np.random.default_rng(10).normal(size=degree + 1))
+    states = estimator([one(time, motion(time))])[0]
+    # the causal filter needs three samples for three unknowns
+    settled = slice(3 if isinstance(estimator, Causal) else 0, None)
+    expected = motion.deriv()(states.time)[settled]
+    np.testing.assert_allclose(states.w[settled, 0], expected, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(states.q[settled, 0], motion(states.time)[settled], atol=1e-8)
+
+
+def test_angles_and_times_belong_together(estimator):
+    angles = several(np.random.default_rng(11))
+    for angle, states in zip(angles, estimator(angles), strict=True):
+        dropped = len(angle.time) - len(states.time)
+        np.testing.assert_array_equal(states.time, angle.time[dropped:])
+        assert dropped == (1 if isinstance(estimator, Backward) else 0)
+        assert states.q.shape == states.w.shape == (len(states.time), 2)
+        assert np.abs(states.q - angle.value[dropped:]).max() < 0.1
+
+
+def test_two_samples_are_enough_for_all_but_savgol():
+    short = Signal(np.array([0.0, 0.02]), np.array([[1.0], [1.1]]))
+    assert Backward()([short])[0].w[0, 0] == pytest.approx(5.0)
+    assert RTS()([short])[0].w.mean() == pytest.approx(5.0, rel=1e-3)
+    assert np.isfinite(Causal()([short])[0].w).all()
+
+
+# ---------------------------------------------------------------- backward differences, polynomials
+
+
+def test_backward_differences_are_what_a_semi_implicit_step_undoes():
+    angle = several(np.random.default_rng(12))[0]
+    states = Backward()([angle])[0]
+    dt = np.diff(angle.time)[:, None]
+    np.testing.assert_array_equal(states.w, (angle.value[1:] - angle.value[:-1]) / dt)
+    np.testing.assert_array_equal(states.q, angle.value[1:])
+    np.testing.assert_allclose(states.q[:-1] + states.w[1:] * dt[1:], states.q[1:], atol=1e-14)
+
+
+@pytest.mark.parametrize(("window", "order"), [(5, 2), (7, 3), (11, 4)])
+def test_savgol_is_scipys_on_an_even_clock(window, order):
+    time = even(80)
+    value = wave(time, np.random.default_rng(13))
+    states = SavitzkyGolay(window, order)([one(time, value)])[0]
+    whole = slice(window // 2, -(window // 2))  # scipy treats the ends in its own ways
+    for found, deriv in ((states.q, 0), (states.w, 1)):
+        expected = savgol_filter(value, window, order, deriv=deriv, delta=1 / 60)
+        np.testing.assert_allclose(found[whole, 0], expected[whole], rtol=0, atol=1e-10)
+
+
+def test_savgol_sees_its_window_only():
+    time = uneven(np.random.default_rng(14))
+    value = wave(time, np.random.default_rng(15))
+    other = value.copy()
+    other[20] += 1.0
+    a, b = (SavitzkyGolay(7, 3)([one(time, y)])[0].w[:, 0] for y in (value, other))
+    changed = np.flatnonzero(a != b)
+    assert changed.min() == 20 - SavitzkyGolay(7, 3).support
+    assert changed.max() == 20 + SavitzkyGolay(7, 3).support
+
+
+@pytest.mark.parametrize(("window", "order"), [(6, 3), (3, 3), (5, 7)])
+def test_a_window_that_cannot_hold_the_polynomial_is_refused(window, order):
+    with pytest.raises(InputError, match=f"window = {window} must be odd and larger than order"):
+        SavitzkyGolay(window, order)
+
+
+def test_too_short_a_recording_is_refused():
+    with pytest.raises(InputError, match="6 samples are fewer than window = 7"):
+        SavitzkyGolay()([one(even(6), np.zeros(6))])

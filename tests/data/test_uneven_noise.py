@@ -1,0 +1,135 @@
+"""Samples whose noise is known one by one: smoother, shooting and reader weigh them."""
+
+import numpy as np
+import pytest
+
+from frictionid import InputError, load_dataset
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, cut, unevenness
+from frictionid.data.states import RTS
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.shooting import refine
+from frictionid.shooting.parameters import FrictionBlock
+from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck, simulate
+
+RATE = 60.0
+
+
+def noisy(true, rng, sigma):
+    return true + sigma * rng.standard_normal(true.shape)
+
+
+def test_the_smoother_trusts_samples_by_their_noise():
+    t = np.arange(240) / RATE
+    true = np.sin(4 * t)[:, None]
+    rng = np.random.default_rng(0)
+    sigma = np.where(rng.random(t.shape) < 0.3, 0.05, 0.001)[:, None]
+    errors = []
+    for _ in range(20):
+        value = noisy(true, rng, sigma)
+        told, blind = RTS()([Signal(t, value, sigma=sigma)])[0], RTS()([Signal(t, value)])[0]
+        errors.append([np.sqrt(np.mean((s.q - true) ** 2)) for s in (told, blind)])
+    told, blind = np.median(errors, axis=0)
+    assert told < 0.2 * blind
+
+
+def test_equal_deviations_change_nothing():
+    t = np.arange(90) / RATE
+    value = noisy(np.sin(5 * t)[:, None], np.random.default_rng(1), 0.002)
+    plain = RTS()([Signal(t, value)])[0]
+    told = RTS()([Signal(t, value, sigma=np.full_like(value, 0.7))])[0]
+    np.testing.assert_array_equal(told.q, plain.q)
+
+
+def swings(sigma_of):
+    """A pendulum seen by a camera whose noise differs from frame to frame."""
+    rig = Rig(
+        "swing",
+        {"kind": "pendulum", "parameters": {"mass": 0.4, "length": 0.2}},
+        Stribeck(Curve((0.02,), (0.02,), (0.004,))),
+        Camera(samples=240, rate=RATE),
+        tuple(Run(f"r{k}", start_angle=(a,)) for k, a in enumerate((2.4, -2.0, 1.5, 2.8))),
+    )
+    data = simulate(rig)
+    rng = np.random.default_rng(3)
+    recordings = []
+    for r in data.recordings:
+        sigma = sigma_of(rng, r.truth.angle.value.shape)
+        angle = Signal(r.angle.time, noisy(r.truth.angle.value, rng, sigma), sigma=sigma)
+        recordings.append(Recording(r.name, angle, r.torque))
+    return Dataset(data.name, data.mechanism, tuple(recordings))
+
+
+def blind(data):
+    return Dataset(
+        data.name,
+        data.mechanism,
+        tuple(Recording(r.name, r.angle._replace(sigma=None), r.torque) for r in data.recordings),
+    )
+
+
+def test_shooting_trusts_samples_by_their_noise():
+    data = swings(lambda rng, shape: np.where(rng.random(shape) < 0.4, 0.03, 0.0005))
+    start = Friction(CoulombViscous(), np.array([[0.03, 0.002]]))
+    errors = []
+    for d in (data, blind(data)):
+        theta = refine(start, d, (FrictionBlock(),)).friction.theta[0]
+        errors.append(np.abs(theta / [0.02, 0.004] - 1).max())
+    assert errors[0] < 0.02 and errors[0] < 0.5 * errors[1]
+
+
+def test_a_part_of_a_signal_keeps_its_deviations():
+    signal = Signal(np.arange(4.0), np.ones((4, 1)), sigma=np.array([[1.0], [2.0], [4.0], [8.0]]))
+    part = cut(signal, 1.0, 2.0)
+    assert part.sigma.tolist() == [[2.0], [4.0]]
+    np.testing.assert_allclose(unevenness(part).ravel(), [2 / 3, 4 / 3])
+
+
+TOML = """
+name = "tracked"
+[mechanism]
+kind = "pendulum"
+[columns]
+time = "time"
+angle = ["q1"]
+sigma = ["sigma1"]
+torque = [""]
+missing = "drop"
+[units]
+angle = "deg"
+[recordings]
+patterns = ["*.csv"]
+"""
+ROWS = [
+    "time,q1,sigma1,state",
+    "0,90,0.1,found",
+    "1,,,predicted",
+    "2,60,0.2,found",
+    "3,30,0.4,found",
+]
+
+
+def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
+    (tmp_path / "dataset.toml").write_text(TOML)
+    (tmp_path / "a.csv").write_text("\n".join(ROWS))
+    angle = load_dataset(tmp_path).recordings[0].angle
+    assert angle.time.tolist() == [0.0, 2.0, 3.0]
+    np.testing.assert_allclose(np.degrees(angle.value.ravel()), [90, 60, 30])
+    np.testing.assert_allclose(np.degrees(angle.sigma.ravel()), [0.1, 0.2, 0.4])
+
+
+@pytest.mark.parametrize(
+    ("rows", "line"),
+    [
+        ([*ROWS[:2], "2,60,0,found"], "sigma must be positive"),
+        ([ROWS[0], "0,,,lost", "1,,,lost"], "no row has all angles"),
+        ([*ROWS[:2], "2,60,,found"], "'sigma1' is empty or nan"),
+    ],
+)
+def test_wrong_deviations_are_told_in_one_line(tmp_path, rows, line):
+    (tmp_path / "dataset.toml").write_text(TOML)
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    with pytest.raises(InputError, match=line) as error:
+        load_dataset(tmp_path)
+    assert "\n" not in str(error.value)

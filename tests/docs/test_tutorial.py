@@ -1,0 +1,94 @@
+"""The tutorial without hardware: its commands, as they stand on the page, one after the other."""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+from fixtures.drive_ports import until
+from fixtures.paths import ROOT
+
+from frictionid.acquire.align.table import AngleColumns
+from frictionid.acquire.protocol import written
+from frictionid.acquire.settings import setup_of
+from frictionid.cli import main
+from frictionid.config import checked
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.kinds import READERS
+from frictionid.data.readers.ros import RosSettings
+from frictionid.data.signals import sample
+
+MAIN = "import sys; from frictionid.cli import main; sys.exit(main())"
+
+
+def commands():
+    """Lines of the page's shell blocks."""
+    text = (ROOT / "docs" / "tutorial.md").read_text()
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    return [line for block in blocks for line in block.splitlines()]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    for path in (ROOT / "docs" / "tutorial").iterdir():
+        shutil.copy(path, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_commands_of_the_tutorial_run(folder, monkeypatch, capsys):
+    running, out = [], {}
+    try:
+        for line in commands():
+            words = shlex.split(line.removesuffix("&"))
+            if line.endswith("&"):
+                until(lambda: not (folder / "drive").is_symlink())
+                running.append(subprocess.Popen([sys.executable, "-c", MAIN, *words[1:]]))
+                until(lambda: (folder / "drive").exists())
+                continue
+            monkeypatch.setattr(sys, "argv", words)
+            code = main()
+            out[line], err = capsys.readouterr()
+            assert code in ((0, 1) if words[1] == "check" else (0,)), (line, err)
+            if words[1] == "excite":
+                running[-1].terminate()
+            elif words[1] == "log":
+                assert running[-1].wait(60) == 0
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+    _check(folder, out)
+
+
+def _check(folder, out):
+    aligned = [text for line, text in out.items() if " align " in line]
+    assert len(aligned) == 1
+    for text in aligned:
+        offset, at = re.search(r"offset +(\S+) s.* at (\S+) s of", text).groups()
+        assert float(offset) == pytest.approx(-3.863 + 50e-6 * float(at), abs=1e-3)
+        assert "measured = 0.9700" in text
+    (true,), (mine,) = (load_dataset(folder / name).recordings for name in ("simulated", "data"))
+    at = mine.torque.time[50:-50]
+    off = np.abs(mine.torque.value[50:-50] - sample(true.torque, at))
+    # only where the torque changes, and by the rounding of the current elsewhere
+    assert np.quantile(off, 0.75) < 1e-5
+    compared = next(text for line, text in out.items() if " compare " in line)
+    assert "stribeck" in compared
+    assert (folder / "played.csv").read_text().count("\n") > 10
+
+
+def test_the_settings_on_the_page_of_the_drive_are_accepted():
+    text = (ROOT / "docs" / "drive.md").read_text()
+    blocks = re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    rig, ros = map(tomllib.loads, blocks)
+    setup = setup_of(rig, "rig.toml")
+    assert written(setup.wire.format(), ("1000", "0.05", "0.2")).decode().strip() in text
+    checked(AngleColumns, rig["angles"], "[angles]")
+    settings = {k: v for k, v in ros["reader"].items() if k != "kind"}
+    checked(RosSettings, settings, "[reader]")
+    assert ros["reader"]["kind"] in READERS

@@ -1,0 +1,331 @@
+"""The physics step against exact solutions: orders of convergence, memory, substeps, tensors."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import torch
+from fixtures.memory_laws import Sampled
+from scipy.integrate import solve_ivp
+
+from frictionid.dynamics.step import (
+    State,
+    euler_step,
+    semi_implicit_step,
+    step,
+    stiffness,
+    substeps,
+)
+from frictionid.errors import InputError
+from frictionid.friction import Friction, at_rest
+from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
+from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
+
+
+class Case(NamedTuple):
+    """A motion that never comes to rest, so that everything about it is smooth."""
+
+    plant: Plant
+    friction: Friction
+    q: tuple[float, ...]
+    w: tuple[float, ...]
+    u: tuple[float, ...]
+
+
+def viscous(*levels):
+    return Friction(CoulombViscous(), np.array([[0.0, v] for v in levels]))
+
+
+WIDE = Friction(CoulombViscous(width=3.0), np.array([[0.1, 0.01], [0.05, 0.01]]))
+CASES = {
+    "pendulum": Case(
+        Plant.of(pendulum(), {"mass": 0.5, "length": 0.2}), viscous(0.02), (1.0,), (4.0,), (0.1,)
+    ),
+    "double": Case(
+        Plant.of(double_pendulum(), {}), viscous(0.02, 0.01), (1.0, -0.5), (5.0, -4.0), (0.3, -0.1)
+    ),
+    "acrobot": Case(
+        Plant.of(acrobot(), {}), viscous(0.01, 0.003), (0.5, 1.0), (6.0, 3.0), (0.0, 0.1)
+    ),
+    "wide sign": Case(Plant.of(double_pendulum(), {}), WIDE, (0.3, 0.2), (5.0, -5.0), (0.5, -0.1)),
+}
+DURATION = 0.3
+
+
+def reference(case, duration=DURATION):
+    """State after the duration, by an integrator of order eight with tolerance 1e-12."""
+    n = case.plant.n
+
+    def rate(_, y):
+        q, w = y[:n], y[n:]
+        M, h = case.plant.dynamics(q, w)
+        driven = np.array(case.u) * np.diag(case.plant.mechanism.B)
+        Tf = case.friction.torque(at_rest(w))
+        return np.concatenate([w, np.linalg.solve(M, h + driven - Tf)])
+
+    begin = np.array([*case.q, *case.w])
+    return solve_ivp(rate, (0, duration), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+
+
+def advanced(case, method, count, duration=DURATION):
+    state = State(np.array(case.q), np.array(case.w))
+    u, dt = np.array(case.u), np.array([duration / count])
+    if method is step:
+        state = step(case.plant, case.friction, state, u, dt * count, count)
+    else:
+        for _ in range(count):
+            state = method(case.plant, case.friction, state, u, dt)
+    return np.concatenate([state.q, state.w])
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    ("method", "order", "counts"),
+    [
+        (step, 4, (16, 32, 64, 128)),
+        (euler_step, 1, (400, 800, 1600, 3200)),
+        (semi_implicit_step, 1, (400, 800, 1600, 3200)),
+    ],
+    ids=["rk4", "euler", "semi_implicit"],
+)
+def test_the_error_falls_with_the_order_of_the_method(name, method, order, counts):
+    exact = reference(CASES[name])
+    errors = [np.abs(advanced(CASES[name], method, c) - exact).max() for c in counts]
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(order, abs=0.25)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_finely_divided_step_is_the_exact_solution(name):
+    exact = reference(CASES[name])
+    np.testing.assert_allclose(advanced(CASES[name], step, 400), exact, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_default_substeps_are_exact_to_what_a_camera_sees(name):
+    case = CASES[name]
+    count = substeps(case.plant, case.friction, DURATION)
+    error = np.abs(advanced(case, step, count) - reference(case))[: case.plant.n]
+    assert error.max() < 1e-4
+
+
+def test_many_substeps_are_many_steps():
+    case = CASES["double"]
+    friction = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
+    begin = State(np.array(case.q), np.array(case.w))
+    u = np.array(case.u)
+    whole = step(case.plant, friction, begin, u, np.array([1.0]), 256)
+    part = begin
+    for _ in range(256):
+        part = step(case.plant, friction, part, u, np.array([1 / 256]), 1)
+    np.testing.assert_array_equal(whole.q, part.q)
+    np.testing.assert_array_equal(whole.w, part.w)
+
+
+def test_the_simple_steps_are_their_formulas():
+    case = CASES["double"]
+    q, w, u, dt = (np.array(x) for x in (case.q, case.w, case.u, [0.01]))
+    M, h = case.plant.dynamics(q, w)
+    after = w + 0.01 * np.linalg.solve(M, h + u - case.friction.torque(at_rest(w)))
+    euler = euler_step(case.plant, case.friction, State(q, w), u, dt)
+    semi = semi_implicit_step(case.plant, case.friction, State(q, w), u, dt)
+    np.testing.assert_allclose(euler.w, after, rtol=1e-13)
+    np.testing.assert_array_equal(semi.w, euler.w)
+    np.testing.assert_array_equal(euler.q, q + 0.01 * w)
+    np.testing.assert_array_equal(semi.q, q + 0.01 * semi.w)
+
+
+def test_torques_of_joints_without_motor_do_nothing():
+    case = CASES["acrobot"]
+    pushed = advanced(case._replace(u=(9.0, case.u[1])), step, 60)
+    np.testing.assert_array_equal(pushed, advanced(case, step, 60))
+
+
+# ---------------------------------------------------------------- batches and tensors
+
+
+def random_batch(rng, size=12):
+    state = State(rng.uniform(-2, 2, (size, 2)), rng.uniform(-3, 3, (size, 2)))
+    state.w[::4, 0] = 0.0  # some joints at rest
+    return state, rng.normal(size=(size, 2)) * 0.2
+
+
+STICKY = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
+
+
+@pytest.mark.parametrize("method", ["step", "euler_step", "semi_implicit_step"])
+def test_a_batch_is_each_motion_alone(method):
+    state, u = random_batch(np.random.default_rng(1))
+    plant, dt = CASES["double"].plant, np.array([0.05])
+
+    def advance(state, u):
+        if method == "step":
+            return step(plant, STICKY, state, u, dt, 40)
+        simple = {"euler_step": euler_step, "semi_implicit_step": semi_implicit_step}[method]
+        return simple(plant, STICKY, state, u, dt)
+
+    together = advance(state, u)
+    for k in range(len(u)):
+        alone = advance(State(state.q[k], state.w[k]), u[k])
+        np.testing.assert_array_equal(together.q[k], alone.q)
+        np.testing.assert_array_equal(together.w[k], alone.w)
+
+
+def test_frictions_plants_and_durations_may_each_have_a_batch():
+    rng = np.random.default_rng(2)
+    state, u = random_batch(rng, 5)
+    plant = Plant.of(double_pendulum(), {"m2": rng.uniform(0.3, 0.6, 5)})
+    many = Friction(Stribeck(), STICKY.theta * rng.uniform(0.5, 1.5, (3, 1, 1, 1)))
+    dt = rng.uniform(0.01, 0.05, (5, 1))
+    together = step(plant, many, state, u, dt, 30)
+    assert together.q.shape == (3, 5, 2)
+    for f in range(3):
+        for k in range(5):
+            begin = State(state.q[k], state.w[k])
+            alone = step(plant[k], many[f, 0], begin, u[k], dt[k], 30)
+            np.testing.assert_array_equal(together.w[f, k], alone.w)
+
+
+def tensors(plant):
+    return Plant(plant.mechanism, {}, torch.as_tensor(plant.p))
+
+
+def test_tensors_give_the_same_motion():
+    state, u = random_batch(np.random.default_rng(3))
+    plant, dt = CASES["double"].plant, np.array([0.05])
+    expected = step(plant, STICKY, state, u, dt, 40)
+    friction = Friction(STICKY.law, torch.as_tensor(STICKY.theta))
+    begin = State(torch.as_tensor(state.q), torch.as_tensor(state.w))
+    found = step(tensors(plant), friction, begin, torch.as_tensor(u), torch.as_tensor(dt), 40)
+    np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.w, expected.w, rtol=0, atol=1e-11)
+    assert (expected.w == 0).any()
+    np.testing.assert_array_equal(found.w.numpy() == 0, expected.w == 0)
+
+
+# ---------------------------------------------------------------- memory
+
+
+def lagging_reference(plant, friction, q, w, u, duration):
+    """Film lag with its height as a state of its own."""
+    law, theta, n = friction.law, friction.theta, plant.n
+
+    def rate(_, y):
+        q, w, z = y[:n], y[n : 2 * n], y[2 * n :]
+        M, h = plant.dynamics(q, w)
+        a = np.linalg.solve(M, h + u - law.torque(theta, at_rest(w), (z,)))
+        return np.concatenate([w, a, (np.abs(w) - z) / theta[:, 4]])
+
+    begin = np.concatenate([q, w, np.zeros(n)])
+    return solve_ivp(rate, (0, duration), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+
+
+def test_memory_makes_the_step_one_of_second_order():
+    plant = CASES["double"].plant
+    theta = np.array([[0.05, 0.2, 3.0, 0.02, 0.05], [0.03, 0.1, 3.0, 0.01, 0.08]])
+    friction = Friction(FilmLag(width=1.0), theta)
+    q, w, u = np.array([0.3, 0.2]), np.array([5.0, -6.0]), np.array([0.5, -0.1])
+    exact = lagging_reference(plant, friction, q, w, u, 0.2)
+    counts, errors = (10, 20, 40, 80), []
+    for count in counts:
+        end = step(plant, friction, State(q, w, (np.zeros(2),)), u, np.array([0.2]), count)
+        errors.append(np.abs(np.concatenate([end.q, end.w, end.memory[0]]) - exact).max())
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(2, abs=0.2)
+    assert errors[-1] < 2e-4
+
+
+def test_the_film_of_a_joint_at_rest_settles_while_the_joint_stays():
+    plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    friction = Friction(FilmLag(), np.array([[0.1, 0.05, 1.0, 0.0, 0.3]]))
+    begin = State(np.array([0.4]), np.array([0.0]), (np.array([2.0]),))
+    end = step(plant, friction, begin, np.zeros(1), np.array([0.6]), 50)
+    np.testing.assert_array_equal(end.q, begin.q)
+    assert end.memory[0][0] == pytest.approx(2.0 * np.exp(-2.0), rel=1e-12)
+
+
+def test_sampled_memory_waits_for_the_next_sample():
+    friction = Friction(Sampled(), np.array([[0.2], [0.1]]))
+    begin = State(np.ones(2), np.ones(2), (np.zeros(2), np.ones(2), np.full(2, 2.0)))
+    for method in (euler_step, semi_implicit_step):
+        end = method(CASES["double"].plant, friction, begin, np.zeros(2), np.array([0.1]))
+        assert end.memory is begin.memory
+    assert (
+        step(CASES["double"].plant, friction, begin, np.zeros(2), np.array([0.1]), 9).memory
+        is begin.memory
+    )
+
+
+# ---------------------------------------------------------------- how many substeps
+
+
+class Squeezed(CoulombViscous):
+    """Viscous friction that grows with the bearing load, or with the motor torque."""
+
+    uses_load = True
+    by = "load"
+
+    def torque(self, theta, x, memory):
+        return theta[..., 1] * abs(getattr(x, self.by)) * x.w
+
+    def gradient(self, theta, x):
+        raise AssertionError("inherited, of a torque that does not depend on the load")
+
+
+class Pressed(Squeezed):
+    uses_load = False
+    by = "u"
+
+
+@pytest.mark.parametrize(("law", "size"), [(Squeezed(), 1.0), (Pressed(), 0.2)])
+def test_the_substeps_follow_friction_that_grows_with_load_or_motor_torque(law, size):
+    mass, length = 1.0, 0.2
+    plant = Plant.of(pendulum(), {"mass": mass, "length": length})
+    friction = Friction(law, np.array([[0.0, 3.0]]))
+    most = 3.0 * mass * 9.81 * size / (mass * length**2)  # held still against gravity
+    assert most <= stiffness(plant, friction) * 1.01 < 1.3 * most
+
+
+def test_the_substeps_follow_the_fastest_rate():
+    plant = Plant.of(pendulum(), {"mass": 1.0, "length": 0.1})  # 0.01 kg m^2
+    steep = Friction(CoulombViscous(width=0.001), np.array([[0.1, 0.0]]))
+    assert stiffness(plant, steep) == pytest.approx(0.1 / 0.001 / 0.01, rel=1e-3)
+    assert substeps(plant, steep, 1 / 60) == int(np.ceil(stiffness(plant, steep) / 60 / 2))
+    free = Friction(NoFriction(), np.zeros((1, 0)))
+    assert stiffness(plant, free) == 0.0
+    assert substeps(plant, free, 1 / 60) == 4  # at most 5 ms each
+    assert substeps(plant, free, 1e-4) == 1
+
+
+def test_the_rate_of_coupled_joints_is_the_worst_over_all_positions():
+    plant = CASES["double"].plant
+    friction = Friction(CoulombViscous(), np.array([[0.0, 0.3], [0.0, 0.1]]))
+    q = np.random.default_rng(4).uniform(-np.pi, np.pi, (2000, 2))
+    M, _ = plant.dynamics(q, 0 * q)
+    rates = np.linalg.eigvals(np.linalg.solve(M, np.diag([0.3, 0.1]))).real.max(axis=1)
+    assert rates.max() <= stiffness(plant, friction) * (1 + 1e-6) < rates.max() * 1.05
+
+
+def test_a_batch_takes_the_substeps_of_its_worst():
+    plant = Plant.of(pendulum(), {"mass": np.array([1.0, 0.2]), "length": 0.1})
+    many = Friction(CoulombViscous(), np.array([[[0.1, 0.0]], [[0.4, 0.0]], [[0.2, 0.0]]]))
+    counts = [substeps(plant[k], many[f], 0.1) for k in range(2) for f in range(3)]
+    assert substeps(plant, many, 0.1) == max(counts) > min(counts)
+
+
+@pytest.mark.parametrize("width", [0.02, 0.001, 0.0001])
+def test_the_default_count_is_stable_where_a_third_of_it_is_not(width):
+    plant = Plant.of(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
+    # viscous friction of the law's slope, without any level that could hold the joint
+    friction = viscous(0.1 / width)
+    begin, duration = State(np.zeros(1), np.ones(1)), np.array([200 / stiffness(plant, friction)])
+    count = substeps(plant, friction, duration[0])
+    assert count in (100, 101)
+    assert abs(step(plant, friction, begin, np.zeros(1), duration, count).w[0]) < 1e-30
+    assert abs(step(plant, friction, begin, np.zeros(1), duration, count // 3).w[0]) > 1e30
+
+
+def test_a_law_too_steep_for_any_step_is_refused():
+    absurd = Friction(CoulombViscous(width=1e-6), np.array([[50.0, 0.0], [0.1, 0.0]]))
+    with pytest.raises(InputError, match=r"need \d+ substeps in 0.0167 s: widen the law's"):
+        substeps(CASES["double"].plant, absurd, 1 / 60)

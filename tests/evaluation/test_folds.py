@@ -1,0 +1,244 @@
+"""Folds: each interval is held out once, training keeps its distance, the hash tells all."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.tiny_pendulums import dataset, recordings, shortened
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Signal
+from frictionid.errors import InputError
+from frictionid.evaluation import Folds, Split, make_folds
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
+from frictionid.mechanics import plant_of
+
+KINDS = ("recordings", "blocks", "shuffled")
+
+
+def of_sizes(sizes, rng=None, dt=0.01):
+    """Still recordings with these numbers of samples, on uneven clocks where rng is given."""
+    out = []
+    for i, size in enumerate(sizes):
+        steps = np.full(size, dt) if rng is None else rng.uniform(0.5 * dt, 1.5 * dt, size)
+        signal = Signal(np.cumsum(steps), np.zeros((size, 1)))
+        out.append(Recording(f"{i:03d}", signal, signal))
+    return tuple(out)
+
+
+def rows_of(made):
+    """Recording, start and length of each sample interval."""
+    parts = [(np.full(len(t) - 1, i), t[:-1], np.diff(t)) for i, t in enumerate(made.times)]
+    return [np.concatenate(column) for column in zip(*parts, strict=True)]
+
+
+# --- Every interval is held out once -------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    sizes=st.lists(st.integers(2, 60), min_size=1, max_size=12),
+    count=st.integers(2, 12),
+    kind=st.sampled_from(KINDS),
+    gap=st.floats(0.0, 0.2),
+    seed=st.integers(0, 3),
+)
+def test_every_interval_is_held_out_once_and_trains_all_other_folds(sizes, count, kind, gap, seed):
+    split = Split(count=count, kind=kind, gap=gap, seed=seed)
+    if count > (len(sizes) if kind == "recordings" else sum(sizes)):
+        with pytest.raises(InputError, match="cannot make"):
+            make_folds(of_sizes(sizes), split)
+        return
+    made = make_folds(of_sizes(sizes, np.random.default_rng(seed)), split)
+    recording, time, dt = rows_of(made)
+    held = made.held_out(recording, time)
+    assert held.min() >= 0 and held.max() < count
+    assert [len(label) for label in made.labels] == sizes
+    weights = made.training(recording, time, dt)
+    assert set(np.unique(weights)) <= {0.0, 1.0}
+    # what is held out never trains its own fold
+    assert not weights[held, np.arange(len(held))].any()
+    if kind != "blocks":
+        assert np.array_equal(weights.sum(0), np.full(len(held), count - 1))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_times_within_an_interval_belong_to_its_fold(kind):
+    made = make_folds(recordings(), Split(count=4, kind=kind))
+    recording, time, dt = rows_of(made)
+    held = made.held_out(recording, time)
+    assert np.array_equal(made.held_out(recording, time + 0.4 * dt), held)
+    assert np.array_equal(made.held_out(recording, time - 1e-12), held)  # rounding of clocks
+
+
+@given(
+    sizes=st.lists(st.integers(2, 80), min_size=3, max_size=20),
+    kind=st.sampled_from(KINDS),
+    seed=st.integers(0, 5),
+)
+@settings(deadline=None, max_examples=60)
+def test_folds_are_balanced_and_none_is_empty(sizes, kind, seed):
+    made = make_folds(of_sizes(sizes), Split(count=3, kind=kind, seed=seed))
+    share = np.bincount(np.concatenate(made.labels), minlength=3)
+    assert share.min() > 0
+    assert share.max() - share.min() <= (max(sizes) if kind == "recordings" else 1)
+
+
+def test_recordings_stay_whole_and_their_order_is_drawn_by_the_seed():
+    made = [make_folds(recordings(), Split(count=4, seed=seed)) for seed in (0, 0, 1)]
+    for folds in made:
+        assert all(len(set(label.tolist())) == 1 for label in folds.labels)
+    assert made[0].hash == made[1].hash != made[2].hash
+
+
+# --- The hash ------------------------------------------------------------------------------------
+
+
+def test_the_hash_changes_with_any_change_and_with_nothing_else():
+    parts = recordings()
+    split = Split(count=4, kind="blocks", gap=0.1)
+    base = make_folds(parts, split)
+    late = replace(parts[3], angle=parts[3].angle._replace(time=parts[3].angle.time + 1e-9))
+    others = [
+        make_folds(parts, replace(split, count=5)),
+        make_folds(parts, replace(split, gap=0.2)),
+        make_folds(parts, replace(split, kind="recordings")),
+        make_folds(parts, replace(split, kind="shuffled")),
+        make_folds(parts, replace(split, kind="shuffled", seed=1)),
+        make_folds(parts[:-1], split),
+        make_folds(parts[::-1], split),
+        make_folds((*parts[:3], late, *parts[4:]), split),
+        make_folds((*parts[:3], shortened(parts[3], 1.0), *parts[4:]), split),
+        replace(base, contiguous=False),
+        replace(base, labels=(1 - base.labels[0], *base.labels[1:])),
+    ]
+    assert len({base.hash, *(folds.hash for folds in others)}) == len(others) + 1
+    assert make_folds(parts, split).hash == base.hash
+    # measured values are no part of the assignment
+    assert make_folds(recordings(noise=0.0), split).hash == base.hash
+
+
+def test_the_hash_knows_where_one_recording_ends():
+    time = np.zeros(4)
+    joined = Folds(2, (time, time[:0]), (np.zeros(4, int), np.zeros(0, int)))
+    split = Folds(2, (time[:2], time[2:]), (np.zeros(2, int), np.zeros(2, int)))
+    assert joined.hash != split.hash
+
+
+# --- Blocks and their gap ------------------------------------------------------------------------
+
+
+def time_between(starts, stops, a, b):
+    """Time between [a, b] and the nearest of some intervals, 0 where they touch or overlap."""
+    return np.maximum(np.maximum(starts - b, a - stops), 0.0).min(initial=np.inf)
+
+
+@pytest.mark.parametrize("gap", [0.03, 0.05, 0.25])
+@pytest.mark.parametrize("uneven", [False, True])
+def test_training_keeps_the_gap_on_both_sides_of_a_block_and_no_more(gap, uneven):
+    rng = np.random.default_rng(5) if uneven else None
+    made = make_folds(of_sizes([70, 3, 110], rng), Split(count=4, kind="blocks", gap=gap))
+    recording, time, dt = rows_of(made)
+    held, weights = made.held_out(recording, time), made.training(recording, time, dt)
+    for fold in range(4):
+        for k in range(len(time)):
+            own = (held == fold) & (recording == recording[k])
+            stop = time[k] + dt[k]
+            apart = time_between(time[own], time[own] + dt[own], time[k], stop)
+            assert weights[fold, k] == (held[k] != fold and apart >= gap - 1e-9), (fold, k, apart)
+
+
+def test_the_gap_ends_with_the_recording():
+    made = make_folds(of_sizes([50, 50]), Split(count=2, kind="blocks", gap=10.0))
+    recording, time, dt = rows_of(made)
+    weights = made.training(recording, time, dt)
+    assert weights[1, recording == 0].all() and weights[0, recording == 1].all()
+
+
+def test_blocks_are_contiguous_and_follow_each_other():
+    made = make_folds(recordings(), Split(count=5, kind="blocks"))
+    assert (np.diff(np.concatenate(made.labels)) >= 0).all()
+
+
+def test_shuffled_samples_scatter_and_say_what_that_costs():
+    made = make_folds(recordings(), Split(count=5, kind="shuffled"))
+    changes = np.mean(np.diff(np.concatenate(made.labels)) != 0)
+    assert changes > 0.7  # 4/5 by chance: neighbours of what is held out are trained on
+    assert not made.contiguous
+    assert "neighbours in the training set" in Split.__doc__
+    assert "seen in training" in Folds.whole.__doc__
+
+
+# --- Stretches of time ---------------------------------------------------------------------------
+
+
+@given(
+    kind=st.sampled_from(KINDS),
+    recording=st.integers(0, 2),
+    ends=st.tuples(st.integers(0, 60), st.integers(0, 60)).map(sorted),
+)
+@settings(deadline=None, max_examples=80)
+def test_a_stretch_belongs_to_the_fold_that_holds_out_all_of_it(kind, recording, ends):
+    made = make_folds(of_sizes([61, 61, 61]), Split(count=3, kind=kind, gap=0.0))
+    first, last = ends
+    if first == last:
+        last += 1
+        if last > 60:
+            return
+    clock, label = made.times[recording], made.labels[recording]
+    found = made.whole(recording, clock[first], clock[last])
+    inside = set(label[first:last].tolist())
+    if kind == "shuffled":
+        assert found == label[first]
+    else:
+        assert found == (inside.pop() if len(inside) == 1 else None)
+
+
+# --- The same for all recipes --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sample_time", [None, 0.04])
+@pytest.mark.parametrize("history", [0.0, 0.02, 0.15])
+def test_both_recipes_have_the_same_rows_and_hold_out_the_same(sample_time, history):
+    data = dataset()
+    made = make_folds(data.recordings, Split(count=4, kind="blocks"))
+    problems = [
+        problem_of(data, plant_of(data), recipe, sample_time, history)
+        for recipe in (STUDY, INTEGRAL)
+    ]
+    study, integral = problems
+    assert np.array_equal(study.recording, integral.recording)
+    np.testing.assert_array_equal(study.time, integral.time)
+    for problem in problems:
+        begin = np.array([r.angle.time[0] for r in data.recordings])[problem.recording]
+        step = problem.dt.min()
+        assert (problem.time - begin).min() >= history - step / 2
+        # the first velocity that backward differences know is that of the second sample
+        assert (problem.time - begin).min() == pytest.approx(max(history, step), abs=step / 2)
+    held = [made.held_out(problem.recording, problem.time) for problem in problems]
+    assert np.array_equal(*held)
+
+
+# --- Refusals ------------------------------------------------------------------------------------
+
+REFUSED = {
+    "more folds than recordings": (
+        {"count": 13},
+        '12 recordings cannot make 13 folds of whole ones: lower folds.count, or .*"blocks"',
+    ),
+    "more folds than samples": ({"count": 9999, "kind": "blocks"}, "1092 samples cannot make 9999"),
+    "one fold": ({"count": 1}, "count = 1 must be at least 2"),
+    "unknown kind": ({"kind": "block"}, "kind = 'block' is unknown; known are recordings, blocks"),
+    "negative gap": ({"kind": "blocks", "gap": -0.1}, "gap = -0.1 s must be finite and not neg"),
+    "endless gap": ({"kind": "blocks", "gap": float("inf")}, "gap = inf s must be finite"),
+    "no number": ({"gap": float("nan")}, "gap = nan s must be finite"),
+    "negative seed": ({"seed": -1}, "seed = -1 must not be negative"),
+}
+
+
+@pytest.mark.parametrize(("settings_", "words"), REFUSED.values(), ids=REFUSED.keys())
+def test_what_cannot_be_split_is_refused_with_the_way_out(settings_, words):
+    with pytest.raises(InputError, match=words):
+        make_folds(recordings(), Split(**settings_))

@@ -1,0 +1,344 @@
+"""Free runs: whole recordings from their start, with the servo's controller in the loop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.memory_laws import Sampled
+from fixtures.tiny_pendulums import dataset as torque_driven
+from fixtures.tiny_pendulums import recordings as torque_driven_recordings
+from scipy.integrate import solve_ivp
+
+from frictionid.comparison.cross_validate import Contest, run
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.servo import Servo, motor_torque, servo_torque
+from frictionid.data.signals import Signal
+from frictionid.data.states import Causal, States
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.step import State
+from frictionid.errors import InputError
+from frictionid.evaluation import (
+    Protocol,
+    Split,
+    course_folds,
+    free_run,
+    free_run_rows,
+    judge,
+    judge_folds,
+    make_course,
+    make_folds,
+    powered,
+    prepare,
+    true_friction,
+    under,
+)
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, MotorLoad
+from frictionid.identifiers import LeastSquares, Nothing
+from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.mechanics import plant_of
+from frictionid.mechanics.calibration import Rig
+
+MASS, LENGTH, KT, R = 0.5, 0.1, 0.37, 2.9
+TABLE = {"kind": "pendulum", "motor": True, "parameters": {"mass": MASS, "length": LENGTH}}
+VISCOUS = 0.006  # alone: nothing ever sticks, so that SciPy integrates the truth
+TRUTH = Friction(CoulombViscous(), np.array([[0.0, VISCOUS]]))
+
+
+def servo(time, rate, gain, stop):
+    goal = np.sin(rate * time)[:, None]
+    enabled = (time < stop).astype(float)[:, None]
+    on = Signal(time, enabled, hold="previous")
+    return Servo(Signal(time, goal), on, gain, limit=1.0, supply=7.4, kt=KT, R=R)
+
+
+def recorded(name, seed, seconds=1.5, stop=9.0):
+    """A servo log: exact motion by SciPy, from rest, sampled unevenly."""
+    rng = np.random.default_rng(seed)
+    time = np.cumsum(rng.uniform(4e-3, 6e-3, round(seconds / 5e-3)))
+    drive = servo(time, *rng.uniform((2.0, 0.3), (6.0, 2.0)), stop)
+
+    def slope(t, x, on):
+        q, w = x
+        volts = drive.voltage(np.array([t]), np.array([[q]]))[0, 0]
+        u = on * motor_torque(volts, w, KT, R)
+        gravity = MASS * 9.81 * LENGTH * np.sin(q)
+        return w, (u - gravity - VISCOUS * w) / (MASS * LENGTH**2)
+
+    last = min(int(np.searchsorted(time, stop)), len(time) - 1)
+    parts, x = [np.array([[0.2], [0.0]])], np.array([0.2, 0.0])
+    for on, clock in ((1.0, time[: last + 1]), (0.0, time[last:])):
+        if len(clock) > 1:
+            span, limits = (clock[0], clock[-1]), dict(rtol=1e-9, atol=1e-11)
+            found = solve_ivp(slope, span, x, args=(on,), t_eval=clock[1:], **limits).y
+            parts.append(found)
+            x = found[:, -1]
+    q, w = np.concatenate(parts, axis=1)
+    angle = Signal(time, q[:, None])
+    one = Recording(name, angle, servo_torque(drive, angle), servo=drive)
+    return one, States(time, q[:, None], w[:, None])
+
+
+@pytest.fixture(scope="module")
+def logs():
+    """Data set of four logs, one of them longer, one let go; and their true states."""
+    pairs = [recorded("a", 0), recorded("b", 1, 2.5), recorded("c", 2), recorded("d", 3, 1.5, 0.7)]
+    recordings, states = zip(*pairs, strict=True)
+    return Dataset("logs", TABLE, recordings), states
+
+
+def subset(data, *index):
+    return replace(data, recordings=tuple(data.recordings[i] for i in index))
+
+
+def run_of(data, states, friction=TRUTH, begin=0.0):
+    course = make_course(data, states, begin)
+    return free_run(plant_of(data), friction, course), course
+
+
+# --- Truth in, truth out -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.4])
+def test_the_true_friction_follows_the_whole_motion(logs, begin):
+    data, states = logs
+    q, course = run_of(data, states, begin=begin)
+    error = np.abs(q - course.measured)[np.isfinite(course.measured)]
+    moved = np.ptp(np.concatenate([s.q for s in states]))
+    assert moved > 1.0 and error.max() < 2e-3 and error.mean() < 3e-4
+
+
+def test_another_friction_or_another_motor_does_not(logs):
+    data, states = logs
+    q, course = run_of(data, states)
+    good = np.nanmean(np.abs(q - course.measured))
+    heavy = Friction(CoulombViscous(), np.array([[0.0, 2 * VISCOUS]]))
+    weak = replace(
+        data,
+        recordings=tuple(
+            replace(r, servo=r.servo.with_motor(KT, 1.1 * R)) for r in data.recordings
+        ),
+    )
+    for other, friction in ((data, heavy), (weak, TRUTH)):
+        q, course = run_of(other, states, friction)
+        assert np.nanmean(np.abs(q - course.measured)) > 20 * good
+
+
+def servoed(data, change):
+    changed = (replace(r, servo=change(r.servo)) for r in data.recordings)
+    return replace(data, recordings=tuple(changed))
+
+
+def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs):
+    data, states = logs
+    weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
+    rig = replace(Rig.ideal(1), gain=np.array([1.25]))
+    told, _ = run_of(weak, states, replace(TRUTH, rig=rig))
+    np.testing.assert_allclose(told, run_of(data, states)[0], atol=1e-9)
+
+
+def test_a_bias_of_the_rig_is_a_constant_torque(logs):
+    data, states = subset(logs[0], 0), logs[1][:1]
+    bias = 0.05
+    rig = replace(Rig.ideal(1), bias=np.array([bias]))
+    goal = bias * R / KT / (data.recordings[0].servo.gain * data.recordings[0].servo.supply)
+
+    def raised(servo):  # by what makes the same torque
+        value = servo.goal.value + goal
+        return replace(servo, goal=servo.goal._replace(value=value), limit=1e9)
+
+    free = servoed(data, lambda servo: replace(servo, limit=1e9))
+    told, _ = run_of(free, states, replace(TRUTH, rig=rig))
+    np.testing.assert_allclose(told, run_of(servoed(data, raised), states)[0], atol=1e-9)
+    assert np.abs(told - run_of(free, states)[0]).max() > 1e-3
+
+
+def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
+    data, states, d = subset(logs[0], 0), logs[1][:1], 0.004
+    servo = data.recordings[0].servo
+    free = servoed(data, lambda servo: replace(servo, limit=1e9))
+    told, _ = run_of(free, states, replace(TRUTH, rig=replace(Rig.ideal(1), delay=np.array(d))))
+
+    def later(servo):
+        goal, on = (x._replace(time=x.time + d) for x in (servo.goal, servo.enabled))
+        return replace(servo, goal=goal, enabled=on, limit=1e9)
+
+    less = VISCOUS - KT / R * servo.supply * servo.gain * d
+    other = Friction(CoulombViscous(), np.array([[0.0, less]]))
+    shifted, _ = run_of(servoed(data, later), states, other)
+    change = np.abs(told - run_of(free, states)[0]).max()
+    assert change > 1e-3 and np.abs(told - shifted).max() < 0.1 * change
+
+
+def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs):
+    data, states = logs
+    spoilt = replace(
+        data,
+        recordings=tuple(
+            replace(
+                r,
+                angle=r.angle._replace(
+                    value=np.where(np.arange(len(r.angle.time)) > 0, 9.0, r.angle.value.T).T
+                ),
+                torque=r.torque._replace(value=r.torque.value + 1.0),
+            )
+            for r in data.recordings
+        ),
+    )
+    np.testing.assert_array_equal(run_of(data, states)[0], run_of(spoilt, states)[0])
+
+
+# --- Routes that must agree ----------------------------------------------------------------------
+
+
+def test_together_is_as_alone(logs):
+    data, states = logs
+    q, course = run_of(data, states)
+    for i in range(len(states)):
+        alone, _ = run_of(subset(data, i), states[i : i + 1])
+        known = np.isfinite(course.measured[:, i, 0])
+        # pieces of an interval may differ where another recording has a longer one
+        np.testing.assert_allclose(q[known, i], alone[:, 0], atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    "friction", [TRUTH, Friction(Sampled(), np.array([[0.01]]))], ids=["static", "samples"]
+)
+def test_without_a_connected_motor_it_is_a_rollout_without_torque(logs, friction):
+    """Also for a law that remembers samples: its memory advances once a sample."""
+    data, states = logs
+    r = data.recordings[0]
+    off = replace(r.servo, enabled=r.servo.enabled._replace(value=0 * r.angle.value))
+    q, course = run_of(replace(data, recordings=(replace(r, servo=off),)), states[:1], friction)
+    start = State(course.q, course.w)
+    free = rollout(plant_of(data)[:1], friction, start, 0 * course.u, course.dt)
+    np.testing.assert_allclose(q, free.q, atol=1e-5)
+    assert np.ptp(q) > 0.1
+
+
+def test_without_servos_the_recorded_torque_drives():
+    data = torque_driven()
+    states = [
+        States(r.angle.time, r.truth.angle.value, r.truth.velocity.value) for r in data.recordings
+    ]
+    course = make_course(data, states, 0.15)
+    friction, plant = true_friction(data.truth), plant_of(data)
+    q = free_run(plant, friction, course)
+    own = rollout(plant, friction, State(course.q, course.w), course.u, course.dt)
+    np.testing.assert_array_equal(q, own.q)
+    assert course.servos == () and np.nanmean(np.abs(q - course.measured)) < 2e-3
+
+
+# --- A model's own motor -------------------------------------------------------------------------
+
+
+def test_a_models_motor_replaces_that_of_the_recordings(logs):
+    data, _ = logs
+    plant = plant_of(data, {"kt": 2 * KT, "R": R})
+    for before, after in zip(data.recordings, powered(data, plant).recordings, strict=True):
+        assert (after.servo.kt, after.servo.R) == (2 * KT, R)
+        again = servo_torque(before.servo.with_motor(2 * KT, R), before.angle)
+        np.testing.assert_array_equal(after.torque.value, again.value)
+
+
+def test_without_motor_constants_torques_stay_as_they_are(logs):
+    data, _ = logs
+    same = powered(data, plant_of(data)).recordings
+    assert all(a is b for a, b in zip(data.recordings, same, strict=True))
+    other = torque_driven()
+    assert powered(other, plant_of(other)) is other
+
+
+def test_scores_of_a_model_are_those_under_its_own_motor(logs):
+    """A data set that tells a wrong motor, and a model that brings the right one."""
+    data, _ = logs
+    wrong = replace(
+        data,
+        recordings=tuple(
+            replace(r, servo=s, torque=servo_torque(s, r.angle))
+            for r in data.recordings
+            for s in [r.servo.with_motor(KT, 1.5 * R)]
+        ),
+    )
+    protocol = Protocol((0.3,), history=0.0, whole=True)
+    prepared = prepare(wrong, protocol)
+
+    def scores(p):
+        rows, _ = judge(TRUTH, p)
+        return {(r.score, r.statistic): r.value for r in rows if r.joint == "all"}
+
+    told, own = scores(prepared), scores(under(prepared, {"kt": KT, "R": R}))
+    for key in (("free_run", "mean"), ("rollout_angle", "median"), ("one_step_integral", "rms")):
+        assert own[key] < 0.3 * told[key]
+    assert own == scores(prepare(powered(wrong, plant_of(wrong, {"kt": KT, "R": R})), protocol))
+
+
+# --- Scores --------------------------------------------------------------------------------------
+
+
+def rows_of(error, course, fold):
+    rows = free_run_rows(course.measured + error, course, np.array(fold))
+    return {(r.fold, r.statistic, r.joint): r.value for r in rows}
+
+
+def test_each_recording_counts_alike_whatever_its_length(logs):
+    data, states = logs
+    course = make_course(data, states)
+    rows = rows_of(np.array([0.1, 0.2, 0.3, 0.4])[:, None], course, [0, 1, 0, -1])
+    assert rows["all", "mean", "all"] == pytest.approx(0.2)
+    assert rows["0", "mean", "all"] == pytest.approx(0.2)
+    assert rows["1", "rms", "all"] == rows["1", "mean", "all"] == pytest.approx(0.2)
+    assert rows["all", "rms", "all"] == pytest.approx(np.sqrt(np.mean([0.01, 0.04, 0.09])))
+    assert rows["all", "mean b", "all"] == pytest.approx(0.2)
+    assert ("all", "mean d", "all") not in rows  # nobody holds it out
+
+
+def test_a_motion_that_diverged_is_infinitely_wrong(logs):
+    data, states = logs
+    course = make_course(data, states)
+    error = np.zeros_like(course.measured)
+    error[50, 0] = np.nan
+    rows = rows_of(error, course, [0, 1, 2, 3])
+    assert rows["all", "mean", "all"] == rows["0", "mean", "all"] == np.inf
+    assert rows["1", "mean", "all"] == 0.0
+
+
+def test_folds_judge_what_they_hold_out(logs):
+    data, _ = logs
+    protocol = Protocol((0.3,), history=0.0, whole=True)
+    prepared = prepare(data, protocol)
+    folds = make_folds(data.recordings, Split(count=4))
+    held = course_folds(prepared.course, folds)
+    assert sorted(held) == [0, 1, 2, 3]
+    # one fold has the true friction, the others none
+    theta = np.zeros((4, 1, 2))
+    theta[held[1]] = TRUTH.theta
+    rows, _ = judge_folds(Friction(CoulombViscous(), theta), TRUTH, prepared, folds)
+    own = {r.fold: r.value for r in rows if (r.score, r.statistic) == ("free_run", "mean")}
+    assert all(own[str(held[1])] < 0.1 * own[str(f)] for f in held if f != held[1])
+
+
+def test_a_comparison_scores_free_runs_where_it_is_asked(logs):
+    data, _ = logs
+    folds = make_folds(data.recordings, Split(count=4))
+    asked = Contest(data, folds, Protocol((0.3,), history=0.0, whole=True))
+    identifiers = Nothing(), LeastSquares(MotorLoad())
+    none, fitted = (run(asked, i, INTEGRAL).value("free_run", "mean") for i in identifiers)
+    assert fitted < 0.2 * none
+    silent = Contest(data, folds, Protocol((0.3,), history=0.0))
+    with pytest.raises(InputError, match="no score 'free_run'"):
+        run(silent, Nothing(), INTEGRAL).value("free_run", "mean")
+
+
+def test_folds_that_hold_out_no_whole_recording_are_refused():
+    data = torque_driven()
+    course = make_course(data, Causal()([r.angle for r in data.recordings]))
+    blocks = make_folds(torque_driven_recordings(), Split(count=40, kind="blocks", gap=0.0))
+    with pytest.raises(InputError, match='whole = true: no fold.*folds.kind = "recordings"'):
+        course_folds(course, blocks)
+
+
+def test_a_history_as_long_as_a_recording_is_refused(logs):
+    data, states = logs
+    with pytest.raises(InputError, match="recording 'a' ends within the history of 2 s"):
+        make_course(data, states, 2.0)

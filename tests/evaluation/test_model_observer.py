@@ -1,0 +1,114 @@
+"""Start states that a model finds itself: right for the right model, blind to what comes later."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.evaluation import Protocol, prepare
+from frictionid.evaluation.model_observer import found
+from frictionid.friction import Friction
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag
+from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
+
+CURVE = Curve((0.02,), (0.02,), (0.002,))
+TRUE = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
+
+
+def data(noise=0.0016, seed=3):
+    rig = Rig(
+        "pendulum",
+        PENDULUM,
+        Stribeck(CURVE),
+        Camera(samples=150, angle_noise=noise),
+        tuple(
+            Run(f"{k}", (1.5 - k,), torques=(Sine(0.1 + 0.1 * k, 0.8 + 0.2 * k),)) for k in range(3)
+        ),
+        drive=Drive(),
+    )
+    return simulate(rig, seed)
+
+
+def ready(dataset):
+    return prepare(dataset, Protocol(horizons=(0.5,), starts="model"))
+
+
+def states(prepared, friction=TRUE):
+    starts = prepared.starts
+    each = friction[None][np.zeros(len(starts.index), int)]
+    return found(prepared.plant[starts.recording], each, prepared.past, starts)
+
+
+def errors(dataset, prepared, w):
+    starts = prepared.starts
+    pairs = zip(starts.recording, starts.index, strict=True)
+    true = np.stack([dataset.recordings[r].truth.velocity.value[k] for r, k in pairs])
+    return np.abs(w - true)
+
+
+def test_the_true_model_knows_velocities_ten_times_better_than_a_filter():
+    dataset = data()
+    prepared = ready(dataset)
+    own = errors(dataset, prepared, states(prepared).w)
+    filtered = errors(dataset, prepared, prepared.starts.w)
+    assert np.median(own) < 0.1 * np.median(filtered)
+    assert np.median(own) < 0.01
+
+
+def test_without_noise_the_true_model_finds_the_true_state():
+    dataset = data(noise=0.0)
+    prepared = ready(dataset)
+    assert np.median(errors(dataset, prepared, states(prepared).w)) < 2e-3
+
+
+def test_what_comes_later_changes_nothing():
+    dataset = data()
+    prepared = ready(dataset)
+    recording = dataset.recordings[1]
+    at = 90
+    angle = recording.angle.value.copy()
+    angle[at + 1 :] += 0.3
+    torque = recording.torque.value.copy()
+    torque[at + 1 :] = -0.2
+    later = replace(
+        recording,
+        angle=recording.angle._replace(value=angle),
+        torque=recording.torque._replace(value=torque),
+    )
+    others = (dataset.recordings[0], later, dataset.recordings[2])
+    changed = ready(replace(dataset, recordings=others))
+    early = (prepared.starts.recording == 1) & (prepared.starts.index <= at)
+    assert early.sum() > 3
+    a, b = states(prepared), states(changed)
+    np.testing.assert_allclose(a.w[early], b.w[early], atol=2e-3)
+    np.testing.assert_allclose(a.q[early], b.q[early], atol=2e-4)
+
+
+def test_starts_side_by_side_are_each_alone():
+    prepared = ready(data())
+    starts = prepared.starts
+    theta = np.stack([TRUE.theta * (1 + 0.2 * (s % 2)) for s in range(len(starts.index))])
+    plant = prepared.plant[starts.recording]
+    together = found(plant, Friction(CoulombViscous(), theta), prepared.past, starts)
+    for factor in (0, 1):
+        alone = states(prepared, replace(TRUE, theta=TRUE.theta * (1 + 0.2 * factor)))
+        own = np.arange(len(starts.index)) % 2 == factor
+        np.testing.assert_allclose(together.w[own], alone.w[own], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("law", "theta"),
+    [
+        (AsymmetricStribeck(), [[0.02, 0.02, 0.0, 0.0, 1.0, 0.002]]),
+        (FilmLag(), [[0.02, 0.0, 1.0, 0.002, 0.01]]),
+    ],
+)
+def test_any_law_finds_its_start(law, theta):
+    dataset = data()
+    prepared = ready(dataset)
+    state = states(prepared, Friction(law, np.array(theta)))
+    assert all(np.isfinite(z).all() and z.shape == state.w.shape for z in state.memory)
+    assert np.median(errors(dataset, prepared, state.w)) < 0.02

@@ -1,0 +1,153 @@
+"""Whole logs of a real servo: the published models as their authors judge them, and ours."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from frictionid.comparison.suite import friction_of
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.states import Causal
+from frictionid.evaluation import (
+    Split,
+    course_folds,
+    free_run,
+    free_run_rows,
+    make_course,
+    make_folds,
+    powered,
+)
+from frictionid.friction.laws import MotorLoad
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.formulation import INTEGRAL, training_problem
+from frictionid.mechanics import plant_of
+
+pytestmark = pytest.mark.real
+
+MODELS = ("m1", "m6")
+# names of the published parameters, in the order of the laws' own
+PUBLISHED = {
+    "m1": ("friction_base", "friction_viscous"),
+    "m6": (
+        *("friction_base", "friction_viscous", "load_friction_motor", "load_friction_external"),
+        *("friction_stribeck", "load_friction_motor_stribeck", "load_friction_external_stribeck"),
+        *("load_friction_motor_quad", "load_friction_external_quad", "dtheta_stribeck", "alpha"),
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def logs(request, real_data):
+    path = request.config.rootpath / "data" / "bam_xl330_whole"
+    return load_dataset(path, real_data / "bam_xl330")
+
+
+@pytest.fixture(scope="module")
+def models(request):
+    folder = request.config.rootpath / "data" / "bam_xl330"
+    return {name: friction_of(folder / f"{name}.json") for name in MODELS}
+
+
+@pytest.fixture(scope="module")
+def runs(logs, models):
+    """Angles of each published model's free runs, and their course."""
+    found = {}
+    for name, friction in models.items():
+        plant = plant_of(logs, friction.parameters)
+        course = course_of(powered(logs, plant))
+        found[name] = free_run(plant, friction, course), course
+    return found
+
+
+def course_of(data):
+    return make_course(data, Causal()([r.angle for r in data.recordings]))
+
+
+def errors(q, course):
+    """Mean error of each recording, (R,) [rad]."""
+    return np.nanmean(np.abs(q - course.measured)[..., 0], axis=0)
+
+
+def mean(q, course, fold):
+    rows = free_run_rows(q, course, fold)
+    return next(r.value for r in rows if (r.fold, r.statistic) == ("all", "mean"))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_models_have_the_published_numbers(name, models, real_data, logs):
+    file = real_data / "bam_xl330" / "published_parameters" / f"{name}.json"
+    told, friction = json.loads(file.read_text()), models[name]
+    np.testing.assert_array_equal(friction.theta[0], [told[key] for key in PUBLISHED[name]])
+    own = {key: friction.parameters[key] for key in ("kt", "R", "rotor")}
+    assert own == {"kt": told["kt"], "R": told["R"], "rotor": told["armature"]}
+    if name == "m6":  # what loads the gear is what the mechanism says
+        gravity = plant_of(logs, friction.parameters).p[:, 1]
+        np.testing.assert_allclose(friction.law.moment, gravity, rtol=1e-9)
+
+
+def as_published(told, log):
+    """Mean error of a log by the published scheme, in steps ten times finer than a sample.
+
+    tau_stop brings the joint to rest within the step; friction is that much, or its limit.
+    """
+    mass, length, servo = log.parameters["mass"], log.parameters["length"], log.servo
+    time, q = log.angle.time, log.angle.value[:, 0]
+    inertia, kt, R = mass * length**2 + told["armature"], told["kt"], told["R"]
+    x, w, out = q[0], 0.0, [q[0]]
+    goals = servo.goal.value[:, 0]
+    enabled = servo.enabled.value[:, 0]
+    for k in range(len(time) - 1):
+        h = (time[k + 1] - time[k]) / 10
+        for part in range(10):
+            goal = goals[k] + part / 10 * (goals[k + 1] - goals[k])
+            volts = servo.supply * min(max(servo.gain * (goal - x), -1.0), 1.0)
+            u = enabled[k] * kt * (volts - kt * w) / R
+            te = -mass * 9.80665 * length * np.sin(x)
+            total = inertia / h * w + u + te
+            w = (total - np.sign(total) * min(abs(total), budget(told, u, te, w))) * h / inertia
+            x += w * h
+        out.append(x)
+    return np.mean(np.abs(out - q))
+
+
+def budget(told, u, te, w):
+    """Most that friction can be, by the published formula of M1 and M6."""
+    most = told["friction_base"] + told["friction_viscous"] * abs(w)
+    if told["model"] == "m1":
+        return most
+    left = np.exp(-(abs(w / told["dtheta_stribeck"]) ** told["alpha"]))
+    load, peak = (
+        abs(told[f"load_friction_external{x}"] * te - told[f"load_friction_motor{x}"] * u)
+        for x in ("", "_stribeck")
+    )
+    if np.sign(te) != np.sign(u):
+        wins = abs(te) < abs(u)
+        side, smaller = ("external", te) if wins else ("motor", u)
+        peak += told[f"load_friction_{side}_quad"] * smaller**2
+    return most + load + left * (told["friction_stribeck"] + peak)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_free_runs_err_as_by_the_published_scheme(name, runs, real_data, logs):
+    """Two simulators, one answer: ours holds joints at rest, theirs clips the stopping torque."""
+    file = real_data / "bam_xl330" / "published_parameters" / f"{name}.json"
+    told = json.loads(file.read_text())
+    own = errors(*runs[name])
+    theirs = np.array([as_published(told, r) for r in logs.recordings])
+    np.testing.assert_allclose(own, theirs, rtol=0.1, atol=2e-3)
+    assert own.mean() == pytest.approx(theirs.mean(), rel=0.03)
+
+
+def test_friction_fitted_elsewhere_errs_less_than_both_published_models(runs, logs):
+    """Three numbers by least squares, on logs left out, with M1's motor: below M1, and below M6."""
+    folds = make_folds(logs.recordings, Split(count=4))
+    plant = plant_of(logs)
+    problem = training_problem(logs, plant, INTEGRAL)
+    weights = folds.training(problem.recording, problem.time, problem.dt)
+    fitted = LeastSquares(MotorLoad()).fit(problem, weights, 0)
+    course = course_of(logs)
+    held = course_folds(course, folds)
+    own = mean(free_run(plant, fitted[held], course), course, held)
+    assert all(own < 0.9 * mean(*run, held) for run in runs.values())

@@ -1,0 +1,282 @@
+"""One-step scores and friction curves: each equals what its definition gives by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.tiny_pendulums import GRAVITY, INERTIA, TRUTH, dataset, true_torque
+
+from frictionid.errors import InputError
+from frictionid.evaluation import (
+    Protocol,
+    Split,
+    curve_error,
+    curve_rows,
+    curves,
+    judge,
+    judge_folds,
+    make_folds,
+    prepare,
+    steady_state,
+    true_friction,
+    velocity_grid,
+)
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, NoFriction
+
+PROTOCOL = Protocol(horizons=(0.1,))
+STATISTICS = {
+    "mean": np.mean,
+    "rms": lambda e: np.sqrt(np.mean(e**2)),
+    "median": np.median,
+    "q90": lambda e: np.quantile(e, 0.9),
+}
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    return prepare(dataset(), PROTOCOL)
+
+
+@pytest.fixture(scope="module")
+def folds():
+    return make_folds(dataset().recordings, Split(count=3))
+
+
+def viscous(*coefficients):
+    """A batch of frictions that are viscous and differ much."""
+    theta = np.array([[[0.0, c]] for c in coefficients])
+    return Friction(CoulombViscous(), theta)
+
+
+def by_hand(recording, torque):
+    """Study's residual of one recording: backward differences, explicit Euler, in plain NumPy."""
+    time, q = recording.angle.time, recording.angle.value[:, 0]
+    dt = np.diff(time)
+    w = np.diff(q) / dt
+    u = recording.torque.value[1:-1, 0]
+    accel = (u - GRAVITY * np.sin(q[1:-1]) - torque(w[:-1])) / INERTIA
+    return time[1:-1], w[:-1] + accel * dt[1:] - w[1:]
+
+
+def select(rows, **wanted):
+    """Rows that have these entries, by fold and joint."""
+    found = [r for r in rows if all(getattr(r, k) == v for k, v in wanted.items())]
+    return {(r.fold, r.joint): r.value for r in found}
+
+
+# --- One step ahead ------------------------------------------------------------------------------
+
+
+def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
+    coefficients = (0.0, 0.004, 0.03)
+    rows, _ = judge_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
+    errors = {fold: [] for fold in range(3)}
+    for recording, label in zip(dataset().recordings, folds.labels, strict=True):
+        fold = int(label[0])
+        time, residual = by_hand(recording, lambda w, c=coefficients[fold]: c * w)
+        errors[fold].append(np.abs(residual[time >= PROTOCOL.history - 1e-9]))
+    errors = {fold: np.concatenate(parts) for fold, parts in errors.items()}
+    for name, statistic in STATISTICS.items():
+        found = select(rows, score="one_step_euler", statistic=name)
+        everything = np.concatenate(list(errors.values()))
+        expected = {(str(f), "all"): statistic(e) for f, e in errors.items()}
+        expected |= {("all", "all"): statistic(everything), ("all", "1"): statistic(everything)}
+        assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
+    data = dataset()
+    rows, _ = judge_folds(viscous(0.01, 0.01, 0.01), viscous(0.01)[0], prepared, folds)
+    squares = []
+    for recording, s in zip(data.recordings, prepared.observed.smoothed, strict=True):
+        dt, q, w = np.diff(s.time), s.q[:, 0], s.w[:, 0]
+        middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
+        middle_w = 1.5 * np.diff(q) / dt - (w[1:] + w[:-1]) / 4
+
+        def force(q, w):
+            return -GRAVITY * np.sin(q) - 0.01 * w
+
+        mean = force(q[:-1], w[:-1]) + 4 * force(middle_q, middle_w) + force(q[1:], w[1:])
+        predicted = w[:-1] + (mean / 6 + recording.torque.value[:-1, 0]) * dt / INERTIA
+        use = s.time[:-1] >= PROTOCOL.history - 1e-9
+        squares.append(((predicted - w[1:]) ** 2)[use])
+    found = select(rows, score="one_step_integral", statistic="rms")
+    assert found["all", "all"] == pytest.approx(np.sqrt(np.concatenate(squares).mean()), rel=1e-9)
+
+
+def test_pooled_is_over_all_rows_and_not_the_mean_of_the_folds(prepared, folds):
+    rows, _ = judge_folds(viscous(0.0, 0.2, 0.4), viscous(0.0)[0], prepared, folds)
+    median = select(rows, score="one_step_euler", statistic="median")
+    each = [median[str(f), "all"] for f in range(3)]
+    assert min(each) < median["all", "all"] < max(each)
+    assert median["all", "all"] != pytest.approx(np.mean(each), rel=0.02)
+    mean = select(rows, score="one_step_euler", statistic="mean")
+    held = folds.held_out(prepared.euler.recording, prepared.euler.time)
+    weights = np.bincount(held) / len(held)
+    each = [mean[str(f), "all"] for f in range(3)]
+    assert mean["all", "all"] == pytest.approx(weights @ each, rel=1e-12)
+
+
+def test_no_fold_is_judged_on_what_trained_it(prepared, folds):
+    base = [0.0, 0.0, 0.0]
+    rows, _ = judge_folds(viscous(*base), viscous(0.0)[0], prepared, folds)
+    for fold in range(3):
+        other = [*base[:fold], 0.5, *base[fold + 1 :]]
+        changed, _ = judge_folds(viscous(*other), viscous(0.0)[0], prepared, folds)
+        for score in ("one_step_euler", "one_step_integral", "rollout_angle"):
+            before, after = (select(r, score=score, statistic="median") for r in (rows, changed))
+            differ = {key for key in before if before[key] != after[key]}
+            assert differ == {(str(fold), "all"), ("all", "all"), ("all", "1")}
+
+
+def test_norms_are_over_the_joints():
+    from frictionid.evaluation import one_step_rows
+
+    residual = np.array([[3.0, -4.0], [0.0, 5.0], [6.0, 8.0]])
+    rows = list(one_step_rows(residual, np.array([0, 0, 1]), "x"))
+    assert select(rows, statistic="mean") == {
+        ("0", "all"): 5.0,
+        ("1", "all"): 10.0,
+        ("all", "all"): 20.0 / 3.0,
+        ("all", "1"): 3.0,
+        ("all", "2"): 17.0 / 3.0,
+    }
+    assert select(rows, statistic="rms")["all", "all"] == pytest.approx(np.sqrt(50.0))
+    assert {row.unit for row in rows} == {"rad/s"} and {row.horizon_s for row in rows} == {None}
+
+
+# --- Data that nothing was fitted to -------------------------------------------------------------
+
+
+def test_a_data_set_that_only_tests_has_no_folds(prepared, folds):
+    friction = viscous(0.004)[0]
+    alone, _ = judge(friction, prepared)
+    assert {row.fold for row in alone} == {"all"}
+    same, _ = judge_folds(friction[None][np.zeros(3, int)], friction, prepared, folds)
+    pooled = {row[1:5]: row.value for row in same if row.fold == "all"}
+    assert {row[1:5]: row.value for row in alone} == pytest.approx(pooled, rel=1e-12)
+
+
+@pytest.mark.parametrize("theta", [np.zeros((2, 2)), np.zeros((3, 1, 2))], ids=str)
+def test_models_of_another_machine_are_refused(prepared, theta):
+    with pytest.raises(InputError, match=r"'tiny' has 1 joints.*must be \(1, 2\)"):
+        judge(Friction(CoulombViscous(), theta), prepared)
+
+
+def test_every_score_has_all_its_statistics(prepared, folds):
+    rows, _ = judge_folds(viscous(0.0, 0.0, 0.0), viscous(0.0)[0], prepared, folds)
+    found = {(row.score, row.statistic, row.horizon_s) for row in rows}
+    steps = {(f"one_step_{s}", name, None) for s in ("euler", "integral") for name in STATISTICS}
+    ahead = {
+        (score, name, 0.1)
+        for score in ("rollout_angle", "rollout_angle_truth")
+        for name in ("median", "q90", "diverged")
+    }
+    assert found == {
+        *steps,
+        *ahead,
+        ("curve_error", "rms", None),
+        ("n_parameters", "count", None),
+    }
+    keys = [row[:5] for row in rows]
+    assert len(set(keys)) == len(keys)
+    assert all(np.isfinite(row.value) for row in rows)
+
+
+def test_parameters_are_counted_over_the_joints(prepared, folds):
+    for friction, count in ((viscous(0.0, 0.0, 0.0), 2.0), (nothing(3), 0.0)):
+        rows, _ = judge_folds(friction, friction[0], prepared, folds)
+        assert select(rows, score="n_parameters") == {("all", "all"): count}
+
+
+def nothing(batch):
+    return Friction(NoFriction(), np.zeros((batch, 1, 0)))
+
+
+# --- Friction curves -----------------------------------------------------------------------------
+
+
+def test_the_grid_has_401_velocities_up_to_q95():
+    w = np.random.default_rng(0).normal(size=(999, 2)) * [1.0, 7.0]
+    grid = velocity_grid(w)
+    assert grid.shape == (401, 2)
+    np.testing.assert_allclose(grid[-1], np.quantile(np.abs(w), 0.95, axis=0))
+    np.testing.assert_allclose(grid, -grid[::-1], atol=1e-12)
+    np.testing.assert_allclose(np.diff(grid, axis=0), (grid[-1] / 200)[None].repeat(400, 0))
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.07, -1.0])
+def test_the_error_of_a_scaled_curve_is_the_scale(scale):
+    grid = velocity_grid(np.random.default_rng(1).normal(size=(50, 2)))
+    truth = np.tanh(grid / 0.3) + 0.1 * grid
+    np.testing.assert_allclose(curve_error(scale * truth, truth, grid), abs(scale - 1), atol=1e-12)
+
+
+def test_the_error_is_that_of_its_definition_and_blind_below_a_twentieth():
+    grid = velocity_grid(np.random.default_rng(2).normal(size=(50, 1)))
+    truth, estimate = np.sign(grid) + grid, 1.2 * np.tanh(grid / 0.1)
+    use = np.abs(grid) >= 0.05
+    assert 0 < (~use).sum() < 40
+    expected = np.sqrt(np.mean((estimate - truth)[use] ** 2) / np.mean(truth[use] ** 2))
+    assert curve_error(estimate, truth, grid)[0] == pytest.approx(expected)
+    wild = np.where(use, estimate, 1e9)
+    assert curve_error(wild, truth, grid)[0] == pytest.approx(expected)
+
+
+def test_errors_of_a_batch_are_those_of_each(prepared):
+    true = curves(steady_state(TRUTH), prepared.grid)
+    batch = viscous(0.0, 0.01)
+    together = curve_error(curves(batch, prepared.grid), true, prepared.grid)
+    each = [curve_error(curves(batch[f], prepared.grid), true, prepared.grid) for f in (0, 1)]
+    np.testing.assert_array_equal(together, each)
+
+
+def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
+    w = np.concatenate([r.truth.velocity.value for r in dataset().recordings])
+    np.testing.assert_array_equal(prepared.grid, velocity_grid(w))
+    bare = tuple(replace(r, truth=None) for r in dataset().recordings)
+    measured = prepare(dataset(recordings=bare, truth=None), PROTOCOL)
+    assert measured.grid[-1, 0] == pytest.approx(prepared.grid[-1, 0], rel=0.05)
+
+
+def test_the_true_curve_is_that_of_the_simulation(prepared):
+    w = prepared.grid[np.abs(prepared.grid[:, 0]) > 0.1]
+    np.testing.assert_allclose(curves(steady_state(TRUTH), w), true_torque(w), rtol=1e-4)
+    truth = true_friction(TRUTH)
+    np.testing.assert_allclose(curves(truth, prepared.grid), true_torque(prepared.grid), rtol=1e-9)
+
+
+def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():
+    rows = list(curve_rows(np.array([[0.1, np.nan], [0.2, np.nan]]), np.array([0.15, np.nan])))
+    assert select(rows, score="curve_error", unit="1") == {
+        ("0", "1"): 0.1,
+        ("1", "1"): 0.2,
+        ("all", "1"): 0.15,
+    }
+
+
+def test_a_joint_without_friction_or_motion_has_no_curve_error():
+    grid = velocity_grid(np.array([[1.0, 1.0, 0.01]]))
+    truth = np.where([True, False, True], np.sign(grid), 0.0)
+    assert np.isnan(curve_error(truth + 0.1, truth, grid)).tolist() == [False, True, True]
+
+
+def test_measured_data_have_neither_curve_error_nor_truth(folds):
+    bare = tuple(replace(r, truth=None) for r in dataset().recordings)
+    rows, _ = judge_folds(
+        nothing(3), nothing(3)[0], prepare(dataset(recordings=bare, truth=None), PROTOCOL), folds
+    )
+    assert {row.score for row in rows} == {
+        "one_step_euler",
+        "one_step_integral",
+        "rollout_angle",
+        "n_parameters",
+    }
+
+
+def test_a_truth_of_a_kind_that_no_law_is_stays_a_curve():
+    assert true_friction(TRUTH) is not None
+    assert true_friction({**TRUTH, "kind": "maxwell_slip"}) is None
+    with pytest.raises(InputError, match=r"\[truth\] lacks viscous"):
+        true_friction({k: v for k, v in TRUTH.items() if k != "viscous"})

@@ -1,0 +1,138 @@
+"""Excitation advice refuses what cannot be planned, each mistake in one clear line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from fixtures.pendulum_experiment import on_pendulum
+
+from frictionid.cli import main
+from frictionid.errors import InputError
+from frictionid.excitation import Search, Waves, guessed, limits_of, mechanism_in
+from frictionid.mechanics import acrobot, mechanism_of, pendulum
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("torque=0.1", "lacks velocity"),
+        ("velocity=3", "lacks torque"),
+        ("torque=0.1,velocity=x", "cannot be read"),
+        ("torque=0.1,,velocity=1", "cannot be read"),
+        ("torque=0.1,velocity=-1", "must be positive"),
+        ("torque=nan,velocity=1", "must be positive"),
+        ("torque=true,velocity=1", "must be positive"),
+        ('torque="a",velocity=1', "must be positive"),
+        ("torque=0.1,velocity=[1,2,3]", "3 numbers for 2 joints"),
+        ("torque=[0.1,0.2],velocity=1", "2 numbers for 1 motors"),
+        ("torque=0.1,velocty=1", "did you mean 'velocity'"),
+    ],
+)
+def test_wrong_limits_are_one_clear_line(text: str, rule: str) -> None:
+    with pytest.raises(InputError, match=rule) as caught:
+        limits_of(text, acrobot())
+    assert "\n" not in str(caught.value)
+
+
+def test_a_machine_without_a_motor_gets_no_signal() -> None:
+    with pytest.raises(InputError, match="has no motor"):
+        limits_of("torque=1,velocity=1", pendulum(driven=False))
+
+
+@pytest.mark.parametrize(
+    ("changes", "rule"),
+    [
+        ({"length": 0.1}, "at least 20"),
+        ({"length": float("nan")}, "length = nan"),
+        ({"recordings": 0}, "recordings = 0"),
+        ({"band": (2.0, 1.0)}, "increasing"),
+        ({"band": (1.0, 20.0)}, "quarter of the drive rate"),
+        ({"start": (0.0, 0.0)}, "2 angles for 1 joints"),
+        ({"start": (3.5,)}, "not within its limit"),
+        ({"angle_noise": 0.0}, "angle noise"),
+    ],
+)
+def test_wrong_experiments_are_one_clear_line(changes: dict, rule: str) -> None:
+    with pytest.raises(InputError, match=rule):
+        on_pendulum(**changes)
+
+
+def test_wrong_families_guesses_and_searches_are_refused() -> None:
+    with pytest.raises(InputError, match="family 'sweep' is unknown"):
+        Waves(on_pendulum(), ("sweep",))
+    with pytest.raises(InputError, match="no family"):
+        Waves(on_pendulum(), ())
+    with pytest.raises(InputError, match="did you mean 'coulomb'"):
+        guessed("coulumb=1", on_pendulum().limits)
+    with pytest.raises(InputError, match="pool = 0"):
+        Search(pool=0)
+
+
+def test_mechanism_files_say_what_is_wrong(tmp_path: Path) -> None:
+    file = tmp_path / "machine.toml"
+    with pytest.raises(InputError, match="cannot be read"):
+        mechanism_in(file)
+    file.write_bytes(b"\xff\x00")
+    with pytest.raises(InputError, match="no TOML"):
+        mechanism_in(file)
+    file.write_text("name = 1")
+    with pytest.raises(InputError, match=r"no \[mechanism\] table"):
+        mechanism_in(file)
+    file.write_text('[mechanism]\nkind = "pendulum"')
+    assert mechanism_of(mechanism_in(file)).n == 1
+
+
+def _run(monkeypatch: pytest.MonkeyPatch, folder: Path, *options: str) -> int:
+    file = folder / "machine.toml"
+    file.write_text('[mechanism]\nkind = "pendulum"\nparameters = { mass = 0.2, length = 0.3 }')
+    fixed = ["--mechanism", str(file), "--limits", "torque=0.3,velocity=20", "--length", "1.5"]
+    monkeypatch.setattr("sys.argv", ["frictionid", "suggest", *fixed, "--effort", "12", *options])
+    return main()
+
+
+def test_the_command_writes_one_table_for_each_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, figure = tmp_path / "new" / "torque.csv", tmp_path / "new" / "torque.png"
+    given = ["--out", str(out), "--figure", str(figure), "--recordings", "2"]
+    assert _run(monkeypatch, tmp_path, *given) == 0
+    names = sorted(path.name for path in out.parent.iterdir())
+    assert names == ["torque.png", "torque_1.csv", "torque_2.csv"]
+    assert (out.parent / "torque_1.csv").read_text().startswith("time,u1\n0,")
+    text = capsys.readouterr().out
+    assert "of 0.3 N m" in text and "of 20 rad/s" in text
+    assert "joint 1 viscous" in text and "N m / (rad/s)" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "rule"),
+    [
+        (("--frequencies", "1"), "must be two numbers"),
+        (("--start", "a,b"), "must be numbers"),
+        (("--families", "sweep"), "family 'sweep' is unknown"),
+        (("--noise", "-1"), "angle noise = -"),
+        (("--length", "nan"), "length = nan"),
+        (("--seed", "-1"), "seed = -1"),
+    ],
+)
+def test_the_command_says_in_one_line_what_is_wrong(
+    options: tuple[str, ...],
+    rule: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert _run(monkeypatch, tmp_path, "--out", str(tmp_path / "t.csv"), *options) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert len(told) == 1 and rule in told[0]
+    assert not list(tmp_path.glob("*.csv"))
+
+
+def test_what_cannot_be_written_is_said_before_the_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    place = tmp_path / "file" / "torque.csv"
+    assert _run(monkeypatch, tmp_path, "--out", str(place)) == 2
+    assert "cannot be written" in capsys.readouterr().err

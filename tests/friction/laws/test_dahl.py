@@ -1,0 +1,49 @@
+"""Dahl friction: the simplest of bristles."""
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import everything, explained_by
+
+from frictionid.friction import Friction, along, at_rest
+from frictionid.friction.laws import CoulombViscous, Dahl, LuGre
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.synthetic_problem import practice_problem
+
+THETA = np.array([[0.1, 0.02, 0.01]])
+
+
+def test_it_is_lugre_friction_without_peak_and_damping():
+    nodes = practice_problem(1).nodes
+    lugre = np.array([[0.1, 0.0, 1.0, 0.02, 0.01, 0.0, 0.1]])
+    expected = along(Friction(LuGre(), lugre), nodes)
+    np.testing.assert_allclose(along(Friction(Dahl(), THETA), nodes), expected, rtol=1e-12)
+
+
+def test_at_constant_speed_it_is_coulomb_and_viscous_friction():
+    w = np.array([-20.0, -3.0, -0.6, 0.4, 2.0, 15.0])
+    expected = Friction(CoulombViscous(), THETA[:, :2]).curve(w)
+    np.testing.assert_allclose(Friction(Dahl(), THETA).curve(w), expected, rtol=1e-9)
+
+
+def test_its_torque_depends_on_the_way_gone_and_not_on_the_time_it_took():
+    law, x = Dahl(), at_rest(np.array([[0.02], [2.0]]))
+    (z,) = law.advance(THETA, x, (np.zeros((2, 1)),), np.array([[0.5], [0.005]]))
+    np.testing.assert_allclose(z[0], z[1], rtol=1e-12)
+    assert z[0, 0] == pytest.approx(0.01 * (1 - np.exp(-1)))
+
+
+def test_it_is_passive_with_the_energy_of_its_spring():
+    rng = np.random.default_rng(0)
+    w, z = rng.normal(size=(500, 1)), 0.01 * rng.uniform(-1, 1, (500, 1))
+    torque = Dahl().torque(THETA, at_rest(w), (z,))
+    stored = 0.1 / 0.01 * z * (w - np.abs(w) * z / 0.01)
+    assert (w * torque - stored >= -1e-12).all()
+
+
+@pytest.mark.parametrize("presliding", [0.003, 0.01, 0.03, 0.1])
+@pytest.mark.parametrize("size", [1.0, 100.0])
+def test_truth_in_truth_out_whatever_its_size(presliding, size):
+    theta = np.array([[0.1 * size, 0.02 * size, presliding], [0.05, 0.02, presliding / 2]])
+    problem = explained_by(Dahl(), theta)
+    found = LeastSquares(Dahl()).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6)

@@ -1,0 +1,172 @@
+"""Friction of gears under load: what each of its terms does, and which simpler laws it contains."""
+
+import numpy as np
+import pytest
+import torch
+
+from frictionid.comparison.suite import identifier_named
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, Nodes
+from frictionid.friction.laws import (
+    CoulombViscous,
+    GearLoad,
+    MotorLoad,
+    MotorLoadQuadratic,
+    Stribeck,
+    check_law,
+)
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.residual import Problem
+
+MOMENT = 0.5
+GEAR = GearLoad(MOMENT)
+LAWS = [GEAR, GearLoad(0.0, shape="arctan"), MotorLoadQuadratic()]
+# a published model in its order of size
+M6 = dict(
+    coulomb=0.005,
+    viscous=0.005,
+    motor=0.27,
+    external=0.02,
+    peak=0.005,
+    peak_motor=0.03,
+    peak_external=0.08,
+    quadratic_motor=0.4,
+    quadratic_external=0.2,
+    stribeck_velocity=2.9,
+    exponent=3.0,
+)
+
+
+def theta(law=GEAR, **changes):
+    return np.array([[{**M6, **changes}[name] for name in law.names]])
+
+
+def inputs(rows=400, seed=0):
+    rng = np.random.default_rng(seed)
+    q, w, u = (rng.normal(scale=s, size=(rows, 1)) for s in (1.0, 3.0, 0.3))
+    return Inputs(q, w, u, 0.0 * q)
+
+
+def at(q=0.0, w=0.0, u=0.0):
+    return Inputs(*(np.array([[float(value)]]) for value in (q, w, u, 0.0)))
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_they_keep_to_the_contract(law):
+    check_law(law)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
+    values = np.random.default_rng(0).uniform(0.05, 1.0, (5, 1, 1, len(law.names)))
+    x = inputs(30)
+    gradient = law.gradient(values, x)
+    for i in range(len(law.names)):
+        step = np.zeros(values.shape, dtype=complex)
+        step[..., i] = 1e-30j
+        slope = law.torque(values + step, x, ()).imag / 1e-30
+        np.testing.assert_allclose(gradient[..., i], slope, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_they_run_alike_on_torch(law):
+    values, x = np.random.default_rng(1).uniform(0.05, 1.0, (4, 1, 1, len(law.names))), inputs(30)
+    tensors = torch.as_tensor(values), Inputs(*(torch.as_tensor(field) for field in x))
+    for method in (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ())):
+        np.testing.assert_allclose(method(*tensors).numpy(), method(values, x), rtol=1e-13)
+    np.testing.assert_allclose(law.gradient(*tensors).numpy(), law.gradient(values, x), rtol=1e-13)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_they_never_drive(law):
+    values, x = np.random.default_rng(2).uniform(0.0, 1.0, (50, 1, 1, len(law.names))), inputs()
+    values[..., -1:] += 0.5  # an exponent is not smaller
+    assert np.all(law.torque(values, x, ()) * x.w >= 0)
+
+
+def test_its_external_torque_is_that_of_gravity_on_a_pendulum():
+    """Held off the vertical by its motor alone it is loaded by u - te = 2 u, hanging by nothing."""
+    only = dict.fromkeys(M6, 0.0) | {"stribeck_velocity": 1.0, "exponent": 2.0}
+    same = np.array([[{**only, "motor": 0.3, "external": 0.3}[name] for name in GEAR.names]])
+    q = 0.7
+    holding = MOMENT * np.sin(q)
+    assert GEAR.limit(same, at(q, u=holding), ()) == pytest.approx(0.3 * 2 * holding)
+    assert GEAR.limit(same, at(q, u=-holding), ()) == pytest.approx(0.0)
+    assert GEAR.limit(same, at(), ()) == 0.0
+
+
+def test_without_motor_torque_it_depends_on_the_angle_only_through_gravity():
+    x = inputs()._replace(u=np.zeros((400, 1)))
+    hanging = x._replace(q=np.zeros((400, 1)))
+    bare = Friction(GearLoad(0.0), theta()).torque(x)
+    np.testing.assert_allclose(Friction(GEAR, theta()).torque(hanging), bare)
+    lifted = Friction(GEAR, theta()).torque(x)
+    assert np.all(np.abs(lifted) >= np.abs(bare) - 1e-15) and np.any(np.abs(lifted) > np.abs(bare))
+
+
+def test_the_squares_count_only_where_motor_and_gravity_oppose_and_are_those_of_the_weaker():
+    other = theta(quadratic_motor=0.0, quadratic_external=0.0)
+
+    def square(u, q):
+        return float(
+            (GEAR.limit(theta(), at(q, u=u), ()) - GEAR.limit(other, at(q, u=u), ()))[0, 0]
+        )
+
+    te = -MOMENT * np.sin(0.5)
+    assert square(0.1, 0.5) == pytest.approx(0.4 * 0.1**2)  # gravity wins: the motor's square
+    assert square(0.4, 0.5) == pytest.approx(0.2 * te**2)  # the motor wins: gravity's
+    assert square(-0.1, 0.5) == square(-0.4, 0.5) == square(0.0, 0.5) == 0.0
+
+
+def test_it_contains_the_simpler_laws():
+    x = inputs()
+    zero = dict.fromkeys(("motor", "external", "peak_motor", "peak_external"), 0.0)
+    zero |= {"quadratic_motor": 0.0, "quadratic_external": 0.0}
+
+    def torque(**changes):
+        return GEAR.torque(theta(**{**zero, **changes}), x, ())
+
+    m1 = CoulombViscous().torque(np.array([[0.005, 0.005]]), x, ())
+    np.testing.assert_allclose(torque(peak=0.0), m1)
+    m2 = Stribeck().torque(np.array([[0.005, 0.005, 2.9, 0.005]]), x, ())
+    np.testing.assert_allclose(torque(exponent=2.0), m2)
+    loaded = MotorLoad().torque(np.array([[0.005, 0.005, 0.27]]), x, ())
+    np.testing.assert_allclose(torque(peak=0.0, motor=0.27), loaded)
+    rising = MotorLoadQuadratic().torque(np.array([[0.005, 0.005, 0.27, 0.0]]), x, ())
+    np.testing.assert_allclose(rising, loaded)
+
+
+@pytest.mark.parametrize("law", [GEAR, MotorLoadQuadratic()], ids=str)
+def test_truth_in_truth_out(law):
+    truth = theta() if law is GEAR else np.array([[0.01, 0.005, 0.3, 0.2]])
+    x, rows = inputs(3000), np.arange(3000)
+    nodes = Nodes(x, 1.0 * rows, np.array([0, 3000]))
+    r = Friction(law, truth).torque(x)
+    ones = np.ones(3000)
+    G = np.ones((3000, 1, 1))
+    problem = Problem(nodes, r, G, rows[:, None], np.ones(1), 0 * rows, 1.0 * rows, ones)
+    found = LeastSquares(law, iterations=300).fit(problem, np.ones((1, 3000)), 0)
+    np.testing.assert_allclose(found.theta[0], truth, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("moment", [-0.1, np.inf, np.nan])
+def test_a_moment_that_means_nothing_is_refused(moment):
+    with pytest.raises(InputError, match="moment = .* must be finite and not negative"):
+        GearLoad(moment)
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "law"),
+    [
+        ("gear_load", {"moment": 0.5, "width": 0.1}, GearLoad(0.5, 0.1)),
+        ("motor_load", {"squared": True}, MotorLoadQuadratic()),
+        ("motor_load", {}, MotorLoad()),
+    ],
+)
+def test_suites_name_them(kind, settings, law):
+    assert identifier_named(kind, settings) == LeastSquares(law)
+
+
+def test_a_suite_must_say_the_moment():
+    with pytest.raises(InputError, match="moment"):
+        identifier_named("gear_load", {})

@@ -1,0 +1,75 @@
+"""Friction that grows with the force in the bearing."""
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import everything, explained_by
+
+from frictionid.dynamics.step import State, acceleration, inputs
+from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction.laws import CoulombViscous, LoadDependent, LoadDependentStribeck, Stribeck
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.synthetic_problem import practice_problem
+from frictionid.mechanics import Plant, pendulum
+
+THETA = np.array([[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]])
+PEAKED = np.array([[0.04, 0.03, 1.5, 0.01, 0.02], [0.02, 0.03, 2.5, 0.005, 0.01]])
+BOTH = pytest.mark.parametrize(
+    ("law", "theta"), [(LoadDependent(), THETA), (LoadDependentStribeck(), PEAKED)], ids=str
+)
+
+
+def drawn(seed=0):
+    q, w, u, load = np.random.default_rng(seed).normal(size=(4, 60, 2))
+    return Inputs(q, 3 * w, u, 10 * np.abs(load))
+
+
+@BOTH
+def test_the_level_grows_with_the_load_by_its_coefficient(law, theta):
+    x, place = drawn(), law.names.index("load_coefficient")
+    more = law.torque(theta, x._replace(load=x.load + 7.0), ()) - law.torque(theta, x, ())
+    expected = 7.0 * theta[:, place] * np.tanh(x.w / 0.02)
+    np.testing.assert_allclose(more, expected, rtol=1e-9, atol=1e-12)
+    limit = law.limit(theta, x._replace(load=x.load + 7.0), ()) - law.limit(theta, x, ())
+    np.testing.assert_allclose(limit, np.broadcast_to(7.0 * theta[:, place], limit.shape))
+
+
+def test_without_load_it_is_the_plainer_law():
+    x = at_rest(drawn().w)
+    plain = CoulombViscous().torque(THETA[:, [0, 2]], x, ())
+    np.testing.assert_allclose(LoadDependent().torque(THETA, x, ()), plain)
+    peaked = Stribeck().torque(PEAKED[:, [0, 1, 2, 4]], x, ())
+    np.testing.assert_allclose(LoadDependentStribeck().torque(PEAKED, x, ()), peaked)
+
+
+def test_without_a_peak_the_richer_law_is_the_plainer_one():
+    x, flat = drawn(), np.insert(THETA, [1, 1], [[0.0, 2.0], [0.0, 2.0]], axis=1)
+    torque = LoadDependentStribeck().torque(flat, x, ())
+    np.testing.assert_allclose(torque, LoadDependent().torque(THETA, x, ()))
+
+
+def test_the_load_is_that_of_the_mechanism():
+    """A pendulum that turns fast pulls at its bearing with m l w^2 and its weight."""
+    plant = Plant.of(pendulum(), {"mass": 0.5, "length": 0.3})
+    friction = Friction(LoadDependent(), np.array([[0.0, 0.01, 0.0]]))
+    state = State(np.zeros(1), np.array([10.0]))
+    pull = 0.5 * (0.3 * 10.0**2 + 9.81)
+    assert friction.torque(inputs(plant, friction, state, np.zeros(1)))[0] == pytest.approx(
+        0.01 * pull
+    )
+    free = acceleration(plant, Friction(CoulombViscous(), np.zeros((1, 2))), state, np.zeros(1))
+    slowed = acceleration(plant, friction, state, np.zeros(1))
+    assert (slowed - free)[0] == pytest.approx(-0.01 * pull / (0.5 * 0.3**2))
+
+
+@BOTH
+@pytest.mark.parametrize("n", [1, 2])
+def test_truth_in_truth_out(law, theta, n):
+    problem = explained_by(law, theta[:n])
+    assert np.ptp(practice_problem(n).nodes.inputs.load, axis=0).min() > 1.0
+    found = LeastSquares(law).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta[:n], rtol=1e-6)
+
+
+def test_the_coefficient_of_a_prismatic_joint_has_no_unit():
+    friction = Friction(LoadDependent(), THETA, angle_unit="m")
+    assert friction.units == ("N", "N/N", "N s/m")

@@ -1,0 +1,61 @@
+"""Coulomb, viscous friction and drag."""
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import everything, explained_by
+
+from frictionid.friction import Friction, at_rest
+from frictionid.friction.laws import AsymmetricCoulombViscous, CoulombViscous, Quadratic
+from frictionid.identifiers import LeastSquares
+
+THETA = np.array([[0.1, 0.02, 0.003], [0.05, 0.0, 0.001]])
+SIDES = np.array([[0.1, 0.14, 0.02], [0.05, 0.03, 0.01]])
+
+
+def test_drag_grows_with_the_square_of_the_velocity_and_opposes_it():
+    w = np.array([-8.0, -4.0, 4.0, 8.0])
+    drag = Friction(Quadratic(), THETA * [0, 0, 1]).curve(w)[:, 0]
+    np.testing.assert_allclose(drag, [-0.192, -0.048, 0.048, 0.192])
+
+
+def test_without_drag_it_is_coulomb_and_viscous_friction():
+    w = np.linspace(-9, 9, 50)
+    plain = Friction(CoulombViscous(), THETA[:, :2]).curve(w)
+    np.testing.assert_allclose(Friction(Quadratic(), THETA * [1, 1, 0]).curve(w), plain)
+
+
+@pytest.mark.parametrize("theta", [THETA, THETA * [0, 1, 1], THETA * [0, 0, 100]])
+def test_truth_in_truth_out(theta):
+    problem = explained_by(Quadratic(), theta)
+    found = LeastSquares(Quadratic()).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-8, atol=1e-12)
+
+
+def test_drag_alone_is_told_from_coulomb_friction_with_noise():
+    rng = np.random.default_rng(0)
+    problem = explained_by(Quadratic(), THETA[:1] * [0, 0, 1], 1e-3, rng)
+    found = LeastSquares(Quadratic()).fit(problem, everything(problem), 0).theta[0, 0]
+    assert found[2] == pytest.approx(0.003, rel=0.05) and found[0] < 0.002
+
+
+# Coulomb and viscous friction with a level of its own in each direction.
+
+
+def test_each_direction_has_its_level():
+    curve = Friction(AsymmetricCoulombViscous(), SIDES).curve(np.array([-2.0, 2.0]))
+    np.testing.assert_allclose(curve, [[-0.18, -0.05], [0.14, 0.07]])
+    law = AsymmetricCoulombViscous()
+    for side, level in ((1.0, SIDES[:, 0]), (-1.0, SIDES[:, 1])):
+        np.testing.assert_array_equal(law.limit(SIDES, at_rest(np.full(2, side)), ()), level)
+
+
+def test_with_equal_levels_it_is_the_symmetric_law():
+    x = at_rest(np.random.default_rng(1).normal(size=(50, 2)))
+    same = AsymmetricCoulombViscous().torque(SIDES[:, [0, 0, 2]], x, ())
+    np.testing.assert_array_equal(same, CoulombViscous().torque(SIDES[:, [0, 2]], x, ()))
+
+
+def test_truth_in_truth_out_in_each_direction():
+    problem = explained_by(AsymmetricCoulombViscous(), SIDES)
+    found = LeastSquares(AsymmetricCoulombViscous()).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], SIDES, rtol=1e-9)

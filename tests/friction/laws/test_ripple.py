@@ -1,0 +1,127 @@
+"""Friction that varies with the angle."""
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import everything, explained_by
+
+from frictionid.comparison.suite import LAWS, identifier_named
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Ripple, Stribeck
+from frictionid.friction.laws.ripple import BASES
+from frictionid.friction.model_files import load_model, save_model
+from frictionid.identifiers import LeastSquares
+
+THETA = {
+    "coulomb_viscous": [[0.1, 0.02], [0.05, 0.01]],
+    "coulomb_viscous_asymmetric": [[0.1, 0.12, 0.02], [0.05, 0.04, 0.01]],
+    "stribeck": [[0.1, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]],
+    "stribeck_asymmetric": [
+        [0.1, 0.12, 0.04, 0.05, 1.5, 0.02],
+        [0.05, 0.04, 0.03, 0.02, 2.5, 0.01],
+    ],
+}
+WAVES = [[0.2, -0.1, 0.05, 0.1], [-0.2, 0.05, 0.1, 0.0]]
+EVERY = pytest.mark.parametrize("base", BASES)
+
+
+def rippled(base, waves=WAVES):
+    return np.concatenate([THETA[base], waves], axis=-1)
+
+
+def drawn(seed=0):
+    q, w, u = np.random.default_rng(seed).normal(size=(3, 80, 2))
+    return Inputs(3 * q, 3 * w, u, 0 * u)
+
+
+@EVERY
+def test_without_amplitudes_it_is_the_law_below(base):
+    law, x = Ripple(base, (1, 2)), drawn()
+    plain = BASES[base]().torque(np.array(THETA[base]), x, ())
+    np.testing.assert_allclose(law.torque(rippled(base, 0 * np.array(WAVES)), x, ()), plain)
+
+
+@EVERY
+def test_the_level_varies_and_viscous_friction_does_not(base):
+    law, x, theta = Ripple(base, (1, 2), 1.0), drawn(), rippled(base)
+    height = 1 + sum(
+        theta[:, -4 + i] * wave
+        for i, wave in enumerate(f(k * x.q) for k in (1, 2) for f in (np.cos, np.sin))
+    )
+    level = np.array(THETA[base]) * [1.0] * 1
+    viscous = level[:, -1] * x.w
+    plain = BASES[base]().torque(level, x, ())
+    np.testing.assert_allclose(law.torque(theta, x, ()), height * (plain - viscous) + viscous)
+
+
+@EVERY
+def test_it_repeats_with_each_turn_behind_the_gear_and_not_before(base):
+    law, x, theta = Ripple(base, (1, 2), 7.5), drawn(), rippled(base)
+
+    def torque(turns):
+        return law.torque(theta, x._replace(q=x.q + turns * 2 * np.pi), ())
+
+    np.testing.assert_allclose(torque(1 / 7.5), torque(0.0), rtol=1e-9)
+    assert np.abs(torque(0.5 / 7.5) - torque(0.0)).max() > 0.01
+
+
+@EVERY
+def test_it_never_drives_however_large_its_amplitudes(base):
+    law, x, rng = Ripple(base, (1, 2)), drawn(), np.random.default_rng(1)
+    low, high = np.transpose(law.bounds)[:, -4:]
+    for _ in range(50):
+        corner = np.where(rng.random((2, 4)) < 0.5, low, high)
+        assert (law.torque(rippled(base, corner), x, ()) * x.w >= -1e-12).all()
+        assert (law.limit(rippled(base, corner), x, ()) >= -1e-12).all()
+
+
+@EVERY
+@pytest.mark.parametrize("gear", [1.0, 3.0])
+def test_truth_in_truth_out(base, gear):
+    law, theta = Ripple(base, (1, 2), gear), rippled(base)
+    problem = explained_by(law, theta)
+    found = LeastSquares(law).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-5, atol=1e-7)
+
+
+def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_is_none():
+    law = Ripple("stribeck")
+    problem = explained_by(Stribeck(), THETA["stribeck"])
+    found = LeastSquares(law).fit(problem, everything(problem), 0).theta[0]
+    np.testing.assert_allclose(found[:, -2:], 0.0, atol=1e-6)
+    np.testing.assert_allclose(found[:, :-2], THETA["stribeck"], rtol=1e-5)
+
+
+def test_it_comes_back_from_its_file_with_its_settings(tmp_path):
+    law = Ripple("stribeck_asymmetric", (2, 5), 50.0, 0.01, "arctan")
+    theta = rippled("stribeck_asymmetric")
+    save_model(Friction(law, theta), tmp_path / "model.json", LAWS)
+    again = load_model(tmp_path / "model.json", LAWS)
+    assert again.law == law and again.law.law == AsymmetricStribeck(0.01, "arctan")
+    assert law.names[-4:] == ("cos_2", "sin_2", "cos_5", "sin_5")
+    np.testing.assert_array_equal(again.theta, theta)
+
+
+@pytest.mark.parametrize(
+    ("settings", "rule"),
+    [
+        ({"base": "coulomb"}, "base = 'coulomb' is unknown; known are coulomb_viscous"),
+        ({"harmonics": ()}, r"harmonics = \[\] must be different whole numbers"),
+        ({"harmonics": (1, 1)}, "must be different whole numbers above zero"),
+        ({"harmonics": (0, 1)}, "must be different whole numbers above zero"),
+        ({"harmonics": (0.5,)}, "must be different whole numbers above zero"),
+        ({"gear": 0.0}, "gear = 0.0 must be positive"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, rule):
+    with pytest.raises(InputError, match=rule):
+        Ripple(**settings)
+
+
+def test_its_settings_choose_the_law():
+    made = identifier_named("ripple", {"base": "stribeck", "harmonics": [1, 2], "gear": 5.0})
+    assert made == LeastSquares(Ripple("stribeck", (1, 2), 5.0))
+    assert identifier_named("ripple", {}) == LeastSquares(Ripple())
+    assert Ripple().law == CoulombViscous()
+    with pytest.raises(InputError, match="base.*'lugre'"):
+        identifier_named("ripple", {"base": "lugre"})

@@ -1,0 +1,142 @@
+"""Friction curves of any shape."""
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import everything, explained_by
+from scipy.interpolate import BSpline
+
+from frictionid.comparison.suite import LAWS, identifier_named
+from frictionid.errors import InputError
+from frictionid.friction import Friction, at_rest
+from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck
+from frictionid.friction.model_files import load_model, model_document, read_model, save_model
+from frictionid.identifiers import LeastSquares, Linear
+from frictionid.identifiers.synthetic_problem import practice_problem
+
+KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
+DEGREES = pytest.mark.parametrize("degree", [1, 2, 3])
+
+
+def drawn(law, n=1, seed=0):
+    """Parameters whose level stays above zero."""
+    theta = 0.02 * np.random.default_rng(seed).normal(size=(n, len(law.names)))
+    theta[:, [i for i, name in enumerate(law.names) if name.startswith("level")]] = 0.3
+    return theta
+
+
+@DEGREES
+def test_it_is_the_b_spline_of_scipy_that_begins_level(degree):
+    law = Spline(KNOTS, degree)
+    theta = drawn(law)
+    levels = np.cumsum(theta[0])
+    t = [0.0] * (degree + 1) + list(KNOTS) + [8.0] * degree
+    theirs = BSpline(t, [levels[0], *levels], degree)
+    w = np.linspace(0.4, 7.99, 300)
+    np.testing.assert_allclose(Friction(law, theta).curve(w)[:, 0], theirs(w), rtol=1e-12)
+    assert theirs(0.0) == pytest.approx(law.limit(theta, at_rest(np.ones(1)), ())[0])
+
+
+@DEGREES
+def test_beyond_the_last_knot_it_goes_on_straight(degree):
+    law = Spline(KNOTS, degree)
+    curve = Friction(law, drawn(law)).curve(np.array([7.999, 8.0, 8.001, 12.0, 16.0]))[:, 0]
+    assert (curve[4] - curve[3]) == pytest.approx(curve[3] - curve[1])
+    assert (curve[2] - curve[1]) == pytest.approx(curve[1] - curve[0], rel=1e-2)
+
+
+def test_rises_add_up_to_the_level_at_the_last_knot():
+    law = Spline()
+    theta = drawn(law)
+    assert Friction(law, theta).curve(np.array([8.0]))[0, 0] == pytest.approx(theta.sum())
+
+
+def test_a_negative_level_counts_as_zero():
+    law = Spline((1.0, 2.0), 1)
+    torque = Friction(law, np.array([[0.1, -0.3]])).curve(np.linspace(-4, 4, 101))[:, 0]
+    assert torque.max() == pytest.approx(0.1) and (torque[[0, -1]] == 0.0).all()
+    assert (torque * np.linspace(-4, 4, 101) >= 0).all()
+
+
+@DEGREES
+@pytest.mark.parametrize("n", [1, 2])
+def test_truth_in_truth_out(degree, n):
+    law = Spline((0.5, 1.5, 3.0, 6.0), degree)
+    theta = drawn(law, n)
+    problem = explained_by(law, theta)
+    found = LeastSquares(law).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6, atol=1e-9)
+
+
+def test_truth_in_truth_out_in_each_direction():
+    law = AsymmetricSpline((0.5, 1.5, 3.0, 6.0))
+    theta = drawn(law, 2)
+    problem = explained_by(law, theta)
+    found = LeastSquares(law).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-5, atol=1e-7)
+
+
+def test_each_direction_is_a_spline_of_its_own():
+    law = AsymmetricSpline()
+    theta, w = drawn(law), np.linspace(0.1, 10, 40)
+    half = theta.shape[-1] // 2
+    both = Friction(law, theta).curve(np.concatenate([-w, w]))
+    up, down = (Friction(Spline(), t).curve(w) for t in (theta[:, :half], theta[:, half:]))
+    np.testing.assert_array_equal(both, np.concatenate([-down, up]))
+
+
+def test_it_finds_stribeck_friction_without_knowing_it():
+    truth = np.array([[0.1, 0.06, 1.5, 0.02]])
+    problem = explained_by(Stribeck(), truth)
+    found = LeastSquares(Spline()).fit(problem, everything(problem), 0)[0]
+    fastest = np.abs(problem.nodes.inputs.w).max()
+    w = np.linspace(0.1, fastest, 200)
+    expected = Friction(Stribeck(), truth).curve(w)
+    assert np.abs(found.curve(w) / expected - 1).max() < 0.02
+    assert found.theta[0, 0] == pytest.approx(0.16, rel=0.02)
+
+
+def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
+    problem = practice_problem(1)
+    fastest = np.abs(problem.nodes.inputs.w).max()
+    law = Spline((0.5, 1.0, 2.0, 4.0, 6.0, 50.0, 90.0, 200.0), 1)
+    found = LeastSquares(law).fit(problem, everything(problem), 0)[0]
+    assert 6.0 < fastest < 50.0
+    assert (found.theta[0, -2:] == 0.0).all() and (found.theta[0, 1:-2] != 0.0).all()
+    curve = found.curve(np.array([50.0, 150.0, 300.0]))[:, 0]
+    np.testing.assert_allclose(curve, curve[0])
+
+
+def test_it_comes_back_from_its_file_with_its_knots(tmp_path):
+    for law in (Spline((1.0, 2.5), 1), AsymmetricSpline((1.0, 2.5, 7.0), width=0.01)):
+        save_model(Friction(law, drawn(law)), tmp_path / "model.json", LAWS)
+        again = load_model(tmp_path / "model.json", LAWS)
+        assert again.law == law and hash(again.law) == hash(law)
+
+
+@pytest.mark.parametrize(
+    ("settings", "rule"),
+    [
+        ({"knots": (1.0,)}, r"knots = \[1.0\] must be two or more speeds"),
+        ({"knots": (1.0, "fast")}, "must be two or more speeds"),
+        ({"knots": (0.0, 1.0)}, r"knots = \[0.0, 1.0\] rad/s must increase from above zero"),
+        ({"knots": (1.0, 1.0)}, "must increase"),
+        ({"degree": 4}, "degree = 4 must be 1, 2 or 3"),
+        ({"degree": True}, "degree = True must be 1, 2 or 3"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, rule):
+    for law in (Spline, AsymmetricSpline):
+        with pytest.raises(InputError, match=rule):
+            law(**settings)
+    document = model_document(Friction(Spline(), drawn(Spline())), LAWS)
+    document["law"] |= {k: list(v) if isinstance(v, tuple) else v for k, v in settings.items()}
+    with pytest.raises(InputError, match=rule):
+        read_model(document, LAWS, "model.json")
+
+
+def test_its_settings_choose_the_law():
+    made = identifier_named("spline", {"symmetric": False, "knots": [1.0, 4.0], "degree": 1})
+    assert made == Linear(AsymmetricSpline((1.0, 4.0), 1))
+    assert identifier_named("spline", {}) == Linear(Spline())
+    with pytest.raises(InputError, match=r"knots.*1"):
+        identifier_named("spline", {"knots": [-1.0, 4.0]})

@@ -1,0 +1,273 @@
+"""Files of models: what is written comes back, and every mistake in one is one line."""
+
+import json
+import stat
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from frictionid.comparison.registry import LAWS
+from frictionid.errors import InputError
+from frictionid.files import read_json, write_json, write_text
+from frictionid.friction import Friction
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.friction.model_files import load_model, model_document, read_model, save_model
+
+FRICTION = Friction(
+    Stribeck(0.01, "arctan"),
+    np.array([[0.1, 0.05, 1.5, 0.02], [0.2, 0.0, 0.3, 1e-17]]),
+    {"m1": 0.5, "I1": 1e-4},
+    {"by": "someone", "sizes": [1, 2], "rate": np.float64(60.0)},
+)
+
+
+@dataclass(frozen=True)
+class Foreign(CoulombViscous):
+    """A law that the package does not name."""
+
+
+def written(**changes):
+    """The document of a model file with changes; None deletes."""
+    document = json.loads(json.dumps(_plain(model_document(FRICTION, LAWS))))
+    for key, value in changes.items():
+        if value is None:
+            del document[key]
+        else:
+            document[key] = value
+    return document
+
+
+def _plain(document):
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in document.items()} | {
+        "provenance": {}
+    }
+
+
+def by_hand(**entry):
+    """A document as people write one: no theta, one joint."""
+    good = {name: {"value": 0.5, "unit": unit} for name, unit in _units()}
+    return written(theta=None, shape=None, joints=[{**good, **entry}])
+
+
+def _units():
+    return zip(FRICTION.law.names, FRICTION.law.units, strict=True)
+
+
+@pytest.mark.parametrize(
+    "law", [NoFriction(), CoulombViscous(0.1), Stribeck(), AsymmetricStribeck()]
+)
+@pytest.mark.parametrize("batch", [(), (3,), (2, 3)])
+def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
+    shape = (*batch, 2, len(law.names))
+    theta = np.random.default_rng(0).uniform(0.3, 1.0, shape) / 3
+    friction = Friction(law, theta, {"m1": 1 / 3}, {"by": "a test"})
+    save_model(friction, tmp_path / "deep" / "model.json", LAWS)
+    again = load_model(tmp_path / "deep" / "model.json", LAWS)
+    assert again.law == law
+    assert again.theta.shape == shape
+    np.testing.assert_array_equal(again.theta, theta)
+    assert (again.parameters, again.provenance) == ({"m1": 1 / 3}, {"by": "a test"})
+
+
+def test_the_file_says_in_words_and_units_what_it_holds(tmp_path):
+    save_model(FRICTION, tmp_path / "model.json", LAWS)
+    document = read_json(tmp_path / "model.json")
+    assert document["law"] == {"kind": "stribeck", "width": 0.01, "shape": "arctan"}
+    assert document["joints"][0]["stribeck_velocity"] == {"value": 1.5, "unit": "rad/s"}
+    assert document["provenance"] == {"by": "someone", "sizes": [1, 2], "rate": 60.0}
+    assert "import" not in json.dumps(document)
+
+
+def test_a_batch_is_described_by_its_means(tmp_path):
+    theta = np.stack([FRICTION.theta, 3 * FRICTION.theta])
+    save_model(Friction(FRICTION.law, theta), tmp_path / "model.json", LAWS)
+    words = read_json(tmp_path / "model.json")["joints"][1]
+    assert words["coulomb"] == {"value": pytest.approx(0.4), "unit": "N m"}
+
+
+def test_a_file_written_by_hand_needs_no_theta_and_no_units():
+    document = by_hand(coulomb={"value": 1})
+    del document["parameters"], document["provenance"]
+    friction = read_model(document, LAWS, "hand.json")
+    np.testing.assert_array_equal(friction.theta, [[1.0, 0.5, 0.5, 0.5]])
+
+
+def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
+    friction = Friction(Foreign(0.1), np.array([[1.0, 2.0]]))
+    save_model(friction, tmp_path / "model.json", LAWS)
+    with pytest.raises(InputError, match="law 'Foreign' is unknown"):
+        load_model(tmp_path / "model.json", LAWS)
+    assert load_model(tmp_path / "model.json", {"Foreign": Foreign}).law == Foreign(0.1)
+
+
+THETA = "theta"
+MISTAKES = [
+    ({"format": "frictionid model 9"}, 'is no model file, "format" must be "frictionid model 1"'),
+    ({"format": None}, 'is no model file, "format" must be'),
+    ({"law": None}, '"law" must be an object with a "kind"'),
+    ({"law": "stribeck"}, '"law" must be an object with a "kind"'),
+    ({"law": {"width": 0.1}}, '"law" must be an object with a "kind"'),
+    ({"law": {"kind": "stribek"}}, "law 'stribek' is unknown; did you mean 'stribeck'"),
+    ({"law": {"kind": "os.system"}}, "law 'os.system' is unknown"),
+    ({"law": {"kind": "stribeck", "with": 1}}, "law 'stribeck' has no setting 'with'; known are"),
+    ({"law": {"kind": "none", "width": 1}}, "law 'none' has no setting 'width'; it has none"),
+    ({"law": {"kind": "stribeck", "width": -1.0}}, "width = -1.0 rad/s must be positive"),
+    ({"law": {"kind": "stribeck", "width": "wide"}}, "law 'stribeck': "),
+    ({"law": {"kind": "stribeck", "shape": 3}}, "shape = 3 is unknown"),
+    ({THETA: None, "joints": None}, 'needs "theta", or "joints"'),
+    ({"joints": []}, '"joints" must list the parameters of each joint'),
+    ({"joints": {"coulomb": 1}}, '"joints" must list the parameters of each joint'),
+    ({THETA: [[1.0, 2.0]], "shape": [1, 2], "joints": None}, "theta must have shape"),
+    ({THETA: [1.0, 2.0], "shape": [3], "joints": None}, "cannot reshape"),
+    ({THETA: [["a"]], "shape": [1, 1], "joints": None}, "could not convert"),
+    ({THETA: [[1.0, None, 1.0, 0.0]], "shape": [1, 4], "joints": None}, "theta must be finite"),
+    ({THETA: [[1.0, "inf", 1.0, 0.0]], "shape": [1, 4], "joints": None}, "theta must be finite"),
+    ({THETA: [[1.0, 1.0, 1.0, 1.0]] * 2}, '"joints" and "theta" disagree: remove one of them'),
+    ({THETA: [[1.0, 1.0, 1.0, 1.0]], "shape": [1, 4]}, '"joints" and "theta" disagree'),
+    ({"parameters": {"m1": "heavy"}}, "could not convert string to float: 'heavy'"),
+    ({"parameters": {"m1": "inf"}}, "parameter 'm1' must be finite, not inf"),
+    ({"parameters": [1.0]}, "'list' object has no attribute 'items'"),
+    ({"provenance": 3}, "'int' object is not iterable"),
+]
+
+
+@pytest.mark.parametrize(("changes", "complaint"), MISTAKES)
+def test_mistakes_are_one_line_with_the_file_and_the_rule(changes, complaint):
+    with pytest.raises(InputError, match=complaint) as raised:
+        read_model(written(**changes), LAWS, "some/model.json")
+    assert str(raised.value).startswith("some/model.json: ")
+    assert "\n" not in str(raised.value)
+
+
+def test_the_unchanged_document_is_none_of_these():
+    friction = read_model(written(), LAWS, "model.json")
+    np.testing.assert_array_equal(friction.theta, FRICTION.theta)
+
+
+@pytest.mark.parametrize(
+    ("entry", "complaint"),
+    [
+        ({"coulomb": 0.1}, "joint 1: coulomb must be written as .*N m.*, not 0.1"),
+        ({"coulomb": {"unit": "N m"}}, "joint 1: coulomb must be written as"),
+        ({"coulomb": {"value": "0.1"}}, "joint 1: coulomb must be written as"),
+        ({"coulomb": {"value": True}}, "joint 1: coulomb must be written as"),
+        ({"viscous": {"value": 1.0, "unit": "N m s/deg"}}, "viscous must be in 'N m s/rad', not"),
+        ({"mass": {"value": 1.0}}, "joint 1 must have the parameters coulomb, peak, .* mass"),
+    ],
+)
+def test_joints_written_by_hand_are_checked_value_by_value(entry, complaint):
+    with pytest.raises(InputError, match=complaint) as raised:
+        read_model(by_hand(**entry), LAWS, "hand.json")
+    assert str(raised.value).startswith("hand.json: joint 1")
+
+
+def test_a_joint_that_is_no_object_is_named():
+    document = by_hand()
+    document["joints"].append(3.0)
+    with pytest.raises(InputError, match="joint 2 must have the parameters .*; it has none"):
+        read_model(document, LAWS, "hand.json")
+
+
+def test_reading_leaves_the_document_as_it_was():
+    document = written()
+    before = deepcopy(document)
+    read_model(document, LAWS, "model.json")
+    assert document == before
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"{", "is no JSON"),
+        (b"", "is no JSON"),
+        (b"\xff\xfe", "is no JSON"),
+        (b"[1, 2]", "must hold a JSON object, it holds a list"),
+    ],
+)
+def test_files_that_are_no_json_objects_are_refused(content, complaint, tmp_path):
+    (tmp_path / "model.json").write_bytes(content)
+    with pytest.raises(InputError, match=complaint):
+        read_json(tmp_path / "model.json")
+
+
+def test_missing_files_and_folders_in_their_place_are_named(tmp_path):
+    with pytest.raises(InputError, match="gone.json: no such file"):
+        read_json(tmp_path / "gone.json")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_json(tmp_path)
+
+
+def test_numbers_that_json_lacks_are_written_in_words(tmp_path):
+    values = {"nan": float("nan"), "more": np.inf, "less": -np.inf, "at": Path("a/b"), 3: (1, 2)}
+    write_json(tmp_path / "a.json", {**values, "array": np.array([[1.5]]), "n": np.int64(2)})
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert found == {
+        **{"nan": None, "more": "inf", "less": "-inf", "at": "a/b", "3": [1, 2]},
+        **{"array": [[1.5]], "n": 2},
+    }
+
+
+def test_what_json_cannot_hold_leaves_the_old_file(tmp_path):
+    path = tmp_path / "model.json"
+    write_text(path, "old")
+    with pytest.raises(TypeError):
+        write_json(path, {"a": object()})
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_a_write_that_fails_half_way_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    path = tmp_path / "model.json"
+    write_text(path, "old")
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_text(path, "new")
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_files_can_be_read_by_others(tmp_path):
+    write_text(tmp_path / "a" / "b.txt", "text")
+    assert stat.S_IMODE((tmp_path / "a" / "b.txt").stat().st_mode) == 0o644
+
+
+def test_places_that_cannot_be_written_are_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written .*: choose another place"):
+        write_text(tmp_path / "file" / "model.json", "")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InputError, match="folder: cannot be written"):
+        write_text(tmp_path / "folder", "")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_loss_of_the_disk_while_writing_is_named(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        write_text(tmp_path / "model.json", "text")
+    assert not any(tmp_path.iterdir())
+
+
+@dataclass(frozen=True)
+class Plain:
+    """A law that is a dataclass without settings."""
+
+    names: ClassVar[tuple[str, ...]] = ("level",)
+    units: ClassVar[tuple[str, ...]] = ("N m",)
+
+
+def test_laws_need_no_settings(tmp_path):
+    save_model(Friction(Plain(), np.ones((1, 1))), tmp_path / "m.json", {"plain": Plain})
+    assert load_model(tmp_path / "m.json", {"plain": Plain}).law == Plain()
+    assert read_json(tmp_path / "m.json")["law"] == {"kind": "plain"}

@@ -1,0 +1,252 @@
+"""Two physics engines that others wrote agree with our equations of motion to 1e-8.
+
+The machine moves in the x-y plane, gravity along -y, hinges along +z: q = 0 hangs down along -y and
+counter-clockwise is positive, as in `frictionid.mechanics`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from fixtures.random_machines import close, physical, states
+
+from frictionid.arrays import solve, times
+from frictionid.mechanics import acrobot, double_pendulum, pendulum
+
+COUNT = 200
+REASON = "a physics engine to compare with; the test extra installs it"
+MACHINES = {
+    "acrobot": acrobot(),
+    "acrobot-shapes": acrobot(inertias="shapes"),
+    "double_pendulum-11": double_pendulum(),
+    "double_pendulum-10": double_pendulum((True, False)),
+    "double_pendulum-01": double_pendulum((False, True)),
+    "pendulum": pendulum(),
+}
+
+
+class Part(NamedTuple):
+    """A body as an engine wants it: on which link, how far from its joint, mass and inertia."""
+
+    link: int
+    distance: float
+    mass: float
+    inertia: float = 0.0
+
+
+class Case(NamedTuple):
+    """Random machines, states and inputs, one per row, and the accelerations that we compute."""
+
+    parameters: list
+    q: np.ndarray
+    w: np.ndarray
+    u: np.ndarray
+    h: np.ndarray
+    a: np.ndarray
+    energy: np.ndarray
+    load: np.ndarray
+
+
+@pytest.fixture(params=MACHINES)
+def name(request):
+    return request.param
+
+
+def case_of(name):
+    mechanism, rng = MACHINES[name], np.random.default_rng(1)
+    v = physical(mechanism, rng, (COUNT,))
+    q, w = states(mechanism, rng, (COUNT,))
+    t = mechanism.terms(mechanism.base(v), q, w)
+    u = rng.normal(scale=0.3, size=q.shape)
+    load = mechanism.load(v, q, w, u)
+    u = times(t.B, u)
+    rows = [{k: float(x[i]) for k, x in v.items()} for i in range(COUNT)]
+    return Case(rows, q, w, u, t.h, solve(t.M, t.h + u), t.energy, load)
+
+
+def parts_of(name, v):
+    """The machine's bodies one by one; parts on the shaft have only inertia to show."""
+    if name.startswith("pendulum"):
+        return [Part(0, v["length"], v["mass"], v["inertia"])]
+    if name.startswith("double"):
+        return [
+            Part(0, v["r1"], v["m1"], v["I1"] - v["m1"] * v["r1"] ** 2),
+            Part(1, v["r2"], v["m2"], v["I2"] - v["m2"] * v["r2"] ** 2),
+        ]
+    if name == "acrobot":
+        at_shaft = [Part(0, 0.0, 0.0, v[f"J_{k}"]) for k in ("shaft", "clamp", "bush")]
+        J1, J2 = v["J_link1"], v["J2"]
+    else:
+        at_shaft = [
+            Part(0, 0.0, 0.0, v["M_shaft"] * v["R_shaft"] ** 2 / 2),
+            Part(0, 0.0, 0.0, v["M_clamp"] * (v["R_clamp"] ** 2 + v["r_clamp"] ** 2) / 2),
+            Part(0, 0.0, 0.0, v["M_bush"] * (v["R_bush"] ** 2 + v["r_bush"] ** 2) / 2),
+        ]
+        J1, J2 = (
+            v[m] * (v[f"H{i}"] ** 2 + v[f"W{i}"] ** 2) / 12 for m, i in (("m1", 1), ("m3", 2))
+        )
+    return [
+        *at_shaft,
+        Part(0, v["L1"], v["m1"], J1),
+        Part(0, v["L2"], v["m2"]),
+        Part(1, v["L3"], v["m3"], J2),
+        Part(1, v["L4"], v["m4"]),
+    ]
+
+
+def elbow(v):
+    """Distance of joint 2 from joint 1."""
+    return v.get("L2", v.get("l1", 0.0))
+
+
+def rotors_of(name, v):
+    """Rotor inertia that turns at gear w1, and that which turns at w1 - gear w2; gear ratio."""
+    if name == "pendulum":
+        return v["rotor"], 0.0, v["gear"]
+    if name.startswith("acrobot"):
+        return 0.0, v["rotor"], v["gear"]
+    first, second = MACHINES[name].description.driven
+    return first * v["Ir"], second * v["Ir"], v["gr"]
+
+
+# ---------------------------------------------------------------- MuJoCo
+
+
+def mjcf(name, v):
+    """The machine as MuJoCo reads it: each part a body of its own, welded to its link.
+
+    A tendon with coefficients 1 and -gear moves at w1 - gear w2, so its armature is the second
+    rotor; the first one is an armature of joint 1.
+    """
+    first, second, gear = rotors_of(name, v)
+    parts = parts_of(name, v)
+
+    def link(number, inside=""):
+        bodies = "".join(
+            f'<body pos="0 {-part.distance!r} 0"><inertial pos="0 0 0" mass="{part.mass!r}" '
+            f'diaginertia="{part.inertia!r} {part.inertia!r} {part.inertia!r}"/></body>'
+            for part in parts
+            if part.link == number
+        )
+        at, armature = (elbow(v), 0.0) if number else (0.0, first * gear**2)
+        return (
+            f'<body name="link{number}" pos="0 {-at!r} 0">'
+            f'<joint name="joint{number}" axis="0 0 1" armature="{armature!r}"/>'
+            f"{bodies}{inside}</body>"
+        )
+
+    two = MACHINES[name].n == 2
+    tendon = (
+        f'<tendon><fixed armature="{second!r}"><joint joint="joint0" coef="1"/>'
+        f'<joint joint="joint1" coef="{-gear!r}"/></fixed></tendon>'
+    )
+    return (
+        f'<mujoco><compiler angle="radian"/><option gravity="0 {-v["g"]!r} 0">'
+        f'<flag energy="enable"/></option>'
+        f"<worldbody>{link(0, link(1) if two else '')}</worldbody>{tendon if two else ''}</mujoco>"
+    )
+
+
+def test_mujoco_agrees(name):
+    """Accelerations, gravity and velocity terms, energy and bearing forces, rotors included."""
+    mujoco = pytest.importorskip("mujoco", reason=REASON)
+    case = case_of(name)
+    a, h, energy, load = (np.zeros_like(x) for x in (case.a, case.h, case.energy, case.load))
+    for i, v in enumerate(case.parameters):
+        model = mujoco.MjModel.from_xml_string(mjcf(name, v))
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = case.q[i], case.w[i], case.u[i]
+        mujoco.mj_forward(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        a[i], h[i], energy[i] = data.qacc, -data.qfrc_bias, data.energy.sum()
+        for j in range(len(a[i])):
+            force = data.cfrc_int[model.body(f"link{j}").id][3:]
+            load[i, j] = np.linalg.norm(force)
+    np.testing.assert_allclose(case.a, a, rtol=1e-8, atol=1e-8)
+    close(case.h, h, 1e-8)
+    close(case.energy, energy, 1e-8)
+    close(case.load, load, 1e-8)
+
+
+def test_signs_are_those_of_mujoco(name):
+    """At small positive angles the links are on the side of +x and gravity pulls them back."""
+    mujoco = pytest.importorskip("mujoco", reason=REASON)
+    mechanism = MACHINES[name]
+    v = {k: float(x) for k, x in physical(mechanism, np.random.default_rng(2)).items()}
+    model = mujoco.MjModel.from_xml_string(mjcf(name, v))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.subtree_com[1][0], 0.0, atol=1e-12)
+    assert data.subtree_com[1][1] < 0.0
+    for joint in range(model.nq):
+        q = 0.3 * np.eye(model.nq)[joint]
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        assert data.subtree_com[model.body(f"link{joint}").id][0] > 0.0
+        h = mechanism.terms(mechanism.base(v), q, 0.0 * q).h
+        assert h[joint] < 0.0
+        np.testing.assert_allclose(h, -data.qfrc_bias, rtol=1e-9)
+
+
+# ---------------------------------------------------------------- Pinocchio
+
+
+def pinocchio_model(pinocchio, name, v):
+    """The machine without its rotors as Pinocchio builds it: parts appended to two hinges."""
+    model = pinocchio.Model()
+    model.gravity.linear = np.array([0.0, -v["g"], 0.0])
+    joints, at = [0], np.zeros(3)
+    for number in range(MACHINES[name].n):
+        place = pinocchio.SE3(np.eye(3), at)
+        hinge = pinocchio.JointModelRZ()
+        joints.append(model.addJoint(joints[-1], hinge, place, f"joint {number + 1}"))
+        at = np.array([0.0, -elbow(v), 0.0])
+    for part in parts_of(name, v):
+        centre = np.array([0.0, -part.distance, 0.0])
+        body = pinocchio.Inertia(part.mass, np.zeros(3), part.inertia * np.eye(3))
+        model.appendBodyToJoint(joints[part.link + 1], body, pinocchio.SE3(np.eye(3), centre))
+    return model
+
+
+def rotor_matrix(name, v):
+    """What the rotors add to M, from their rates gear w1 and w1 - gear w2."""
+    first, second, gear = rotors_of(name, v)
+    rates = np.array([[gear, 0.0], [1.0, -gear]])
+    n = MACHINES[name].n
+    return (rates.T @ np.diag([first, second]) @ rates)[:n, :n]
+
+
+def test_pinocchio_agrees(name):
+    """Accelerations from M and h with the rotors added to M by hand, energy and bearing forces."""
+    pinocchio = pytest.importorskip("pinocchio", reason=REASON)
+    case = case_of(name)
+    a, energy, load = (np.zeros_like(x) for x in (case.a, case.energy, case.load))
+    for i, v in enumerate(case.parameters):
+        model = pinocchio_model(pinocchio, name, v)
+        data = model.createData()
+        q, w, u, rotors = case.q[i], case.w[i], case.u[i], rotor_matrix(name, v)
+        M = np.triu(pinocchio.crba(model, data, q))
+        M = M + np.triu(M, 1).T + rotors
+        a[i] = np.linalg.solve(M, u - pinocchio.nonLinearEffects(model, data, q, w))
+        energy[i] = pinocchio.computeKineticEnergy(model, data, q, w) + 0.5 * w @ rotors @ w
+        energy[i] += pinocchio.computePotentialEnergy(model, data, q)
+        pinocchio.rnea(model, data, q, w, case.a[i])
+        load[i] = [np.linalg.norm(data.f[j + 1].linear) for j in range(len(q))]
+    np.testing.assert_allclose(case.a, a, rtol=1e-8, atol=1e-8)
+    close(case.energy, energy, 1e-8)
+    close(case.load, load, 1e-8)
+
+
+def test_pinocchio_forward_dynamics_agree_without_rotors(name):
+    """Its own algorithm for accelerations, which never forms M."""
+    pinocchio = pytest.importorskip("pinocchio", reason=REASON)
+    case, mechanism = case_of(name), MACHINES[name]
+    rotor = "Ir" if name.startswith("double") else "rotor"
+    ours, theirs = np.zeros_like(case.a), np.zeros_like(case.a)
+    for i, v in enumerate(case.parameters):
+        model = pinocchio_model(pinocchio, name, v)
+        q, w, u = case.q[i], case.w[i], case.u[i]
+        theirs[i] = pinocchio.aba(model, model.createData(), q, w, u)
+        M, h = mechanism.dynamics(mechanism.base(v | {rotor: 0.0}), q, w)
+        ours[i] = np.linalg.solve(M, h + u)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-8)

@@ -1,0 +1,317 @@
+"""Laws of mechanics: terms that belong together, energy, linearity, arrays of any kind."""
+
+import pickle
+
+import numpy as np
+import pytest
+import torch
+from fixtures.random_machines import (
+    MECHANISMS,
+    STEP,
+    assert_same_terms,
+    close,
+    gradient,
+    physical,
+    random_case,
+    states,
+)
+from scipy.integrate import solve_ivp
+
+from frictionid.arrays import solve, times
+from frictionid.errors import InputError
+from frictionid.mechanics import acrobot, double_pendulum, pendulum
+
+
+@pytest.fixture(params=MECHANISMS)
+def mechanism(request):
+    return MECHANISMS[request.param]
+
+
+# ---------------------------------------------------------------- the terms belong together
+
+
+def test_mass_matrix_is_symmetric_and_positive_definite(mechanism):
+    M = mechanism.terms(*random_case(mechanism, 1, (500,))).M
+    np.testing.assert_array_equal(M, np.swapaxes(M, -1, -2))
+    assert np.linalg.eigvalsh(M).min() > 0.0
+
+
+def test_momentum_is_the_velocity_gradient_of_the_energy(mechanism):
+    p, q, w = random_case(mechanism, 2)
+    t = mechanism.terms(p, q, w)
+    close(t.momentum, gradient(lambda w: mechanism.terms(p, q, w).energy, w))
+    close(t.momentum, np.einsum("...ij,...j", t.M, w))
+
+
+def test_mass_matrix_is_the_velocity_gradient_of_the_momentum(mechanism):
+    p, q, w = random_case(mechanism, 3)
+    close(mechanism.terms(p, q, w).M, gradient(lambda w: mechanism.terms(p, q, w).momentum, w))
+
+
+def test_dl_dq_is_the_angle_gradient_of_the_lagrangian(mechanism):
+    p, q, w = random_case(mechanism, 4)
+
+    def lagrangian(q):
+        t = mechanism.terms(p, q, w)
+        return (t.momentum * w).sum(-1) - t.energy  # T - V = 2 T - (T + V)
+
+    close(mechanism.terms(p, q, w).dLdq, gradient(lagrangian, q))
+
+
+def test_h_is_dl_dq_without_the_change_of_the_mass_matrix(mechanism):
+    p, q, w = random_case(mechanism, 5)
+    t = mechanism.terms(p, q, w)
+    change = gradient(lambda q: times(mechanism.inertia(p, q), w), q)  # d(M w)/dq
+    close(t.h, t.dLdq - np.einsum("...ij,...j", change, w))
+
+
+def test_dynamics_and_inertia_are_parts_of_terms(mechanism):
+    p, q, w = random_case(mechanism, 6)
+    t = mechanism.terms(p, q, w)
+    M, h = mechanism.dynamics(p, q, w)
+    close(M, t.M)
+    close(h, t.h)
+    close(mechanism.inertia(p, q), t.M)
+
+
+def test_motors_act_on_the_driven_joints(mechanism):
+    p, q, w = random_case(mechanism, 7, (3,))
+    expected = np.diag([float(d) for d in mechanism.description.driven])
+    np.testing.assert_array_equal(mechanism.B, expected)
+    np.testing.assert_array_equal(mechanism.terms(p, q, w).B, expected)
+    assert mechanism.n == len(mechanism.description.joints)
+
+
+def test_which_joints_are_driven():
+    assert acrobot().description.driven == (False, True)
+    assert double_pendulum((True, False)).description.driven == (True, False)
+    assert pendulum(driven=False).description.driven == (False,)
+
+
+# ---------------------------------------------------------------- energy
+
+
+def test_power_of_motors_and_friction_is_the_change_of_energy(mechanism):
+    p, q, w = random_case(mechanism, 8)
+    rng = np.random.default_rng(9)
+    u, Tf = rng.normal(size=q.shape), 0.3 * np.tanh(w)
+    t = mechanism.terms(p, q, w)
+    a = solve(t.M, t.h + times(t.B, u) - Tf)
+    along = mechanism.terms(p, q + 1j * STEP * w, w + 1j * STEP * a).energy
+    close(along.imag / STEP, (w * (times(t.B, u) - Tf)).sum(-1))
+
+
+@pytest.mark.parametrize("name", ["acrobot", "acrobot-relative", "double_pendulum-11", "pendulum"])
+def test_frictionless_swing_keeps_its_energy(name):
+    mechanism = MECHANISMS[name]
+    p = mechanism.base({"rotor": 2e-6} if "acrobot" in name else {})
+    n = mechanism.n
+
+    def rate(_, x):
+        M, h = mechanism.dynamics(p, x[:n], x[n:])
+        return np.concatenate([x[n:], solve(M, h)])
+
+    start = np.concatenate([[2.5, -1.0][:n], [0.0, 3.0][:n]])
+    x = solve_ivp(rate, (0.0, 2.0), start, method="DOP853", rtol=1e-10, atol=1e-10).y.T
+    energy = mechanism.terms(p, x[:, :n], x[:, n:]).energy
+    kinetic = 0.5 * (x[:, n:] * times(mechanism.inertia(p, x[:, :n]), x[:, n:])).sum(-1)
+    assert kinetic.max() > 0.1 * np.ptp(p[-2:])  # it did swing
+    assert np.ptp(energy) < 1e-7 * kinetic.max()
+
+
+def test_hanging_down_is_the_lowest_rest(mechanism):
+    p = mechanism.base(physical(mechanism, np.random.default_rng(10)))
+    zero = np.zeros(mechanism.n)
+    np.testing.assert_array_equal(mechanism.terms(p, zero, zero).h, zero)
+    q, _ = states(mechanism, np.random.default_rng(11))
+    assert (mechanism.terms(p, q, 0.0 * q).energy > mechanism.terms(p, zero, zero).energy).all()
+
+
+# ---------------------------------------------------------------- base parameters
+
+
+def test_linear_in_the_base_parameters(mechanism):
+    p1, q, w = random_case(mechanism, 12)
+    p2 = random_case(mechanism, 13)[0]
+    one, two = mechanism.terms(p1, q, w), mechanism.terms(p2, q, w)
+    both = mechanism.terms(2.0 * p1 + p2, q, w)
+    for name in ("M", "h", "momentum", "dLdq", "energy"):
+        close(getattr(both, name), 2.0 * getattr(one, name) + getattr(two, name))
+
+
+def test_motion_shows_every_base_parameter_by_itself(mechanism):
+    _, q, w = random_case(mechanism, 14)
+    a = np.random.default_rng(15).normal(scale=100.0, size=q.shape)
+    columns = []
+    for unit in np.eye(len(mechanism.base_names)):
+        M, h = mechanism.dynamics(unit, q, w)
+        columns.append((times(M, a) - h).ravel())
+    regressor = np.stack(columns, axis=-1)
+    singular = np.linalg.svd(regressor / np.linalg.norm(regressor, axis=0), compute_uv=False)
+    assert singular.min() > 0.05
+
+
+def assert_same_motion(mechanism, one, other):
+    """Physical parameters differ, base parameters and motion do not."""
+    assert one != other
+    p1, p2 = mechanism.base(one), mechanism.base(other)
+    close(p1, p2)
+    q, w = states(mechanism, np.random.default_rng(16))
+    assert_same_terms(mechanism.terms(p1, q, w), mechanism.terms(p2, q, w))
+
+
+def test_pendulums_that_differ_only_in_what_cannot_be_seen():
+    short = {"mass": 2.0, "length": 0.25, "inertia": 0.3}
+    long = {"mass": 1.0, "length": 0.5, "inertia": 0.125, "rotor": 5e-4, "gear": 10.0}
+    assert_same_motion(pendulum(), short, long)
+
+
+@pytest.mark.parametrize("inertias", ["printed", "shapes"])
+def test_acrobots_with_their_second_links_masses_merged_move_alike(inertias):
+    """Extra mass and link as one body: mass, centre and inertia by the parallel-axis theorem."""
+    m = acrobot(inertias)
+    one = m.defaults | {"rotor": 1e-6}
+    m3, m4, L3, L4 = (one[k] for k in ("m3", "m4", "L3", "L4"))
+    centre = (m3 * L3 + m4 * L4) / (m3 + m4)
+    added = m3 * (L3 - centre) ** 2 + m4 * (L4 - centre) ** 2
+    merged = one | {"m3": m3 + m4, "m4": 0.0, "L3": centre}
+    if inertias == "printed":
+        merged["J2"] = one["J2"] + added
+    else:
+        plate = m3 * (one["H2"] ** 2 + one["W2"] ** 2) / 12 + added
+        merged["H2"] = np.sqrt(12 * plate / (m3 + m4) - one["W2"] ** 2)
+    assert_same_motion(m, one, merged)
+
+
+def test_base_parameters_are_named_and_ordered(mechanism):
+    names = mechanism.base_names
+    assert len(set(names)) == len(names) == mechanism.base({}).shape[-1]
+    assert {b.unit for b in mechanism.description.base} == {"kg m^2", "N m"}
+
+
+def test_without_a_rotor_at_joint_2_the_double_pendulum_has_five_base_parameters():
+    five = ("inertia_11", "inertia_22", "coupling", "gravity_1", "gravity_2")
+    assert double_pendulum((True, False)).base_names == five
+    assert double_pendulum((False, False)).base_names == five
+    assert double_pendulum((False, True)).base_names == ("inertia_11", "inertia_12", *five[1:])
+
+
+def test_unknown_parameter_names_are_refused():
+    m = pendulum()
+    with pytest.raises(InputError, match="pendulum has no parameter 'masss'; known are mass, len"):
+        m.base({"masss": 1.0})
+    with pytest.raises(InputError, match="has no parameter 'm'"):
+        m.load({"m": 1.0}, np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+# ---------------------------------------------------------------- arrays
+
+
+def test_torch_gives_what_numpy_gives(mechanism):
+    rng = np.random.default_rng(23)
+    v = physical(mechanism, rng, (50,))
+    q, w = states(mechanism, rng, (50,))
+    u = rng.normal(size=q.shape)
+    tv = {k: torch.from_numpy(x) for k, x in v.items()}
+    tq, tw, tu = (torch.from_numpy(x) for x in (q, w, u))
+    out = mechanism.terms(mechanism.base(tv), tq, tw)
+    assert all(isinstance(x, torch.Tensor) and x.dtype == torch.float64 for x in out)
+    assert_same_terms(mechanism.terms(mechanism.base(v), q, w), type(out)(*map(np.asarray, out)))
+    close(mechanism.load(tv, tq, tw, tu).numpy(), mechanism.load(v, q, w, u))
+
+
+def test_autograd_of_the_lagrangian_gives_momentum_and_dl_dq(mechanism):
+    p, q, w = map(torch.from_numpy, random_case(mechanism, 24))
+    q.requires_grad_()
+    w.requires_grad_()
+    t = mechanism.terms(p, q, w)
+    energy_q, momentum = torch.autograd.grad(t.energy.sum(), (q, w), retain_graph=True)
+    (twice_kinetic_q,) = torch.autograd.grad((t.momentum * w).sum(), q)
+    close(momentum.numpy(), t.momentum.detach().numpy())
+    close((twice_kinetic_q - energy_q).numpy(), t.dLdq.detach().numpy())
+
+
+def test_gradients_pass_from_the_motion_to_the_physical_parameters():
+    m = acrobot()
+    rotor = torch.tensor(1e-6, dtype=torch.float64, requires_grad=True)
+    M = m.inertia(m.base({"rotor": rotor, "gear": 18.0}), torch.zeros(2, dtype=torch.float64))
+    (slope,) = torch.autograd.grad(M[1, 1], rotor)
+    assert float(slope) == pytest.approx(18.0**2)
+
+
+def test_batch_gives_what_each_row_gives_alone(mechanism):
+    rng = np.random.default_rng(25)
+    v = physical(mechanism, rng, (4,))
+    q, w = states(mechanism, rng, (4,))
+    u = rng.normal(size=q.shape)
+    p = mechanism.base(v)
+    together, load = mechanism.terms(p, q, w), mechanism.load(v, q, w, u)
+    for i in range(4):
+        one = {k: float(x[i]) for k, x in v.items()}
+        close(p[i], mechanism.base(one))
+        alone = mechanism.terms(p[i], q[i], w[i])
+        rows = [x if k == "B" else x[i] for k, x in together._asdict().items()]
+        assert_same_terms(alone, type(alone)(*rows))
+        close(load[i], mechanism.load(one, q[i], w[i], u[i]))
+
+
+def test_parameter_batches_broadcast_against_states(mechanism):
+    rng = np.random.default_rng(26)
+    n, nb = mechanism.n, len(mechanism.base_names)
+    p = mechanism.base(physical(mechanism, rng, (3,)))
+    q, w = states(mechanism, rng, (5,))
+    t = mechanism.terms(p[:, None, :], q, w)
+    assert p.shape == (3, nb)
+    assert t.M.shape == (3, 5, n, n)
+    assert t.h.shape == t.dLdq.shape == t.momentum.shape == (3, 5, n)
+    assert t.energy.shape == (3, 5)
+    close(t.h[2], mechanism.terms(p[2], q, w).h)
+    one_state = mechanism.terms(p, q[0], w[0])
+    assert one_state.M.shape == (3, n, n)
+    close(one_state.M, t.M[:, 0])
+
+
+def test_one_parameter_per_row_and_the_others_common():
+    """An exchangeable mass: one entry for each recording, all other parameters numbers."""
+    m = acrobot()
+    p = m.base({"m4": np.array([0.0, 0.084])})
+    assert p.shape == (2, 6)
+    close(p[1], m.base({}))
+    close(p[0], m.base({"m4": 0.0}))
+    q, w = np.zeros((2, 2)), np.zeros((2, 2))
+    load = m.load({"m4": np.array([0.0, 0.084])}, q, w, q)
+    close(load[0] - load[1], np.full(2, -0.084 * 9.81), 1e-10)
+
+
+def test_whole_numbers_are_taken_as_floats():
+    m = pendulum()
+    p = m.base({"mass": 2, "length": np.array([1, 2])})
+    assert p.dtype == np.float64
+    np.testing.assert_array_equal(p[:, 0], [2.0, 8.0])
+
+
+def test_a_motors_constants_are_parameters_that_move_nothing():
+    plain, motor = pendulum(), pendulum(motor=True)
+    assert motor.base_names == plain.base_names
+    assert set(motor.defaults) - set(plain.defaults) == {"kt", "R"}
+    physical = {"mass": 0.3, "length": 0.2, "rotor": 0.01}
+    close(motor.base({**physical, "kt": 0.4, "R": 3.0}), plain.base(physical))
+    q, w, u = np.random.default_rng(0).normal(size=(3, 4, 1))
+    close(motor.load(physical, q, w, u), plain.load(physical, q, w, u))
+    with pytest.raises(ValueError, match="motor = 'yes' must be true or false"):
+        pendulum(motor="yes")
+
+
+def test_pickled_mechanism_computes_the_same(mechanism):
+    p, q, w = random_case(mechanism, 27)
+    before = mechanism.terms(p, q, w)  # compiled code is in its cache and must not be pickled
+    copy = pickle.loads(pickle.dumps(mechanism))
+    assert copy == mechanism
+    assert copy.base_names == mechanism.base_names
+    for a, b in zip(before, copy.terms(p, q, w), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_factories_return_the_same_object_for_the_same_options():
+    assert acrobot() is acrobot()
+    assert acrobot() is not acrobot(link2_rate="relative")

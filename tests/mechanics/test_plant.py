@@ -1,0 +1,95 @@
+"""Laws of plants: a plant is its mechanism with parameters filled in, one row or many."""
+
+import numpy as np
+import pytest
+import torch
+from fixtures.random_machines import MECHANISMS, assert_same_terms, close, physical, states
+
+from frictionid.arrays import plain
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+from frictionid.errors import InputError
+from frictionid.mechanics import Plant, acrobot, pendulum, plant_of
+
+
+def recording(name, parameters):
+    time = np.array([0.0, 0.1])
+    zero = Signal(time, np.zeros((2, 2)))
+    return Recording(name, zero, zero._replace(hold="previous"), parameters=parameters)
+
+
+def dataset(parameters, overrides):
+    table = {"kind": "acrobot", "link2_rate": "relative", "parameters": parameters}
+    recordings = tuple(recording(f"r{i}", o) for i, o in enumerate(overrides))
+    return Dataset("made up", table, recordings, {}, {}, None)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_plant_passes_its_parameters_to_the_mechanism(name):
+    mechanism, rng = MECHANISMS[name], np.random.default_rng(1)
+    v = physical(mechanism, rng, (20,))
+    plant, p = Plant.of(mechanism, v), mechanism.base(v)
+    q, w = states(mechanism, rng, (20,))
+    u = rng.normal(size=q.shape)
+    close(plant.p, p)
+    assert plant.n == mechanism.n
+    assert_same_terms(plant.terms(q, w), mechanism.terms(p, q, w))
+    for ours, theirs in zip(plant.dynamics(q, w), mechanism.dynamics(p, q, w), strict=True):
+        close(ours, theirs)
+    close(plant.load(q, w, u), mechanism.load(v, q, w, u))
+
+
+def test_an_index_picks_rows_of_everything():
+    mechanism, rng = acrobot(), np.random.default_rng(2)
+    v = physical(mechanism, rng, (4,))
+    plant = Plant.of(mechanism, v | {"g": 9.81})
+    rows = np.array([2, 0, 2])
+    q, w = states(mechanism, rng, (3,))
+    picked, expected = plant[rows], {k: np.broadcast_to(x, 4)[rows] for k, x in v.items()}
+    expected["g"] = np.full(3, 9.81)
+    assert {k: x.tolist() for k, x in picked.parameters.items()} == {
+        k: x.tolist() for k, x in expected.items()
+    }
+    close(picked.p, mechanism.base(expected))
+    close(picked.load(q, w, 0.0 * q), mechanism.load(expected, q, w, 0.0 * q))
+    assert plant[1].p.shape == (6,)
+
+
+def test_plant_refuses_an_unknown_parameter():
+    with pytest.raises(InputError, match="pendulum has no parameter 'masse'"):
+        Plant.of(pendulum(), {"masse": 1.0})
+
+
+def test_gradients_pass_through_a_plant_of_tensors():
+    mass = torch.tensor([0.5, 1.0], dtype=torch.float64, requires_grad=True)
+    plant = Plant.of(pendulum(), {"mass": mass, "length": 2.0})
+    hanging = torch.zeros((2, 1), dtype=torch.float64)
+    total = plant.p[:, 0].sum() + plant.load(hanging, hanging, hanging).sum()
+    (slope,) = torch.autograd.grad(total, mass)
+    np.testing.assert_allclose(plain(slope), 2.0**2 + 9.81)
+
+
+def test_recordings_keep_their_own_parameters_before_replacements_and_the_table():
+    data = dataset({"m4": 0.084, "m3": 0.2}, [{}, {"m4": 0.0}])
+    names = acrobot().base_names
+    plant = plant_of(data)
+    assert plant.mechanism is acrobot(link2_rate="relative")
+    assert plant.p.shape == (2, len(names))
+    np.testing.assert_array_equal(plant.parameters["m4"], [0.084, 0.0])
+    np.testing.assert_array_equal(plant.parameters["m3"], [0.2, 0.2])
+    replaced = plant_of(data, {"m4": 0.5, "m3": 0.3})
+    np.testing.assert_array_equal(replaced.parameters["m4"], [0.5, 0.0])
+    np.testing.assert_array_equal(replaced.parameters["m3"], [0.3, 0.3])
+    assert data.mechanism["parameters"] == {"m4": 0.084, "m3": 0.2}
+
+
+def test_plant_of_a_data_set_refuses_a_wrong_replacement():
+    with pytest.raises(InputError, match="acrobot has no parameter 'm9'"):
+        plant_of(dataset({}, [{}]), {"m9": 1.0})
+
+
+def test_plain_is_a_numpy_array_without_gradient():
+    tensor = torch.ones(3, dtype=torch.float64, requires_grad=True)
+    for array in (tensor, 2.0 * tensor - 1.0, np.ones(3), [1.0, 1.0, 1.0]):
+        assert type(plain(array)) is np.ndarray
+        np.testing.assert_array_equal(plain(array), np.ones(3))

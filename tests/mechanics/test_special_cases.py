@@ -1,0 +1,238 @@
+"""Mechanics against the study, the makers of the real machine, special cases and Newton."""
+
+import numpy as np
+import pytest
+from fixtures.random_machines import MECHANISMS, STEP, assert_same_terms, close, physical, states
+
+from frictionid.arrays import solve, times
+from frictionid.mechanics import acrobot, double_pendulum, pendulum
+
+# ---------------------------------------------------------------- special cases
+
+
+def test_double_pendulum_without_a_second_link_is_a_pendulum():
+    rng = np.random.default_rng(17)
+    m1, r1, I1, Ir, gr = 0.7, 0.15, 0.03, 2e-5, 6.0
+    double = double_pendulum((True, False))
+    one = double.base(
+        {"m1": m1, "r1": r1, "I1": I1, "Ir": Ir, "gr": gr, "m2": 0.0, "I2": 0.0, "l1": 0.3}
+    )
+    single = pendulum()
+    p = single.base({"mass": m1, "length": r1, "inertia": I1 - m1 * r1**2, "rotor": Ir, "gear": gr})
+    q, w = states(double, rng)
+    a, b = double.terms(one, q, w), single.terms(p, q[:, :1], w[:, :1])
+    close(a.M[:, :1, :1], b.M)
+    for name in ("h", "momentum", "dLdq"):
+        close(getattr(a, name)[:, :1], getattr(b, name))
+        assert (getattr(a, name)[:, 1] == 0.0).all()
+    close(a.energy, b.energy)
+
+
+def test_double_pendulum_with_its_elbow_locked_straight_is_a_pendulum():
+    rng = np.random.default_rng(18)
+    double, single = double_pendulum((False, False)), pendulum()
+    v = physical(double, rng)
+    mass = v["m1"] + v["m2"]
+    length = (v["m1"] * v["r1"] + v["m2"] * (v["l1"] + v["r2"])) / mass
+    about_joint = v["I1"] + v["I2"] + v["m2"] * ((v["l1"] + v["r2"]) ** 2 - v["r2"] ** 2)
+    same = {"mass": mass, "length": length, "inertia": about_joint - mass * length**2, "g": v["g"]}
+    q, w = states(single, rng)
+    a = double.terms(double.base(v), np.append(q, 0.0 * q, 1), np.append(w, 0.0 * w, 1))
+    b = single.terms(single.base(same), q, w)
+    close(a.M[:, :1, :1], b.M)
+    close(a.h[:, :1], b.h)
+    close(a.energy, b.energy)
+
+
+@pytest.mark.parametrize("inertias", ["printed", "shapes"])
+def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
+    rng = np.random.default_rng(19)
+    a, d = acrobot(inertias), double_pendulum((False, True))
+    v = physical(a, rng)
+    m1, m2, m3, m4, L1, L2, L3, L4 = (v[k] for k in "m1 m2 m3 m4 L1 L2 L3 L4".split())
+    J1, J2 = moments_of_inertia(v)
+    same = {
+        "m1": m1 + m2,
+        "r1": (m1 * L1 + m2 * L2) / (m1 + m2),
+        "I1": J1 + m1 * L1**2 + m2 * L2**2,
+        "l1": L2,
+        "m2": m3 + m4,
+        "r2": (m3 * L3 + m4 * L4) / (m3 + m4),
+        "I2": J2 + m3 * L3**2 + m4 * L4**2,
+        "Ir": v["rotor"],
+        "gr": v["gear"],
+        "g": v["g"],
+    }
+    q, w = states(a, rng)
+    assert_same_terms(a.terms(a.base(v), q, w), d.terms(d.base(same), q, w))
+
+
+def moments_of_inertia(v):
+    """J1 about the shaft (link 1 about its own centre) and J2, written by hand."""
+    if "J2" in v:
+        return v["J_shaft"] + v["J_clamp"] + v["J_bush"] + v["J_link1"], v["J2"]
+    shaft = 0.5 * v["M_shaft"] * v["R_shaft"] ** 2
+    rings = sum(
+        0.5 * v[f"M_{k}"] * (v[f"R_{k}"] ** 2 + v[f"r_{k}"] ** 2) for k in ("clamp", "bush")
+    )
+    plates = [v[m] * (v[f"H{i}"] ** 2 + v[f"W{i}"] ** 2) / 12 for m, i in (("m1", 1), ("m3", 2))]
+    return shaft + rings + plates[0], plates[1]
+
+
+# ---------------------------------------------------------------- published figures and formulas
+
+
+@pytest.mark.parametrize("inertias", ["printed", "shapes"])
+def test_the_printed_energy_differs_in_the_inertia_of_link_2_alone(inertias):
+    rng = np.random.default_rng(20)
+    absolute, relative = acrobot(inertias), acrobot(inertias, "relative")
+    v = physical(absolute, rng)
+    J2 = moments_of_inertia(v)[1]
+    q, w = states(absolute, rng)
+    a = absolute.terms(absolute.base(v), q, w)
+    r = relative.terms(relative.base(v), q, w)
+    close(a.M - r.M, np.broadcast_to(J2 * np.array([[1.0, 1.0], [1.0, 0.0]]), a.M.shape), 1e-10)
+    close(a.energy - r.energy, 0.5 * J2 * ((w.sum(-1)) ** 2 - w[:, 1] ** 2), 1e-10)
+    close(a.h, r.h)
+    close(a.dLdq, r.dLdq)
+
+
+@pytest.mark.parametrize(
+    ("part", "of_formula", "printed", "places"),
+    [
+        ("shaft", 6.900e-5, 6.91e-5, 8),
+        ("clamp", 2.236e-5, 2.24e-5, 8),
+        ("bush", 3.848e-5, 3.81e-5, 8),
+        ("link1", 3.727e-4, 3.73e-4, 7),
+        ("link2", 3.485e-4, 3.39e-4, 7),
+    ],
+)
+def test_shape_formulas_give_the_figures_of_the_study(part, of_formula, printed, places):
+    """Of a machine that has only this part; a plate at the joint, so that only its J counts."""
+    m = acrobot("shapes")
+    name = {"link1": "m1", "link2": "m3"}.get(part, f"M_{part}")
+    masses = [k for k in m.defaults if k.startswith(("m", "M_"))]
+    only = dict.fromkeys(masses, 0.0) | {name: m.defaults[name], "L1": 0.0, "L2": 0.0, "L3": 0.0}
+    assert m.base(only)[0] == pytest.approx(of_formula, abs=0.5 * 10.0**-places)
+    named = {"link2": "J2"}.get(part, f"J_{part}")
+    assert acrobot().defaults[named] == printed
+
+
+def test_a_small_rotor_behind_the_gear_adds_a_sixth_to_the_second_joint():
+    """2e-6 kg m^2 behind 18:1 adds about 16 % to M22 and, turning with link 1, less elsewhere."""
+    m = acrobot()
+    bare, geared = m.base({}), m.base({"rotor": 2e-6})
+    added = dict(zip(m.base_names, geared - bare, strict=True))
+    assert added["inertia_22"] == pytest.approx(2e-6 * 18**2)
+    assert added["inertia_12"] == pytest.approx(-2e-6 * 18)
+    assert added["inertia_11"] == pytest.approx(2e-6)
+    assert added["inertia_22"] / bare[2] == pytest.approx(0.16, abs=0.01)
+
+
+def test_double_pendulum_has_the_matrices_of_its_makers():
+    """M and G as the makers of the real one print them, both joints driven [Wiebe2024]."""
+    rng = np.random.default_rng(21)
+    m = double_pendulum()
+    v = physical(m, rng, (200,))
+    m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = v.values()
+    q, w = states(m, rng)
+    (q1, q2), (w1, w2) = q.T, w.T
+    M11 = I1 + I2 + m2 * l1**2 + 2 * m2 * l1 * r2 * np.cos(q2) + gr**2 * Ir + Ir
+    M12 = I2 + m2 * l1 * r2 * np.cos(q2) - gr * Ir
+    M22 = I2 + gr**2 * Ir
+    G1 = -m1 * g * r1 * np.sin(q1) - m2 * g * (l1 * np.sin(q1) + r2 * np.sin(q1 + q2))
+    G2 = -m2 * g * r2 * np.sin(q1 + q2)
+    C = m2 * l1 * r2 * np.sin(q2) * np.stack([2 * w1 * w2 + w2**2, -(w1**2)])
+    t = m.terms(m.base(v), q, w)
+    close(t.M, np.stack([M11, M12, M12, M22], -1).reshape(-1, 2, 2))
+    close(t.h, np.stack([G1, G2], -1) + C.T)
+
+
+def test_pendulum_has_its_textbook_equation():
+    rng = np.random.default_rng(22)
+    m = pendulum()
+    v = physical(m, rng, (200,))
+    q, w = states(m, rng)
+    t = m.terms(m.base(v), q, w)
+    I = v["mass"] * v["length"] ** 2 + v["inertia"] + v["gear"] ** 2 * v["rotor"]  # noqa: E741
+    close(t.M[:, 0, 0], I)
+    close(t.h[:, 0], -v["mass"] * v["g"] * v["length"] * np.sin(q[:, 0]))
+
+
+# ---------------------------------------------------------------- bearing forces
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_bearings_of_a_hanging_machine_carry_its_weight(name):
+    mechanism = MECHANISMS[name]
+    rng = np.random.default_rng(28)
+    v = physical(mechanism, rng)
+    zero = np.zeros(mechanism.n)
+    load = mechanism.load(v, zero, zero, zero)
+    beyond = {
+        "acrobot": (("m1", "m2", "m3", "m4"), ("m3", "m4")),
+        "double_pendulum": (("m1", "m2"), ("m2",)),
+        "pendulum": (("mass",),),
+    }[mechanism.description.kind]
+    close(load, np.array([v["g"] * sum(v[k] for k in names) for names in beyond]))
+
+
+def test_bearing_force_of_a_swinging_pendulum_by_newton():
+    """Along the rod m (g cos q + l w^2), across it m (l dw/dt + g sin q)."""
+    rng = np.random.default_rng(29)
+    m = pendulum()
+    v = physical(m, rng, (100,))
+    q, w = states(m, rng, (100,))
+    u = rng.normal(size=q.shape)
+    t = m.terms(m.base(v), q, w)
+    a = ((t.h + u) / t.M[..., 0])[:, 0]
+    along = v["g"] * np.cos(q[:, 0]) + v["length"] * w[:, 0] ** 2
+    across = v["length"] * a + v["g"] * np.sin(q[:, 0])
+    close(m.load(v, q, w, u)[:, 0], v["mass"] * np.hypot(along, across))
+
+
+@pytest.mark.parametrize("name", ["acrobot", "acrobot-shapes", "double_pendulum-11"])
+def test_bearing_force_is_the_change_of_momentum_beyond_it(name):
+    """Newton: force = d/dt (sum m v) + sum m g, by differences along the motion itself."""
+    mechanism = MECHANISMS[name]
+    rng = np.random.default_rng(30)
+    v = physical(mechanism, rng)
+    p = mechanism.base(v)
+    q, w = states(mechanism, rng, (50,))
+    u = rng.normal(size=q.shape)
+    t = mechanism.terms(p, q, w)
+    a = solve(t.M, t.h + times(t.B, u))
+    for joint in range(2):
+        now = momentum_beyond(name, v, joint, q + 1j * STEP * w, w + 1j * STEP * a)
+        force = now.imag / STEP
+        force[:, 1] += v["g"] * masses_beyond(name, v, joint)
+        close(mechanism.load(v, q, w, u)[:, joint], np.hypot(*force.T))
+
+
+def points(name, v):
+    """Masses as (mass, distance along link 1, distance along link 2, joint)."""
+    if name.startswith("acrobot"):
+        return (
+            (v["m1"], v["L1"], 0.0, 0),
+            (v["m2"], v["L2"], 0.0, 0),
+            (v["m3"], v["L2"], v["L3"], 1),
+            (v["m4"], v["L2"], v["L4"], 1),
+        )
+    return (v["m1"], v["r1"], 0.0, 0), (v["m2"], v["l1"], v["r2"], 1)
+
+
+def masses_beyond(name, v, joint):
+    return sum(mass for mass, _, _, at in points(name, v) if at >= joint)
+
+
+def momentum_beyond(name, v, joint, q, w):
+    total = 0.0
+    for mass, first, second, at in points(name, v):
+        if at >= joint:
+            for length, angle, rate in (
+                (first, q[:, 0], w[:, 0]),
+                (second, q.sum(-1), w.sum(-1)),
+            ):
+                across = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+                total = total + mass * length * rate[:, None] * across
+    return total

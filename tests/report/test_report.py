@@ -1,0 +1,339 @@
+"""The report: its numbers are those of the scores, whatever the names, lost values and gaps."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+
+import matplotlib
+import matplotlib.image
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures import result_folders as made
+from fixtures import tiny_pendulums as tiny
+from markdown_it import MarkdownIt
+
+from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.results import describe
+from frictionid.comparison.tasks import Task, grounds_of, run_tasks
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds, true_friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.identifiers import LeastSquares, Nothing, Published
+from frictionid.identifiers.formulation import INTEGRAL, STUDY
+from frictionid.report import build, show, write
+from frictionid.report.load import gather
+from frictionid.report.tables import escape_latex
+
+ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "日本", "x" * 90)
+
+
+@pytest.fixture(scope="module")
+def typical(tmp_path_factory):
+    """A report of a folder made by hand."""
+    folder = made.typical(tmp_path_factory.mktemp("typical"))
+    build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory):
+    """A report of results that the library has computed, of one joint."""
+    folder = tmp_path_factory.mktemp("computed")
+    dataset = tiny.dataset()
+    folds = make_folds(dataset.recordings, Split(count=3))
+    contest = Contest(dataset, folds, Protocol((0.1, 0.5), every=0.5), (tiny.dataset(name="new"),))
+    parts = {
+        "none": Nothing(),
+        "coulomb_viscous": LeastSquares(CoulombViscous()),
+        "truth": Published(true_friction(dataset.truth)),
+    }
+    tasks = [
+        Task(contest, name, identifier, recipe, 0)
+        for recipe in (STUDY, INTEGRAL)
+        for name, identifier in parts.items()
+    ]
+    grounds = grounds_of(tasks)
+    settings = {"every": 0.5, "folds": {"count": 3, "kind": "recordings"}}
+    describe(folder, "tiny", "", settings, tasks, grounds)
+    run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=1)
+    build(folder)
+    return folder
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Builds that leave out the pictures, for tests of words and tables: those take longest."""
+    monkeypatch.setattr(write, "_drawn", lambda *_: ())
+
+
+def contents(folder):
+    """Bytes of all files but the tasks', by their names in the folder."""
+    files = [p for p in folder.rglob("*") if p.is_file() and p.parent.name != "tasks"]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def grid(text):
+    """Cells of the first table of a Markdown text, as a browser shows them."""
+    html = MarkdownIt().enable("table").render(text)
+    lines = re.findall(r"<tr>(.*?)</tr>", html.partition("</table>")[0], re.DOTALL)
+    return [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", line) for line in lines]
+
+
+# --- The same results, the same files ----------------------------------------------------------
+
+
+def test_a_report_made_elsewhere_has_the_same_bytes(typical, tmp_path):
+    shutil.copytree(typical / "tasks", tmp_path / "moved" / "tasks")
+    for name in ("provenance.json", "datasets.json"):
+        shutil.copy(typical / name, tmp_path / "moved")
+    build(tmp_path / "moved")
+    assert contents(tmp_path / "moved") == contents(typical)
+
+
+def test_a_build_leaves_no_file_of_an_earlier_one(typical):
+    before = contents(typical)
+    for place in ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json"):
+        (typical / place).write_text("old")
+    build(typical)
+    assert contents(typical) == before
+
+
+@pytest.mark.parametrize("step", [build, show])
+@pytest.mark.parametrize("content", ["nothing", "no task"])
+def test_a_folder_without_results_is_the_users_mistake(step, content, tmp_path):
+    if content == "no task":
+        made.typical(tmp_path)
+        shutil.rmtree(tmp_path / "tasks")
+    with pytest.raises(InputError, match=re.escape(str(tmp_path))):
+        step(tmp_path)
+
+
+def test_settings_of_matplotlib_stay(tmp_path):
+    before = dict(matplotlib.rcParams)
+    build(made.write(tmp_path, [made.task("a", {"made": made.rows(0.3, 0.2)}, motions=False)]))
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_importing_the_report_does_not_load_matplotlib():
+    code = "import sys, frictionid.report; assert 'matplotlib' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_unfinished_tasks_are_told(tmp_path):
+    made.typical(tmp_path)
+    (tmp_path / "tasks" / "task03.json").unlink()
+    build(tmp_path)
+    assert "1 of 6 tasks are not finished" in (tmp_path / "summary.md").read_text()
+
+
+# --- Numbers -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dataset", ["tiny", "new"])
+def test_numbers_of_the_tables_are_those_of_the_scores(dataset, computed):
+    long = pd.read_csv(computed / "scores.csv", dtype={"fold": str, "joint": str})
+    long = long[(long["dataset"] == dataset) & (long["joint"] == "all")]
+    table = pd.read_csv(computed / "tables" / f"summary--{dataset}.csv")
+    assert list(table["identifier"]) == ["none", *["coulomb_viscous"] * 2, "truth"]
+    for line in table.to_dict("records"):
+        recipe = "study" if pd.isna(line["recipe"]) else line["recipe"]
+        own = long[(long["identifier"] == line["identifier"]) & (long["fit"] == recipe)]
+        step = own[(own["score"] == "one_step_euler") & (own["statistic"] == "mean")]
+        each = step[step["fold"] != "all"]["value"]
+        expected = each.mean() if len(each) else step["value"].item()
+        assert line["one_step_euler_mean"] == pytest.approx(expected, rel=1e-8)
+        assert pd.isna(line["one_step_euler_mean_sd"]) == (dataset == "new")
+        last = own[(own["score"] == "rollout_angle") & (own["horizon_s"] == 0.5)]
+        pooled = last[last["fold"] == "all"].set_index("statistic")["value"]
+        for name in ("median", "q90", "diverged"):
+            assert line[f"rollout_angle_{name}_0.5s"] == pytest.approx(pooled[name], rel=1e-8)
+
+
+def test_printed_numbers_are_those_of_the_table(typical):
+    head, *lines = grid((typical / "tables" / "summary--made.md").read_text())
+    assert [line[:2] for line in lines] == [
+        ["none", "–"],
+        ["stribeck", "study"],
+        ["stribeck", "integral"],
+        ["paper", "–"],
+        ["truth", "–"],
+    ]
+    best = dict(zip(head, lines[2], strict=True))
+    assert best["rollout 1 s [rad]"] == "<strong>0.100 (0.20, 0 %)</strong>"
+    assert best["curve error joint 2 [%]"] == "<strong>5.0</strong>"
+    assert best["one step euler mean [rad/s]"] == "0.400 ± 0.018"
+    worst = dict(zip(head, lines[0], strict=True))
+    assert worst["rollout 1 s [rad]"] == "0.900 (1.8, 100 %)"
+
+
+def test_parameters_are_those_of_the_models(computed):
+    table = pd.read_csv(computed / "tables" / "parameters--tiny.csv")
+    long = gather(computed).sections[0]
+    entry = next(e for e in long.entries if e.recipe == "integral")
+    own = table[(table["recipe"] == "integral") & (table["parameter"] == "coulomb")]
+    assert own["mean"].item() == pytest.approx(entry.theta[:, 0, 0].mean(), rel=1e-8)
+    assert own["all_data"].item() == pytest.approx(
+        entry.model["joints"][0]["coulomb"]["value"], rel=1e-8
+    )
+    assert own["unit"].item() == "N m"
+    assert set(table[table["identifier"] == "truth"]["parameter"]) > {"viscous", "peak_positive"}
+
+
+def test_what_no_recipe_changes_stands_once(typical):
+    labels = [entry.title for entry in gather(typical).sections[0].entries]
+    assert labels == ["none", "stribeck (study)", "stribeck (integral)", "paper", "truth"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_seeds_that_change_nothing_are_one_line_and_others_are_named(tmp_path):
+    same = [made.task("a", {"made": made.rows(0.1, 0.1)}, seed=s, role="given") for s in (0, 1)]
+    differ = [made.task("b", {"made": made.rows(0.1, 0.1)}, seed=s) for s in (0, 1)]
+    build(made.write(tmp_path, same + differ))
+    names = [line[0] for line in grid((tmp_path / "tables" / "summary--made.md").read_text())[1:]]
+    assert names == ["b, seed 0", "b, seed 1", "a"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_data_that_test_two_fits_have_a_table_for_each(tmp_path):
+    scored = [{name: made.rows(0.1, 0.1), "other": made.rows(0.2, 0.2)} for name in ("x", "y")]
+    tasks = [made.task("a", own, dataset=next(iter(own))) for own in scored]
+    build(made.write(tmp_path, tasks))
+    names = {path.name for path in (tmp_path / "tables").glob("summary*.md")}
+    ends = ("x", "y", "other-fitted-on-x", "other-fitted-on-y")
+    assert names == {f"summary--{end}.md" for end in ends}
+
+
+# --- Lost values and gaps ----------------------------------------------------------------------
+
+
+def test_infinite_scores_are_shown_and_never_best_or_averaged(tmp_path):
+    wild = made.task("wild", {"made": made.rows(np.inf, np.inf, curve=np.inf)})
+    wild["curves"] = np.full_like(wild["curves"], np.nan)
+    for motion in wild["motions"]:
+        motion["predicted"] = np.where(motion["predicted"] > 0.5, np.inf, np.nan)
+    tame = made.task("tame", {"made": made.rows(0.3, 0.2, curve=0.1)})
+    also = made.task("also", {"made": made.rows(0.4, 0.3, curve=0.2)})
+    build(made.write(tmp_path, [wild, tame, also]))
+    _, *lines = grid((tmp_path / "tables" / "summary--made.md").read_text())
+    assert lines[0][0] == "wild"
+    assert lines[0][2:8] == ["∞", "∞", *["∞ (∞, 100 %)"] * 3, "∞"]
+    assert "<strong>" not in "".join(lines[0])
+    page = (tmp_path / "summary.md").read_text()
+    assert "Some errors are infinite" in page
+    assert "`tame` predicts best" in page
+
+
+@pytest.mark.parametrize("horizons", [(), (0.1,), (0.1, 0.5)])
+def test_missing_horizons_leave_a_gap(horizons, tmp_path, capsys):
+    short = made.task("short", {"made": made.rows(0.3, 0.2, horizons=horizons, curve=0.1)})
+    long = made.task("long", {"made": made.rows(0.3, 0.2, curve=0.1)})
+    build(made.write(tmp_path, [short, long]))
+    head, first, second = grid((tmp_path / "tables" / "summary--made.md").read_text())
+    last = head.index("rollout 1 s [rad]")
+    assert (first[last], second[last] == "–") == ("–", False)
+    show(tmp_path)
+    assert "–" in capsys.readouterr().out
+
+
+def test_without_rollouts_or_examples_the_rest_is_there(tmp_path):
+    task = made.task("a", {"made": made.rows(0.3, 0.2, horizons=())}, motions=False)
+    build(made.write(tmp_path, [task]))
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {
+        f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("png", "pdf")
+    }
+
+
+def test_without_truth_no_curve_error_is_shown(tmp_path):
+    task = made.task("a", {"made": made.rows(0.3, 0.2)})
+    build(made.write(tmp_path, [task], {"made": made.about(truth=False)}))
+    assert "curve error" not in (tmp_path / "tables" / "summary--made.md").read_text()
+    assert not list((tmp_path / "figures").glob("tradeoff*"))
+    assert "true friction" not in (tmp_path / "summary.md").read_text().partition("##")[0]
+
+
+@pytest.mark.parametrize("role", ["none", "given", "truth"])
+def test_a_comparison_without_a_fit_is_reported_too(role, tmp_path):
+    task = made.task("a", {"made": made.rows(0.3, 0.2, curve=0.1)}, role=role)
+    build(made.write(tmp_path, [task]))
+    assert "Nothing was fitted to it." in (tmp_path / "summary.md").read_text()
+
+
+# --- Names -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    """A report in which everything has an odd name."""
+    folder = tmp_path_factory.mktemp("odd")
+    tasks = [
+        made.task(name, {"my|rig": made.rows(0.3, 0.2, curve=0.1)}, dataset="my|rig", fit="$fit_")
+        for name in ODD
+    ]
+    build(made.write(folder, tasks, title="A *title* | <b>"))
+    return folder
+
+
+def test_odd_names_stand_in_markdown_as_they_are(odd):
+    cells = grid((odd / "tables" / "summary--my-rig.md").read_text())
+    assert {len(line) for line in cells} == {len(cells[0])}
+    named = [re.sub("&(amp|lt|gt);", lambda m: {"amp": "&"}[m[1]], line[0]) for line in cells[1:]]
+    assert named == list(ODD)
+    html = MarkdownIt().enable("table").render((odd / "summary.md").read_text())
+    assert "<h1>A *title* | &lt;b&gt;</h1>" in html
+
+
+def test_odd_names_are_escaped_in_latex(odd):
+    text = (odd / "tables" / "summary--my-rig.tex").read_text()
+    body = text.partition(r"\begin{tabular}")[2]
+    plain = re.sub(r"\\(?:[&%$#_{}]|text\w+\{\}|pm\b)", "", body)
+    assert not re.search(r"[%#~^]", plain)
+    assert len({line.count("&") for line in plain.splitlines() if line.endswith(r"\\")}) <= 2
+    assert r"\label{tab:summary-my-rig}" in text
+    assert not re.search(r"^[*\[]", text, re.MULTILINE)  # \\ would take it for its own
+
+
+def test_every_figure_is_drawn_whatever_the_names(odd, typical, computed):
+    for folder in (odd, typical, computed):
+        pictures = sorted((folder / "figures").glob("*.png"))
+        assert len(pictures) >= 4
+        for path in pictures:
+            image = matplotlib.image.imread(path)[..., :3]
+            assert image.shape[1] == 1440
+            drawn = (image < 0.9).any(axis=-1)
+            halves = [half.mean() for half in np.array_split(drawn, 2, axis=1)]
+            assert min(halves) > 0.005, path
+            assert path.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_links_of_the_page_lead_somewhere(typical):
+    page = (typical / "summary.md").read_text()
+    places = re.findall(r"\]\(([^)]+)\)", page)
+    assert len(places) > 10
+    assert [place for place in places if not (typical / place).exists()] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "escaped"),
+    [
+        ("a_b & 5 %", r"a\_b \& 5 \%"),
+        ("\\ {x}", r"\textbackslash{} \{x\}"),
+        ("0.1 ± ∞ –", r"0.1 $\pm$ $\infty$ --"),
+        ("<~^|>", r"\textless{}\textasciitilde{}\textasciicircum{}\textbar{}\textgreater{}"),
+    ],
+)
+def test_latex_escapes(text, escaped):
+    assert escape_latex(text) == escaped
+
+
+def test_latex_groups_span_their_columns(typical):
+    text = (typical / "tables" / "summary--made.tex").read_text()
+    columns = re.search(r"\\begin{tabular}{([lr]+)}", text)[1]
+    spans = [int(n) for n in re.findall(r"\\multicolumn{(\d+)}", text)]
+    assert sum(spans) == len(columns)
+    assert [r"\toprule" in text, text.count(r"\midrule"), r"\bottomrule" in text] == [True, 5, True]

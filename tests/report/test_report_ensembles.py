@@ -1,0 +1,115 @@
+"""Ensembles in the report: the spread of their members is stored, drawn and told as what it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fixtures import result_folders as made
+from fixtures import tiny_pendulums as tiny
+from matplotlib.collections import PolyCollection
+
+from frictionid.comparison.cross_validate import Contest, run
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.tasks import Task, document
+from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
+from frictionid.identifiers import BlackBox, CompressedNetwork, LeastSquares, Network, StateNetwork
+from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.report import build
+from frictionid.report.figures.curves import friction_curves
+from frictionid.report.figures.ensembles import held, spread, spread_words, spreads
+from frictionid.report.figures.style import drawing, looks
+from frictionid.report.load import gather
+
+DEVIATION = np.sqrt(2.5)  # of -2 .. 2
+
+
+@pytest.fixture(scope="module")
+def contest():
+    data = tiny.dataset()
+    return Contest(data, make_folds(data.recordings, Split(count=3)), Protocol((0.3,), every=0.5))
+
+
+def ensemble(name="wide", offset=0.0, size=0.01):
+    """A task whose members are its curve plus -2, ..., 2 times a size, `offset` off the truth."""
+    task = made.task(name, {"made": made.rows(0.3, 0.2)}, motions=False)
+    truth = np.asarray(made.about()["truth"])
+    task["curves"] = np.repeat((truth + offset)[None], len(task["curves"]), axis=0)
+    steps = np.arange(-2.0, 3.0)[:, None, None]
+    task["members"] = task["curves"][-1] + size * steps
+    return task
+
+
+def gathered(folder, *tasks, **about):
+    made.write(folder, list(tasks), {"made": made.about(**about)})
+    evidence = gather(folder)
+    return evidence.sections[0], evidence.about["made"]
+
+
+def test_a_task_stores_the_curves_of_members_and_their_mean_is_the_fit(contest):
+    identifier = CompressedNetwork(MLP((4,)), members=3, freedom=(0.3,))
+    result = run(contest, identifier, INTEGRAL)
+    assert result.members.shape == (3, 401, 1)
+    np.testing.assert_allclose(result.members.mean(axis=0), result.curves[-1], atol=1e-12)
+    assert result.members.std(axis=0).max() > 0
+    written = document(Task(contest, "mlp", identifier, INTEGRAL, 0), result, LAWS)
+    np.testing.assert_array_equal(written["members"], result.members)
+
+
+def test_what_is_no_ensemble_of_friction_has_no_members(contest):
+    box = BlackBox(StateNetwork(Network(StateMLP(hidden=(2,)), epochs=1, members=2)))
+    for identifier in (LeastSquares(CoulombViscous()), box):
+        result = run(contest, identifier, INTEGRAL)
+        assert not len(result.members)
+    assert len(members_of(result.overall).theta) == 2  # of accelerations, which are no curves
+
+
+def test_the_band_is_one_standard_deviation_about_the_fit_to_all_data(tmp_path):
+    section, about = gathered(tmp_path, ensemble(), made.task("other", {"made": made.rows(1, 1)}))
+    wide, other = section.entries
+    np.testing.assert_allclose(spread(wide), 0.01 * DEVIATION)
+    assert spread(other) is None
+    with drawing():
+        (curves,) = friction_curves(section, about, looks(section.entries))
+        (own,) = spreads(section, about, looks(section.entries))
+    for picture, count in ((curves, 2), (own, 4)):
+        bands = [c for a in picture.axes for c in a.collections if isinstance(c, PolyCollection)]
+        assert len(bands) == count  # of the ensemble's panels, for both joints
+    w = np.asarray(about["velocity"])[:, 0]
+    (band,) = (c for c in curves.axes[0].collections if isinstance(c, PolyCollection))
+    x, y = band.get_paths()[0].vertices.T
+    off = y - np.interp(x, w, wide.curves[-1][:, 0])
+    np.testing.assert_allclose(np.abs(off), 0.01 * DEVIATION, atol=1e-9)
+
+
+@pytest.mark.parametrize(("offset", "share"), [(0.0, 1.0), (0.015, 1.0), (0.017, 0.0)])
+def test_where_the_truth_is_known_the_page_says_how_often_the_band_holds_it(
+    tmp_path, offset, share
+):
+    section, about = gathered(tmp_path, ensemble(offset=offset))
+    assert held(section.entries[0], about) == share
+    words = spread_words(section, about)
+    assert "the 5 members of wide" in words and "no interval that was calibrated" in words
+    assert f"the truth lies in it at {share:.0%}".replace("%", " %") in words
+
+
+def test_without_a_truth_nothing_is_told_of_it(tmp_path):
+    section, about = gathered(tmp_path, ensemble(), truth=False)
+    assert "truth" not in spread_words(section, about)
+    with drawing():
+        assert len(spreads(section, about, looks(section.entries))) == 1
+
+
+def test_the_page_shows_the_picture_and_says_what_the_band_is(tmp_path):
+    gathered(tmp_path, ensemble())
+    build(tmp_path)
+    page = (tmp_path / "summary.md").read_text()
+    assert "(figures/members--made.png)" in page
+    assert page.count("one standard deviation over the 5 members of wide") == 4  # two pictures
+    assert (tmp_path / "figures" / "members--made.pdf").stat().st_size > 1000
+
+
+def test_without_an_ensemble_nothing_is_drawn_or_told(tmp_path):
+    section, about = gathered(tmp_path, made.task("plain", {"made": made.rows(0.3, 0.2)}))
+    assert spread_words(section, about) == ""
+    assert spreads(section, about, looks(section.entries)) == []

@@ -1,0 +1,252 @@
+"""Loops: a delay is found as it was put in, static friction has none, and the report says so."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from fixtures import result_folders as made
+from fixtures import tiny_pendulums as tiny
+
+from frictionid.comparison.suite import load_suite
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol
+from frictionid.evaluation.hysteresis import Loops, loop_lag, loop_width, loops_of
+from frictionid.friction import Friction, at_rest
+from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
+from frictionid.mechanics import plant_of
+from frictionid.report import build, write
+from frictionid.report.figures.learning import learning_curves, lessons
+from frictionid.report.figures.loops import loop_findings, loop_pictures, loop_table, remembering
+from frictionid.report.figures.style import drawing, looks, rendered
+from frictionid.report.load import gather
+
+PLANT = plant_of(tiny.dataset())[0]
+GRID = np.linspace(-10.0, 10.0, 401)[:, None]
+DIP = np.array([[[0.05, 0.03, 2.0, 0.0]]])  # falls with speed, nothing rises
+PHASE = 2 * np.pi * np.arange(240) / 240
+
+
+def film(lag, theta=DIP):
+    return Friction(FilmLag(), np.concatenate([theta, np.full((*theta.shape[:-1], 1), lag)], -1))
+
+
+class Echo:
+    """Stribeck friction of the velocity so many samples ago."""
+
+    samples = 3
+    sample_time = 1 / 60
+    uses_load = False
+    inner = Stribeck()
+    names, units, bounds = inner.names, inner.units, inner.bounds
+
+    def start(self, theta, x):
+        return tuple(x.w + 0.0 * theta[..., 0] for _ in range(self.samples + 1))
+
+    def torque(self, theta, x, memory):
+        return self.inner.torque(theta, at_rest(memory[-1]), ())
+
+    def advance(self, theta, x, memory, dt):
+        return (x.w + 0.0 * theta[..., 0], *memory[:-1])
+
+    def limit(self, theta, x, memory):
+        return self.inner.limit(theta, x, ())
+
+
+# --- What is measured -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [np.tanh, np.sin, lambda x: -np.exp(-((x - 0.5) ** 2))])
+@pytest.mark.parametrize("delay", [-0.04, 0.0, 0.013])
+def test_a_pure_delay_is_its_own_lag(shape, delay):
+    period = 0.8
+    late = shape(0.3 + np.sin(PHASE - 2 * np.pi * delay / period))
+    assert loop_lag(late, period) == pytest.approx(delay, abs=2e-5)
+    both = loop_lag(np.stack([late, 3.0 * late + 1.0]), period)
+    assert both == pytest.approx([delay, delay], abs=2e-5)
+
+
+def test_a_torque_that_does_not_vary_is_not_late():
+    assert np.isnan(loop_lag(np.full(100, 0.3), 1.0))
+
+
+def test_the_width_is_the_area_over_the_range_and_turns_with_the_loop():
+    w, torque = 4 + 3 * np.cos(PHASE), 2 * np.sin(PHASE)
+    area = np.pi * 3 * 2 * np.sinc(1 / 240 * 2)  # of the polygon
+    assert loop_width(w, torque) == pytest.approx(-area / 6, rel=1e-3)
+    assert loop_width(w[::-1], torque[::-1]) == pytest.approx(area / 6, rel=1e-3)
+
+
+def test_friction_of_the_velocity_alone_has_no_loop():
+    theta = np.array([[[0.05, 0.03, 2.0, 0.004]], [[0.02, 0.0, 1.0, 0.001]]])
+    for loop in loops_of(Friction(Stribeck(), theta), PLANT, Loops(), GRID, 1 / 60):
+        assert np.abs(loop.width).max() < 1e-9 and loop.torque.shape == (2, len(loop.velocity))
+
+
+@pytest.mark.parametrize("lag", [0.005, 0.02])
+def test_a_film_that_lags_is_late_by_its_time_constant_where_motion_never_reverses(lag):
+    settings = Loops((5.0,), (0.5,), (1.0,))
+    found = {loop.kind: loop for loop in loops_of(film(lag), PLANT, settings, GRID, 1 / 60)}
+    assert found["offset"].lag[0] == pytest.approx(lag, rel=0.1)
+    assert found["offset"].width[0] > 0  # friction is higher while speed rises
+    assert found["offset"].velocity.min() > 0 > found["reversing"].velocity.min()
+    # the change of sign does not lag, and hides what does
+    assert abs(found["reversing"].lag[0]) < 0.2 * lag
+
+
+def test_loops_grow_with_frequency_as_the_lag_does():
+    widths = [
+        loop.width[0]
+        for loop in loops_of(film(0.01), PLANT, Loops((5.0,), (1.0,)), GRID, 1 / 60)
+        if loop.kind == "offset"
+    ]
+    assert widths[1] / widths[0] == pytest.approx(2.0, rel=0.05)
+    assert widths[2] / widths[1] == pytest.approx(2.0, rel=0.1)
+
+
+def test_memories_of_samples_advance_with_the_samples_of_the_data():
+    settings = Loops((5.0,), (1.0,), (1.0,))
+    for interval in (1 / 60, 1 / 100):
+        friction = Friction(Echo(), DIP)
+        (loop,) = [
+            x for x in loops_of(friction, PLANT, settings, GRID, interval) if x.kind == "offset"
+        ]
+        assert loop.lag[0] == pytest.approx(Echo.samples * interval, rel=0.02)
+
+
+def test_each_joint_and_each_friction_of_a_batch_is_as_it_is_alone():
+    theta = np.concatenate([DIP, 2 * DIP])
+    settings = Loops((5.0,), (1.0,), (1.0,))
+    both = loops_of(film(0.01, theta), PLANT, settings, GRID, 1 / 60)
+    for i in range(2):
+        alone = loops_of(film(0.01, theta[i : i + 1]), PLANT, settings, GRID, 1 / 60)
+        for a, b in zip(alone, both, strict=True):
+            np.testing.assert_allclose(a.torque[0], b.torque[i], rtol=1e-12)
+
+
+def test_settings_are_those_of_the_joints():
+    with pytest.raises(InputError, match="amplitude has 2 entries, the mechanism has 1 joints"):
+        loops_of(film(0.01), PLANT, Loops((5.0, 10.0)), GRID, 1 / 60)
+    with pytest.raises(InputError, match="loops: factors = .* must be positive"):
+        Loops(factors=(0.0,))
+
+
+# --- Comparisons and pages ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """A comparison of a law without and one with memory, reported."""
+    folder = tmp_path_factory.mktemp("loops")
+    changes = [
+        ("identifiers", [{"kind": "none"}, {"kind": "coulomb_viscous"}, {"kind": "film_lag"}]),
+        ("recipes", [{"name": "integral"}]),
+        ("loops", {"frequency": [2.0]}),
+    ]
+    file = tiny.write_suite(folder, changes)
+    tiny.compare_into(file, folder / "out")
+    build(folder / "out")
+    return file, folder / "out"
+
+
+def test_what_a_suite_asks_for_is_shown_and_told(compared):
+    file, folder = compared
+    assert load_suite(file).loops == Loops(frequency=(2.0,))
+    evidence = gather(folder)
+    (section,) = evidence.sections
+    assert [e.identifier for e in remembering(section)] == ["film_lag"]
+    names = {path.name for path in (folder / "figures").glob("*.png")}
+    assert {"loops--tiny--integral.png", "speeds--tiny.png"} <= names
+    text = (folder / "summary.md").read_text()
+    (sentence,) = loop_findings(section, evidence.about["tiny"])
+    assert sentence in text and "`film_lag`" in sentence and "coulomb" not in sentence
+    assert "The true friction remembers nothing." in sentence
+    table = loop_table(section, evidence.about["tiny"])
+    assert {line.cells[0].text for line in table.lines} == {"film_lag (integral)"}
+    assert (folder / "tables" / "speeds--tiny.md").exists()
+
+
+def test_speeds_are_those_of_the_recordings(compared):
+    about = gather(compared[1]).about["tiny"]
+    w = np.concatenate([r.truth.velocity.value for r in tiny.recordings()])
+    levels, joint = about["speeds"]["levels"], about["speeds"]["joints"][0]
+    np.testing.assert_allclose(joint["speeds"], np.quantile(np.abs(w), levels))
+    assert 0 < joint["reversals"] < 10 and 0 < joint["rest"] < 1
+    assert np.abs(about["velocities"]).max() <= np.abs(w).max() + 1e-4
+
+
+def test_without_memory_and_unasked_nothing_is_shown(tmp_path, monkeypatch):
+    file = tiny.write_suite(tmp_path, [("recipes", [{"name": "integral"}])])
+    assert load_suite(file).loops is None and Protocol().loops is None
+    tiny.compare_into(file, tmp_path / "out")
+    monkeypatch.setattr(write, "_drawn", lambda *_: ())
+    build(tmp_path / "out")
+    evidence = gather(tmp_path / "out")
+    (section,) = evidence.sections
+    assert not loop_pictures(section, evidence.about["tiny"], {})
+    assert loop_table(section, evidence.about["tiny"]) is None
+    assert "Memory" not in (tmp_path / "out" / "summary.md").read_text()
+
+
+def loops_document(lag, folds=made.FOLDS, scatter=0.0, joints=2):
+    """Loops of a delay in one joint, put into each fold with some scatter."""
+    rng = np.random.default_rng(0)
+    out = []
+    for joint in range(joints):
+        for kind in ("reversing", "offset"):
+            for frequency in (0.5, 1.0, 2.0):
+                late = lag * (joint == 1) + scatter * rng.standard_normal(folds + 1)
+                turn = PHASE[None] - 2 * np.pi * frequency * late[:, None]
+                w = 3.0 + 2.0 * np.sin(PHASE)
+                torque = 0.1 + 0.05 * np.sin(turn)
+                own = {"width": loop_width(w, torque), "lag": loop_lag(torque, 1 / frequency)}
+                first = {"joint": joint, "kind": kind, "frequency": frequency}
+                out.append({**first, "velocity": w, "torque": torque, **own})
+    return out
+
+
+@pytest.mark.parametrize(
+    ("lag", "scatter", "words"),
+    [
+        (0.012, 0.0, "joint 2 follows the velocity 12 ms late"),
+        (-0.012, 0.0005, "joint 2 follows the velocity 12"),
+        (0.0, 0.01, "has a loop .* wide, inside the scatter of the folds"),
+        (0.2, 0.0, "joint 2 has a loop .* that no lag of the velocity closes"),
+    ],
+)
+def test_the_sentence_says_what_was_put_in(tmp_path, lag, scatter, words):
+    rows = made.rows(0.3, 0.1, curve=0.1)
+    task = made.task("late", {"made": rows})
+    task["loops"] = loops_document(lag, scatter=scatter)
+    made.write(tmp_path, [task])
+    evidence = gather(tmp_path)
+    (sentence,) = loop_findings(evidence.sections[0], evidence.about["made"])
+    assert re.search(words, sentence), sentence
+    assert ("early" in sentence) == (lag < 0)
+    assert ("A torque clock that is off" in sentence) == (0 < abs(lag) < 0.1)
+    if not scatter:
+        assert "joint 1 has no loop" in sentence
+
+
+def test_learning_curves_are_drawn_where_a_model_tells_them(tmp_path):
+    task = made.task("network", {"made": made.rows(0.3, 0.1, curve=0.1)})
+    losses = np.exp(-np.arange(30) / 10)[None] + 0.1 * np.arange(1, made.FOLDS + 2)[:, None]
+    task["model"]["provenance"] = {"learning": {"training": losses, "held_out": 1.1 * losses}}
+    other = made.task("stribeck", {"made": made.rows(0.4, 0.2, curve=0.1)})
+    made.write(tmp_path, [task, other])
+    network, plain = entries = gather(tmp_path).sections[0].entries
+    with drawing():
+        assert learning_curves([plain], looks(entries), "") is None
+        picture = learning_curves(entries, looks(entries), "without friction = 1")
+        lines = [line for axis in picture.axes for line in axis.get_lines()]
+        assert len(rendered(picture, ["png"])["png"]) > 1000
+    assert len(lines) == 3 * made.FOLDS  # training, held out, the best
+    assert lessons(plain) is None and lessons(network)["training"].shape == (made.FOLDS, 30)
+
+
+def test_a_curve_of_the_velocity_alone_is_read_by_the_loop_as_the_curve():
+    friction = Friction(CoulombViscous(), np.array([[[0.05, 0.01]]]))
+    for loop in loops_of(friction, PLANT, Loops((5.0,)), GRID, 1 / 60):
+        expected = friction[0].curve(loop.velocity)[:, 0]
+        np.testing.assert_allclose(loop.torque[0], expected, atol=1e-12)

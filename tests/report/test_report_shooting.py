@@ -1,0 +1,369 @@
+"""What shooting found, in the report: the document's numbers, and no digits that are not known."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures import result_folders as made
+from fixtures import tiny_pendulums as tiny
+
+from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.results import describe
+from frictionid.comparison.tasks import Task, grounds_of, run_tasks
+from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.friction.laws import Stribeck as StribeckLaw
+from frictionid.identifiers import LeastSquares
+from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.report import build, show_refined, write
+from frictionid.report.figures import bands
+from frictionid.report.figures.correlation import STRONG, correlation
+from frictionid.report.figures.style import looks
+from frictionid.report.load import gather
+from frictionid.report.shooting_tables import interval_table
+from frictionid.shooting import Settings, Shooting, refine
+from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.shooting.result_document import document_of
+from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
+
+PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
+HEAVIER = {"mass": 0.33}
+DELAY, COULOMB = 0.01, 0.02
+
+
+def pendulums():
+    """Recordings of a pendulum that is heavier than told, with its torque late."""
+    runs = (
+        Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
+        for k in range(4)
+    )
+    rig = Rig(
+        "pendulum",
+        PENDULUM,
+        Stribeck(Curve((COULOMB,), (COULOMB,), (0.002,))),
+        Camera(samples=120, angle_noise=0.0016),
+        tuple(runs),
+        true_parameters=HEAVIER,
+        drive=Drive(delay=DELAY),
+    )
+    return simulate(rig, 5)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_pictures():
+    """Builds leave out the pictures that are no part of this."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(write, "_drawn", lambda *_: ())
+        yield
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Builds that leave out all pictures: those take longest."""
+    monkeypatch.setattr(write, "drawn_of_shooting", lambda *_: ())
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory):
+    """A report of a fit that the library has made, of a law with parameters that the data lack."""
+    folder, dataset = tmp_path_factory.mktemp("computed"), pendulums()
+    folds = make_folds(dataset.recordings, Split(count=2))
+    blocks = (FrictionBlock(), InertiaBlock(), DelayBlock())
+    recipe = Shooting(blocks=blocks, settings=Settings(windows=(0.33,), iterations=8))
+    contest = Contest(dataset, folds, Protocol((0.25,)))
+    tasks = [Task(contest, "stribeck", LeastSquares(StribeckLaw()), recipe, 0)]
+    grounds = grounds_of(tasks)
+    describe(folder, "s", "", {"folds": {"count": 2, "kind": "recordings"}}, tasks, grounds)
+    run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=1)
+    build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def numbers(computed):
+    return pd.read_csv(computed / "tables" / "shooting--pendulum--stribeck.csv")
+
+
+@pytest.fixture(scope="module")
+def document(computed):
+    (path,) = (computed / "tasks").glob("*.json")
+    return json.loads(path.read_text())["refined"]
+
+
+def entries(folder):
+    """The only section's entries, and what is known of its data set."""
+    evidence = gather(folder)
+    section = evidence.sections[0]
+    return section.entries, evidence.about[section.dataset]
+
+
+def folder_of(tmp_path, refined, **changes):
+    """A result folder with one fit by shooting."""
+    own = made.task("law", {"made": made.rows(0.3, 0.2, curve=0.1)}, refined=refined)
+    return made.write(tmp_path, [own], {"made": {**made.about(), **changes}})
+
+
+def page(tmp_path, refined, **changes):
+    """The page about such a fit, without the marks of code."""
+    folder = folder_of(tmp_path, refined, **changes)
+    build(folder)
+    return (folder / "summary.md").read_text().replace("`", "")
+
+
+# --- Numbers -----------------------------------------------------------------------------------
+
+
+def test_numbers_are_those_of_the_fit(numbers, document):
+    for line, entry in zip(numbers.to_dict("records"), document["parameters"], strict=True):
+        assert entry["name"].startswith(line["parameter"])
+        assert line["value"] == pytest.approx(entry["value"], rel=1e-8)
+        for level in (90, 95):
+            ends = [float(end) for end in entry[f"interval_{level}"]]
+            assert [line[f"low_{level}"], line[f"high_{level}"]] == pytest.approx(ends, rel=1e-8)
+        assert line["identified"] == entry["identified"]
+
+
+def test_what_is_told_and_what_is_true_stand_beside(numbers):
+    mechanism = mechanism_of(PENDULUM)
+    told, true = (mechanism.base(parameters_of(PENDULUM, p)) for p in ({}, HEAVIER))
+    inertia = numbers[numbers["block"] == "inertia"]
+    assert inertia["told"].to_numpy() == pytest.approx(told, rel=1e-8)
+    assert inertia["true"].to_numpy() == pytest.approx(true, rel=1e-8)
+    lines = numbers.set_index("parameter")
+    assert lines.loc["torque delay", "true"] == DELAY and lines.loc["torque delay", "told"] == 0
+    assert lines.loc["coulomb", "true"] == COULOMB and np.isnan(lines.loc["coulomb", "told"])
+    # without a peak its width is any
+    assert lines.loc["peak", "true"] == 0 and np.isnan(lines.loc["stribeck_velocity", "true"])
+
+
+def test_numbers_of_given_models_stand_beside(computed):
+    (entry,), about = entries(computed)
+    own = {"coulomb": {"value": 0.5, "unit": "N m"}, "other": {"value": 7.0, "unit": "1"}}
+    model = {"joints": [own], "parameters": HEAVIER}
+    given = replace(entry, label="M1", role="given", refined=None, model=model)
+    table = interval_table(
+        entry, "pendulum", about, [given, replace(given, label="M2", model={"joints": [{}]})]
+    )
+    assert [column.name for column in table.columns if column.name.startswith("M")] == ["M1"]
+    beside = {line.cells[1].text: line.cells[-1].text for line in table.lines}
+    mechanism = mechanism_of(PENDULUM)
+    base = mechanism.base(parameters_of(PENDULUM, HEAVIER))
+    for name, value in zip(mechanism.base_names, base, strict=True):
+        assert float(beside[name]) == pytest.approx(value, rel=0.01)
+    assert float(beside["coulomb"]) == 0.5
+    assert beside["viscous"] == beside["torque delay"] == "–"
+
+
+def test_the_page_says_what_the_machine_is(computed):
+    text = (computed / "summary.md").read_text()
+    late_by = re.search(r"The torque acts ([\d.]+) ms \(([\d.]+) to ([\d.]+)\) later", text)
+    value, low, high = map(float, late_by.groups())
+    assert low <= value <= high and abs(value - 1e3 * DELAY) < 2
+    heavier = re.search(r"gravity by \+([\d.]+) %", text)
+    assert float(heavier[1]) == pytest.approx(10, abs=2)
+
+
+def test_the_count_of_covered_truths_is_that_of_the_numbers(computed, numbers):
+    known = numbers[numbers["identified"] & numbers["true"].notna()]
+    inside = (known["low_95"] <= known["true"]) & (known["true"] <= known["high_95"])
+    words = f"hold {inside.sum()} of the {len(known)} true values"
+    assert words in (computed / "summary.md").read_text()
+
+
+def test_all_that_was_fitted_is_counted(computed, numbers):
+    table = pd.read_csv(computed / "tables" / "summary--pendulum.csv")
+    long = pd.read_csv(computed / "scores.csv")
+    assert table["n_parameters"].item() == len(numbers)
+    assert long[long["score"] == "n_parameters"]["value"].item() == len(numbers)
+
+
+def test_what_is_not_identified_has_no_digits(computed, numbers):
+    loose = numbers[~numbers["identified"]]
+    assert len(loose)
+    for name in ("shooting--pendulum--stribeck", "parameters--pendulum"):
+        for kind, mark in (("md", "|"), ("tex", "&")):
+            text = (computed / "tables" / f"{name}.{kind}").read_text().replace("\\_", "_")
+            for line in loose.itertuples():
+                (row,) = (x for x in text.splitlines() if f" {line.parameter} {mark}" in x)
+                assert "not identified" in row or "at its bound" in row
+                digits = re.findall(r"[\d.]+", row.replace(line.parameter, ""))
+                assert all(len(d.replace(".", "").lstrip("0")) < 4 for d in digits), row
+
+
+def test_the_terminal_says_the_same(document, computed, capsys):
+    show_refined(document)
+    printed = capsys.readouterr().out
+    (sentence,) = re.findall(r"The torque acts .* later than logged\.", printed)
+    assert sentence in (computed / "summary.md").read_text()
+    for entry in document["parameters"]:
+        assert entry["name"] in printed
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_windows_are_told_by_recording_and_time(tmp_path):
+    places = [
+        {"recording": f"run_{i % 3}", "begin": 0.5 * i, "end": 0.5 * i + 0.3, "size": 1.0 + i}
+        for i in range(14)
+    ]
+    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
+    text = page(tmp_path, {**refined, "left_out": places[:2], "unexplained": places[2:]})
+    assert "2 of 50 windows were left out" in text and "12 of 50 windows were not explained" in text
+    table = pd.read_csv(tmp_path / "tables" / "windows--made--law.csv")
+    assert len(table) == len(places)
+    for place in places:
+        own = table[(table["recording"] == place["recording"])]
+        own = own[np.isclose(own["begin_s"], place["begin"])]
+        assert own["residual"].item() == pytest.approx(place["size"])
+        row = f"| {place['recording']} | {place['begin']:.2f} | {place['end']:.2f} |"
+        assert row in text
+
+
+# --- The page ----------------------------------------------------------------------------------
+
+
+def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path):
+    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
+    tasks = [
+        made.task(name, {"made": made.rows(0.3, error, curve=0.1)}, refined=refined)
+        for name, error in (("poor", 0.9), ("good", 0.1))
+    ]
+    build(made.write(tmp_path, tasks))
+    text = (tmp_path / "summary.md").read_text()
+    assert "By `good`, which predicts best of the fits by shooting" in text
+    assert "`poor`: 1 of 1 parameters are identified" in text
+    places = re.findall(r"\]\(([^)]+)\)", text)
+    assert "tables/shooting--made--poor.md" in places
+    assert [place for place in places if not (tmp_path / place).exists()] == []
+
+
+@pytest.mark.parametrize("refined", [None, "nothing", "without what later versions add"])
+def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
+    shutil.copytree(computed, tmp_path / "old")
+    (path,) = (tmp_path / "old" / "tasks").glob("*.json")
+    task = json.loads(path.read_text())
+    if refined == "nothing":
+        del task["refined"]
+    elif refined is None:
+        task["refined"] = None
+    else:
+        del task["refined"]["driven"]
+        for name in ("velocity", "curve"):
+            del task["refined"]["bands"][name]
+        for entry in task["refined"]["parameters"]:
+            del entry["told"], entry["prior"]
+        about = json.loads((tmp_path / "old" / "datasets.json").read_text())
+        for own in about.values():
+            del own["measured"], own["true_parameters"]
+        (tmp_path / "old" / "datasets.json").write_text(json.dumps(about))
+    path.write_text(json.dumps(task))
+    build(tmp_path / "old")
+    some = refined not in (None, "nothing")
+    assert (tmp_path / "old" / "figures" / "correlation--pendulum--stribeck.png").exists() == some
+    assert ("What shooting found" in (tmp_path / "old" / "summary.md").read_text()) == some
+
+
+def test_latex_has_as_many_cells_in_every_row(computed):
+    text = (computed / "tables" / "shooting--pendulum--stribeck.tex").read_text()
+    rows = [line for line in text.splitlines() if line.endswith(r"\\") and "caption" not in line]
+    assert len({line.count("&") for line in rows}) == 1 and len(rows) > 5
+    assert not re.search(r"^[*\[]", text, re.MULTILINE) and "^2" not in text.replace("$^2$", "")
+
+
+# --- Pictures ----------------------------------------------------------------------------------
+
+
+def test_strong_correlations_have_a_frame_and_all_parameters_a_name(tmp_path):
+    names = ["coulomb", "viscous", "peak", "stribeck_velocity"]
+    pair = [made.parameter("friction", n, 1.0, 0.1, joint=j) for j in (0, 1) for n in names]
+    pair += [made.parameter("inertia", "gravity_1", 1.0, 0.1)]
+    rng = np.random.default_rng(3)
+    r = np.corrcoef(rng.standard_normal((3, 9)) * rng.uniform(0.2, 1, 9), rowvar=False)
+    r[2], r[:, 2] = np.nan, np.nan
+    entry = entries(folder_of(tmp_path, made.shot(pair, correlation=r)))[0][0]
+    axis = correlation(entry, made.about()).axes[0]
+    framed = sum(patch.get_edgecolor()[:3] != (1, 1, 1) for patch in axis.patches)
+    assert framed == (np.abs(np.nan_to_num(r[np.tril_indices(9, -1)])) > STRONG).sum() > 0
+    shown = {label.get_text() for label in (*axis.get_xticklabels(), *axis.get_yticklabels())}
+    assert shown == {*names, "gravity_1"}
+    groups = [text.get_text() for text in axis.texts if "joint" in text.get_text()]
+    assert groups == ["friction\njoint 1", "friction\njoint 2"]
+
+
+def test_many_parameters_have_a_picture_and_a_short_table(tmp_path):
+    many = [made.parameter("friction", f"number {k}", 1.0, 0.1, joint=k % 2) for k in range(60)]
+    many.sort(key=lambda entry: entry["joint"])
+    text = page(tmp_path, made.shot(many))
+    assert text.count("30 numbers") == 2
+    assert len(pd.read_csv(tmp_path / "tables" / "shooting--made--law.csv")) == 60
+    assert (tmp_path / "figures" / "correlation--made--law.png").exists()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_was_not_measured_is_grey_and_nothing_else(seed):
+    rng = np.random.default_rng(seed)
+    w = rng.uniform(*np.sort(rng.uniform(-6, 6, 2)), 30)
+    about = {**made.about(1), "measured": [[w.min()], [w.max()]]}
+    counts, edges = np.histogram(w, 60, (-4, 4))
+    about["density"] = counts[None]
+    v = np.linspace(-6, 6, 977)
+    bins = np.clip(np.searchsorted(edges, v) - 1, 0, 59)
+    empty = (counts[bins] == 0) & (np.abs(v) < 4)
+    outside = (v < w.min()) | (v > w.max())
+    assert (bands.measured(v, about, 0) == ~(outside | empty)).mean() > 0.995
+
+
+def test_bands_are_as_wide_as_the_document_says(tmp_path):
+    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
+    (entry,), about = entries(folder_of(tmp_path, refined))
+    (picture,) = bands.curve_bands([entry], about, looks([entry]))
+    curve, near = picture.axes[0], picture.axes[1]
+    for axis, scale in ((curve, 1.0), (near, 1e3)):
+        heights = [np.ptp(path.vertices[:, 1]) for c in axis.collections for path in c.get_paths()]
+        offset = 0.0 if axis is near else np.ptp(entry.curves[-1][:, 0])
+        assert heights == pytest.approx([0.04 * scale + offset, 0.02 * scale + offset], rel=1e-6)
+
+
+def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
+    odd = made.parameter("friction", "a_b$|^2", float("inf"), float("inf"), joint=0)
+    ends = [0.0, float("inf")]
+    odd |= {"at_bound": True, "value": 0.0, "interval_90": ends, "interval_95": ends}
+    refined = made.shot([odd, made.parameter("bias", "torque bias", 0.0, 0.1, joint=1)])
+    refined["correlation"] = [[float("nan")] * 2, [float("nan"), 1.0]]
+    text = page(tmp_path, refined)
+    assert "at its bound" in text
+    assert (tmp_path / "figures" / "correlation--made--law.png").stat().st_size > 1000
+
+
+def test_smooth_friction_without_a_told_rig_has_the_truth_of_friction_only(tmp_path):
+    tiny.write_suite(tmp_path, [("recipes", [{"name": "integral"}])])
+    tiny.compare_into(tmp_path / "suite.toml", tmp_path / "out")
+    about = json.loads((tmp_path / "out" / "datasets.json").read_text())["tiny"]
+    true = about["true_parameters"]
+    assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
+
+
+def test_recordings_with_masses_of_their_own_are_told_those():
+    dataset = pendulums()
+    heavy = tuple(replace(r, parameters=HEAVIER) for r in dataset.recordings)
+    start = Friction(CoulombViscous(), np.array([[COULOMB, 0.002]]))
+    blocks = (FrictionBlock(), InertiaBlock())
+    found = {}
+    for name, own in (("table", dataset), ("own", replace(dataset, recordings=heavy))):
+        result = refine(start, own, blocks, Settings(windows=(0.33,), iterations=3))
+        document = document_of(result, own, np.linspace(-4, 4, 5)[:, None])
+        found[name] = [p for p in document["parameters"] if p["block"] == "inertia"]
+    mechanism = mechanism_of(PENDULUM)
+    for k, (table, own) in enumerate(zip(found["table"], found["own"], strict=True)):
+        true = float(mechanism.base(parameters_of(PENDULUM, HEAVIER))[k])
+        assert own["told"] == pytest.approx(true, rel=1e-12)
+        # the motion says the same, whatever is told
+        assert own["value"] == pytest.approx(table["value"], rel=1e-3)
+        assert own["interval_95"][0] < own["value"] < own["interval_95"][1]

@@ -1,0 +1,267 @@
+"""Recipes on corrected data: a late torque is found and taken away, and is no memory any more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures import result_folders as made
+from fixtures import tiny_pendulums as tiny
+
+from frictionid.comparison.cross_validate import Contest, ground_of, run
+from frictionid.comparison.suite import load_suite, tasks_of
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_rig
+from frictionid.friction.laws import CoulombViscous
+from frictionid.identifiers import LeastSquares, Nothing, SINDy
+from frictionid.identifiers.formulation import INTEGRAL, STUDY
+from frictionid.report.load import folds_told, gather
+from frictionid.report.memory_text import memory_findings
+from frictionid.report.text import matter
+from frictionid.shooting import Corrected, Settings, Shooting
+from frictionid.shooting.parameters import BiasBlock, DelayBlock, FrictionBlock
+
+LATE = 0.012  # [s]
+FEW = Settings(iterations=4)
+BY = Shooting(blocks=(FrictionBlock(), DelayBlock()), settings=FEW)
+RUBS = LeastSquares(CoulombViscous())
+
+
+def late_contest(kind="recordings"):
+    """Pendulums whose torque was logged too early by some milliseconds."""
+    early = [
+        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
+    ]
+    data = tiny.dataset(recordings=tuple(early))
+    split = Split(count=3, kind=kind)
+    return Contest(data, make_folds(data.recordings, split), Protocol((0.3,), every=0.5))
+
+
+@pytest.fixture(scope="module")
+def results():
+    contest = late_contest()
+    corrected = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    ground = ground_of(contest, [INTEGRAL, corrected])
+    plain = run(contest, RUBS, INTEGRAL, 0, ground)
+    return contest, ground, plain, run(contest, RUBS, corrected, 0, ground)
+
+
+def test_the_delay_is_found_in_each_fold_and_corrects_the_data(results):
+    _, ground, plain, corrected = results
+    rig = ground.rigs["corrected"]
+    assert rig.delay.shape == (4,) and np.ptp(rig.delay) > 0  # each fold has its own
+    np.testing.assert_allclose(rig.delay, LATE, atol=1e-3)
+    assert rig.base is None and not rig.bias.any() and (rig.gain == 1).all()
+    for score in (("one_step_integral", "rms"), ("rollout_angle", "median", 0.3)):
+        assert corrected.value(*score) < 0.7 * plain.value(*score)
+    assert corrected.friction.rig.delay.shape == (3,) and corrected.overall.rig.delay.shape == ()
+
+
+def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
+    contest, _, _, corrected = results
+    held = [i for i, label in enumerate(contest.folds.labels) if label[0] == 1]
+    recordings = list(contest.dataset.recordings)
+    for i in held:
+        recordings[i] = tiny.disturbed(recordings[i], 0.3)
+    other = replace(contest, dataset=replace(contest.dataset, recordings=tuple(recordings)))
+    again = run(other, RUBS, Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",)))
+    # the fold begins where the fit to all data ended, which is another one now
+    np.testing.assert_allclose(
+        again.friction.rig.delay[1], corrected.friction.rig.delay[1], atol=1e-4
+    )
+    assert abs(again.friction.rig.delay[0] - corrected.friction.rig.delay[0]) > 1e-4
+
+
+def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
+    contest = late_contest("shuffled")
+    recipe = Corrected("corrected", STUDY, BY, RUBS, use=("delay",))
+    ground = ground_of(contest, [recipe])
+    assert np.ptp(ground.rigs["corrected"].delay) == 0.0
+    found = run(contest, RUBS, recipe, 0, ground)
+    np.testing.assert_allclose(found.friction.rig.delay, LATE, atol=1e-3)
+
+
+def test_no_friction_is_left_as_it_is(results):
+    contest, ground, _, _ = results
+    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    assert run(contest, Nothing(), recipe, 0, ground).friction.rig is None
+
+
+def test_sindy_may_choose_other_terms_in_each_fold(results):
+    contest, ground, _, _ = results
+    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    hasty = SINDy(thresholds=(0.01,), search=False, sure=0.0)  # the recordings hardly decide
+    found = run(contest, hasty, recipe, 0, ground)
+    terms = [tuple(np.flatnonzero(theta[0])) for theta in found.friction.theta]
+    assert len(set(terms)) > 1 and all(terms)
+    np.testing.assert_array_equal(found.friction.rig.delay, ground.rigs["corrected"].delay[:-1])
+    # each fold is what the identifier finds on its own corrected data, whatever the others have
+    for fold in range(len(terms)):
+        own = training_of(with_rig(ground.prepared, found.friction[fold].rig), INTEGRAL)
+        weights = ground.weights["integral"][fold : fold + 1]
+        np.testing.assert_array_equal(
+            found.friction.theta[fold], hasty.fit(own, weights, 0).theta[0]
+        )
+
+
+def test_sindy_finds_the_terms_once_the_clock_is_right(results):
+    contest, ground, _, _ = results
+    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    found = run(contest, SINDy(), recipe, 0, ground)
+    late = run(contest, SINDy(), INTEGRAL, 0, ground)
+    has = [name for name, x in zip(SINDy().library.names, found.overall.theta[0], strict=True) if x]
+    assert has[:2] == ["sign", "viscous"] and [name[:5] for name in has[2:]] == ["peak_"]
+    score = ("rollout_angle", "median", 0.3)
+    assert found.value(*score) < 0.7 * late.value(*score)
+
+
+def test_only_parts_that_are_free_can_correct():
+    with pytest.raises(InputError, match="use = 'inertia' must be one of delay"):
+        Corrected("c", INTEGRAL, BY, RUBS, use=("inertia",))
+    with pytest.raises(InputError, match="use must name a part"):
+        Corrected("c", INTEGRAL, BY, RUBS, use=())
+    both = Shooting(blocks=(FrictionBlock(), DelayBlock(), BiasBlock()))
+    assert Corrected("c", INTEGRAL, both, RUBS, use=("bias",)).use == ("bias",)
+
+
+# --- Suites ---------------------------------------------------------------------------------------
+
+RECIPE = {"name": "fair", "like": "study", "rig": {"free": ["friction", "delay"]}}
+
+
+def changed(recipe, **dataset):
+    entry = {"path": "tiny", **dataset}
+    return [("recipes", [{"name": "study"}, recipe]), ("datasets", [entry])]
+
+
+def test_a_suite_names_the_recipe_and_the_rig_that_corrects_it(tmp_path):
+    file = tiny.write_suite(tmp_path, changed(RECIPE))
+    made_ = {task.recipe.name: task.recipe for task in tasks_of(load_suite(file), file)}
+    fair = made_["fair"]
+    assert isinstance(fair, Corrected) and fair.step == STUDY and fair.use == ("delay",)
+    assert [block.name for block in fair.by.blocks] == ["friction", "delay"]
+
+
+def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_path):
+    twice = [
+        {"path": "tiny"},
+        {"path": "tiny", "name": "again", "folds": {"count": 4}, "recipes": ["study"]},
+    ]
+    file = tiny.write_suite(tmp_path, [("datasets", twice)])
+    suite = load_suite(file)
+    tasks = tasks_of(suite, file)
+    again = [task for task in tasks if task.contest.dataset.name == "again"]
+    assert {task.recipe.name for task in again} == {"study"} and again[0].contest.folds.count == 4
+    assert {t.recipe.name for t in tasks if t not in again} == {"study", "integral"}
+    told = {"settings": suite.model_dump(mode="json")}
+    assert folds_told(told, "again")["count"] == 4 and folds_told(told, "tiny")["count"] == 3
+
+
+MISTAKES = {
+    "no like": ({**RECIPE, "like": None}, {}, "'fair': the key 'like' is missing"),
+    "no rig": ({**RECIPE, "rig": None}, {}, "'fair': the key 'rig' is missing"),
+    "unknown like": ({**RECIPE, "like": "studi"}, {}, "'studi' is unknown; did you mean 'study'"),
+    "like shooting": ({**RECIPE, "like": "shooting"}, {}, "like = 'shooting' must be a one-step"),
+    "own scheme": ({**RECIPE, "scheme": "euler"}, {}, "scheme does not go with rig"),
+    "by": ({**RECIPE, "by": "shooting"}, {}, "by does not go with rig"),
+    "unknown key": (
+        {**RECIPE, "rig": {"freee": ["delay"]}},
+        {},
+        r"recipes\[1\]\.rig: unknown key 'freee'; did you mean 'free'",
+    ),
+    "unknown block": (
+        {**RECIPE, "rig": {"free": ["friction", "dely"]}},
+        {},
+        "'fair', rig: block 'dely' is unknown; did you mean 'delay'",
+    ),
+    "unknown friction": (
+        {**RECIPE, "rig": {"friction": "stribek"}},
+        {},
+        "'fair', rig: kind = 'stribek' is unknown; did you mean 'stribeck'",
+    ),
+    "not free": (
+        {**RECIPE, "rig": {"free": ["friction", "delay"], "use": ["inertia"]}},
+        {},
+        "'fair': use = 'inertia' must be one of delay",
+    ),
+    "recipe of a data set": (
+        RECIPE,
+        {"recipes": ["studi"]},
+        "data set 'tiny': the suite has no recipe 'studi'; did you mean 'study'",
+    ),
+    "folds of a data set": ({**RECIPE}, {"folds": {"cuont": 3}}, "'cuont'; did you mean 'count'"),
+}
+
+
+@pytest.mark.parametrize(("recipe", "entry", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_each_mistake_is_one_line(tmp_path_factory, recipe, entry, words):
+    folder = tmp_path_factory.getbasetemp() / "mistakes"
+    folder.mkdir(exist_ok=True)
+    recipe = {key: value for key, value in recipe.items() if value is not None}
+    file = tiny.write_suite(folder, changed(recipe, **entry))
+    with pytest.raises(InputError, match=words) as caught:
+        tasks_of(load_suite(file), file)
+    assert "\n" not in str(caught.value)
+
+
+# --- Words ----------------------------------------------------------------------------------------
+
+WAYS = {  # recipe: scheme, what corrects it, by how much memory is ahead
+    "study": ("euler", [], 0.07),
+    "late": ("euler", ["delay"], 0.03),
+    "heavy": ("euler", ["inertia"], 0.05),
+    "both": ("euler", ["delay", "inertia"], 0.02),
+    "ours": ("integral", ["delay", "inertia"], 0.0),
+}
+
+
+def why(folder, left=0.0, rollout=0.0, wobble=(0.001, -0.001, 0.002, -0.002)):
+    """What is told of made results in which memory is ahead by known amounts."""
+    tasks = [made.task("none", {"made": made.rows(0.61, 0.9)}, role="none", fit="study")]
+    for fit, (scheme, corrects, ahead) in WAYS.items():
+        ahead = left if fit == "ours" else ahead
+        static = made.task("mlp", {"made": made.rows(0.44, 0.2)}, fit=fit)
+        rows = made.rows(0.44 - ahead, 0.2 - rollout, noise=wobble)
+        dynamic = made.task("lstm", {"made": rows}, fit=fit)
+        dynamic["loops"] = [
+            {"joint": 0, "kind": "offset", "frequency": 1.0, "width": [0.1], "lag": [0.01]}
+            | {"velocity": [1.0, 2.0], "torque": [[1.0, 1.0]]}
+        ]
+        for task in (static, dynamic):
+            task["way"] = {"scheme": scheme, "corrects": corrects}
+        tasks += [static, dynamic]
+    made.write(folder, tasks)
+    evidence = gather(folder)
+    (section,) = evidence.sections
+    told = matter(section, "made", evidence.horizons, evidence.about["made"])
+    (sentence,) = memory_findings(told)
+    return sentence
+
+
+def test_the_parts_of_an_advantage_are_those_that_corrections_take_away(tmp_path):
+    text = why(tmp_path)
+    assert "0.61, " in text and "in this order in 4 of 4 folds" in text
+    assert "Memory is ahead by 0.0700 rad/s" in text
+    # both orders of correction: ((.07 - .03) + (.05 - .02)) / 2 and ((.07 - .05) + (.03 - .02)) / 2
+    assert "the delay of the torque explains 0.0350" in text
+    assert "inertia that the told mechanism lacks 0.0150" in text
+    assert "of the Euler step 0.0200" in text
+    assert "0.0000 ± 0.0009 rad/s are left, inside two standard errors: no memory" in text
+    assert "after 1 s cannot be told apart" in text
+
+
+@pytest.mark.parametrize(
+    ("left", "rollout", "words"),
+    [
+        (
+            0.01,
+            0.05,
+            ["0.0100 ± 0.0009 rad/s are left, beyond two", "after 1 s memory predicts better"],
+        ),
+        (-0.01, -0.05, ["the model without memory is ahead (−0.010", "memory predicts worse"]),
+    ],
+)
+def test_what_is_left_is_called_by_its_name(tmp_path, left, rollout, words):
+    text = why(tmp_path, left, rollout)
+    assert all(part in text for part in words), text

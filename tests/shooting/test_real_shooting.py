@@ -1,0 +1,100 @@
+"""Public recordings by the shooting recipes of their suites: what they say of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fixtures.paths import ROOT
+
+from frictionid.comparison.suite import friction_of, load_suite, tasks_of
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.evaluation import Protocol, judge, prepare, under
+from frictionid.friction import Friction
+from frictionid.identifiers import Nothing, Published
+from frictionid.identifiers.formulation import STUDY, training_problem
+from frictionid.mechanics import plant_of
+from frictionid.shooting import Refined, Shooting, refine
+
+pytestmark = pytest.mark.real
+
+COMPARISONS = ROOT / "comparisons"
+Given = Nothing | Published
+
+
+def fitted(
+    name: str, data: Path, which: Sequence[int] | None = None, only: str | None = None
+) -> dict[str, tuple[Friction, Refined]]:
+    """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
+    file = COMPARISONS / f"{name}_shooting.toml"
+    out = {}
+    for task in tasks_of(load_suite(file), file, data):
+        if not isinstance(task.recipe, Shooting) or isinstance(task.identifier, Given):
+            continue
+        if only not in (None, task.name):
+            continue
+        dataset, apart = task.contest.dataset, task.contest.protocol.sample_time
+        if which is not None:
+            dataset = replace(dataset, recordings=tuple(dataset.recordings[i] for i in which))
+        begins = []
+        for recipe in (STUDY, task.recipe.start):
+            problem = training_problem(dataset, plant_of(dataset), recipe, apart, 0.15)
+            begins.append(task.identifier.fit(problem, np.ones((1, len(problem.r))), 0)[0])
+        found = refine(
+            begins[1], dataset, task.recipe.blocks, task.recipe.settings, sample_time=apart
+        )
+        out[task.name] = begins[0], found
+    return out
+
+
+def identified(found: Refined) -> set[str]:
+    """Names of friction's parameters that are identified, their intervals without zero."""
+    covariance = found.covariance
+    low = covariance.interval(0.95)[:, 0]
+    return {
+        entry.name
+        for entry, known, end in zip(covariance.entries, covariance.identified, low, strict=True)
+        if entry.block == "friction" and known and end > 0
+    }
+
+
+def test_a_string_pendulum_is_slowed_by_drag_and_not_by_coulomb_friction(real_data):
+    found = fitted("phy180", real_data / "phy180_camera_pendulum")
+    _, quadratic = found["quadratic"]
+    _, levels = found["coulomb_viscous"]
+    assert identified(quadratic) == {"drag of joint 1"}
+    assert identified(levels) == {"viscous of joint 1"}
+    assert quadratic.diagnostics.sigma < levels.diagnostics.sigma
+
+
+def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data):
+    """Two of the six recordings of a passive double pendulum."""
+    found = fitted("ibm", real_data / "ibm_double_pendulum_chaotic", (0, 3))
+    study, shot = found["coulomb_viscous"]
+    viscous = study.law.names.index("viscous")
+    assert not study.theta[:, viscous].any()
+    assert "viscous of joint 2" in identified(shot)
+
+
+def test_swing_ups_never_seen_are_predicted_twice_as_well_as_by_the_published_model(real_data):
+    data = real_data / "dfki_double_pendulum"
+    _, found = fitted("dfki_c1", data, only="motor_load")["motor_load"]
+    published = friction_of(ROOT / "data" / "dfki_c1" / "model_1.0.json")
+    swings = load_dataset(ROOT / "data" / "dfki_c1_swingup", data)
+    prepared = prepare(swings, Protocol(horizons=(0.5, 1.0), sample_time=0.01))
+    own, _ = judge(found.friction, prepared)
+    other, _ = judge(published, under(prepared, published.parameters))
+    for horizon, most in ((0.5, 0.45), (1.0, 0.55)):
+        mine, theirs = (
+            next(
+                row.value
+                for row in rows
+                if (row.score, row.statistic, row.horizon_s, row.joint)
+                == ("rollout_angle", "median", horizon, "all")
+            )
+            for rows in (own, other)
+        )
+        assert mine < most * theirs

@@ -1,0 +1,89 @@
+"""Start states eliminated: the answer of all unknowns together, and no window that explodes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from frictionid.shooting.linearise import Lines
+from frictionid.shooting.windows import Chain, chained, eliminated
+
+W, N, JOINTS, SHARED = 5, 7, 2, 3
+STATE = 2 * JOINTS
+SIGMA = np.array([0.5, 2.0])
+
+
+def chain_of(rng, steep=1.0):
+    shape = (W, N + 1, JOINTS)
+    columns = steep ** rng.random((W, 1, 1, STATE + SHARED))
+    return Chain(
+        error=rng.normal(size=shape),
+        slope=columns * rng.normal(size=(*shape, STATE + SHARED)),
+        share=np.full((W, N + 1), 0.5),
+        moved=np.zeros((W, N, STATE)),
+        carried=np.zeros((W, N, STATE, STATE + SHARED)),
+    )
+
+
+def prior_of(rng):
+    return np.stack([rng.normal(size=(W, STATE)), rng.random((W, STATE))])
+
+
+def test_the_step_is_that_of_all_unknowns_together():
+    rng = np.random.default_rng(0)
+    chain, prior = chain_of(rng), prior_of(rng)
+    weight = rng.random(chain.error.shape)
+    normal = eliminated(chain, weight, SIGMA, prior)
+    step = np.linalg.solve(normal.H.sum(0), normal.g.sum(0))
+    size = W * STATE
+    rows, right = [], []
+    for w in range(W):
+        root = np.sqrt(weight[w] * chain.share[w][:, None]) / SIGMA
+        A = np.zeros((N + 1, JOINTS, size + SHARED))
+        A[..., w * STATE : (w + 1) * STATE] = chain.slope[w, ..., :STATE]
+        A[..., size:] = chain.slope[w, ..., STATE:]
+        rows.append((A * root[..., None]).reshape(-1, size + SHARED))
+        right.append((chain.error[w] * root).ravel())
+        known = np.zeros((STATE, size + SHARED))
+        known[:, w * STATE : (w + 1) * STATE] = np.diag(np.sqrt(prior[1, w]))
+        rows.append(known)
+        right.append(np.sqrt(prior[1, w]) * prior[0, w])
+    everything = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+    np.testing.assert_allclose(step, everything[size:], rtol=1e-9)
+    starts = normal.start - normal.to_start @ step
+    np.testing.assert_allclose(starts.ravel(), everything[:size], rtol=1e-9)
+
+
+def test_steep_windows_keep_a_curvature_that_is_not_negative():
+    rng = np.random.default_rng(1)
+    normal = eliminated(chain_of(rng, 1e9), np.ones((W, N + 1, JOINTS)), SIGMA, prior_of(rng))
+    least = np.linalg.eigvalsh(normal.H).min(axis=1)
+    assert (least >= -1e-12 * np.abs(normal.H).max(axis=(1, 2))).all()
+    assert (np.einsum("wii->wi", normal.H) >= 0).all()
+
+
+@pytest.mark.parametrize("wrong", [1e5, np.inf, np.nan])
+def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
+    rng = np.random.default_rng(2)
+    K = 2 * N
+    before, after = rng.normal(size=(2, K, JOINTS))
+    trust = {name: np.ones((K, JOINTS)) for name in ("trust_before", "trust_after")}
+    track = SimpleNamespace(n=JOINTS, before=before, after=after, **trust)
+    nodes = rng.normal(size=(K, STATE))
+    lines = Lines(
+        end=rng.normal(size=(K, STATE)),
+        by_start=np.eye(STATE) + 0.1 * rng.normal(size=(K, STATE, STATE)),
+        by=rng.normal(size=(K, STATE, SHARED)),
+        angle=np.zeros((SHARED, JOINTS)),
+    )
+    windows = np.arange(K).reshape(2, N)
+    sound = chained(track, lines, nodes, windows, 0.0)
+    lines.by_start[N + 1] = wrong
+    held = chained(track, lines, nodes, windows, 0.0)
+    for whole, right in zip(held, sound, strict=True):
+        np.testing.assert_array_equal(whole[0], right[0])
+        assert np.isfinite(whole).all()
+    assert not held.slope[1].any() and not held.moved[1].any()
+    assert (np.abs(held.error[1]) > 100.0).all()

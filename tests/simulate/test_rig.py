@@ -1,0 +1,368 @@
+"""The simulated rig around the physics: commands, drive, camera, settings, files, command line."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+
+from frictionid.cli import main
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import Signal, averages
+from frictionid.errors import InputError
+from frictionid.simulate import (
+    Camera,
+    Chirp,
+    Curve,
+    Drive,
+    Multisine,
+    Noise,
+    Rig,
+    Run,
+    Sine,
+    Steps,
+    Stribeck,
+    load_rig,
+    noise_free,
+    simulate,
+    write,
+)
+from frictionid.simulate.settings import rig_of
+
+RUNS = (
+    Run("fall", (2.0, 0.3)),
+    Run("sine", (0.5, -0.4), torques=(Sine(0.12, 1.1),)),
+    Run("steps", (-1.0, 0.0), (1.0, -2.0), (Steps(0.14, 0.1),)),
+)
+RIG = Rig(
+    name="small",
+    mechanism={"kind": "acrobot", "parameters": {"m4": 0.05}},
+    friction=Stribeck(Curve((0.16, 0.05), (0.16, 0.05), (0.004, 0.001))),
+    camera=Camera(samples=21, angle_noise=0.002),
+    recordings=RUNS,
+    true_parameters={"rotor": 1e-6},
+    drive=Drive(delay=0.01, gain=0.9),
+    seed=3,
+    substeps=8,
+    description="A small one.",
+)
+# A wheel of 1 kg m^2 without gravity and friction: its velocity is the integral of the torque.
+WHEEL = Rig(
+    name="wheel",
+    mechanism={"kind": "pendulum", "parameters": {"g": 0.0}},
+    friction=Stribeck(Curve((0.0,), (0.0,), (0.0,))),
+    camera=Camera(samples=31, rate=50.0),
+    recordings=(Run("steps", (0.0,), (5.0,), (Steps(1.0, 0.07),)),),
+    drive=Drive(rate=130.0, delay=0.033, gain=1.2),
+    substeps=4,
+)
+
+
+def same(a: Dataset, b: Dataset) -> bool:
+    return all(
+        np.array_equal(x.angle.value, y.angle.value)
+        and np.array_equal(x.torque.value, y.torque.value)
+        for x, y in zip(a.recordings, b.recordings, strict=True)
+    )
+
+
+def test_the_mechanism_feels_the_logged_torque_late_and_scaled() -> None:
+    recording = simulate(WHEEL).recordings[0]
+    log, time = recording.torque, recording.angle.time
+    assert len(set(log.value[:, 0])) > 5
+    felt = Signal(log.time + 0.033, 1.2 * log.value, hold="previous")
+    steps = averages(felt, time) * np.diff(time)[:, None]
+    expected = 5.0 + np.concatenate([[[0.0]], np.cumsum(steps, axis=0)])
+    assert recording.truth is not None
+    assert recording.truth.velocity.value == pytest.approx(expected, abs=1e-12)
+
+
+def test_seeds_reproduce_and_differ() -> None:
+    assert same(simulate(RIG), simulate(RIG))
+    assert same(simulate(RIG, seed=3), simulate(RIG))
+    other = simulate(RIG, seed=4)
+    assert not same(other, simulate(RIG))
+    assert other.truth is not None
+    assert other.truth["rig"]["seed"] == 4  # type: ignore[index]
+
+
+def test_a_recording_does_not_depend_on_the_others() -> None:
+    alone = simulate(replace(RIG, recordings=RUNS[2:])).recordings[0]
+    among = simulate(RIG).recordings[2]
+    assert np.array_equal(alone.torque.value, among.torque.value)
+    assert alone.angle.value == pytest.approx(among.angle.value, abs=1e-11)
+
+
+def test_the_noise_free_twin_has_the_same_motion() -> None:
+    noisy, exact = simulate(RIG), simulate(noise_free(RIG))
+    assert exact.name == "small_noise_free"
+    errors = []
+    for a, b in zip(noisy.recordings, exact.recordings, strict=True):
+        assert a.truth and b.truth
+        assert np.array_equal(b.angle.value, b.truth.angle.value)
+        assert np.array_equal(a.truth.angle.value, b.truth.angle.value)
+        errors.append(a.angle.value - b.angle.value)
+    assert np.std(errors) == pytest.approx(0.002, rel=0.2)
+
+
+def test_what_the_rig_does_not_tell_is_in_the_truth() -> None:
+    dataset = simulate(RIG)
+    assert dataset.mechanism == {"kind": "acrobot", "parameters": {"m4": 0.05}}
+    assert dataset.truth == {
+        "kind": "stribeck",
+        "coulomb_positive": [0.16, 0.05],
+        "coulomb_negative": [0.16, 0.05],
+        "viscous": [0.004, 0.001],
+        "peak_positive": [0.0, 0.0],
+        "peak_negative": [0.0, 0.0],
+        "stribeck_velocity": [1.0, 1.0],
+        "rig": {
+            "torque_delay": 0.01,
+            "torque_gain": 0.9,
+            "parameters": {"rotor": 1e-6},
+            "angle_noise": 0.002,
+            "seed": 3,
+        },
+    }
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        Sine(0.1, 2.0, phase=0.3),
+        Chirp(0.1, 0.5, 4.0),
+        Steps(0.1, 0.2),
+        Multisine(0.1, (0.7, 1.9)),
+        Noise(0.1, (0.5, 3.0)),
+        Noise(0.1, (0.0, 3.0)),
+    ],
+    ids=repr,
+)
+def test_commands_reach_their_amplitude_and_stay_within(command: Any) -> None:
+    time = np.arange(600) / 60
+    wave = command.values(time, np.random.default_rng(1))
+    assert wave.shape == time.shape
+    assert 0.09 < np.abs(wave).max() <= 0.1 + 1e-15
+    assert wave.min() < -0.03 < 0.03 < wave.max()
+
+
+def test_frequencies_are_those_asked_for() -> None:
+    time, rng = np.arange(6000) / 60, np.random.default_rng(0)
+    frequency = np.fft.rfftfreq(6000, 1 / 60)
+
+    def power(wave: Any) -> Any:
+        return np.abs(np.fft.rfft(wave)) ** 2
+
+    peaks = frequency[np.argsort(power(Multisine(1.0, (0.5, 2.0)).values(time, rng)))[-2:]]
+    assert sorted(peaks) == [0.5, 2.0]
+    noise = power(Noise(1.0, (1.0, 4.0)).values(time, rng))
+    inside = (frequency > 0.7) & (frequency < 6.0)
+    assert noise[inside].sum() > 0.8 * noise.sum()
+    chirp = Chirp(1.0, 0.5, 4.0).values(time, rng)
+    crossings = np.flatnonzero(np.diff(np.sign(chirp)))
+    halves = np.diff(time[crossings])
+    assert 0.5 / halves[:3].mean() == pytest.approx(0.5, rel=0.1)
+    assert 0.5 / halves[-9:].mean() == pytest.approx(4.0, rel=0.1)
+
+
+# Files
+
+
+@pytest.mark.parametrize("rig", [RIG, WHEEL], ids=["one clock", "two clocks"])
+def test_a_written_data_set_reads_back(rig: Rig, tmp_path: Path) -> None:
+    dataset = simulate(rig)
+    write(dataset, tmp_path / "set", {"rig.toml": b"# settings"})
+    again = load_dataset(tmp_path / "set")
+    assert (again.name, again.mechanism, again.origin) == (
+        dataset.name,
+        dataset.mechanism,
+        dataset.origin,
+    )
+    assert again.truth == dataset.truth
+    for a, b in zip(dataset.recordings, again.recordings, strict=True):
+        assert a.name == b.name
+        assert a.truth and b.truth
+        for x, y in (
+            (a.angle, b.angle),
+            (a.torque, b.torque),
+            (a.truth.angle, b.truth.angle),
+            (a.truth.velocity, b.truth.velocity),
+        ):
+            assert np.array_equal(x.time, y.time)
+            assert np.abs(x.value - y.value).max() < 1e-8
+            assert x.hold == y.hold
+    assert (tmp_path / "set" / "rig.toml").read_bytes() == b"# settings"
+
+
+def test_writing_again_replaces_all_of_the_old_set(tmp_path: Path) -> None:
+    write(simulate(RIG), tmp_path / "set", {"rig.toml": b"# settings"})
+    write(simulate(replace(RIG, recordings=RUNS[:1])), tmp_path / "set")
+    names = {path.name for path in (tmp_path / "set").iterdir()}
+    assert names == {"fall.csv", "dataset.toml", "rig.toml"}
+    assert list(tmp_path.iterdir()) == [tmp_path / "set"]
+
+
+def test_a_failed_write_leaves_the_old_set(tmp_path: Path, monkeypatch: Any) -> None:
+    write(simulate(RIG), tmp_path / "set")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()}
+
+    def full(self: Path, content: bytes) -> int:
+        if self.name == "sine.csv":
+            raise OSError(28, "No space left on device")
+        return original(self, content)
+
+    original = Path.write_bytes
+    monkeypatch.setattr(Path, "write_bytes", full)
+    for folder in ("set", "new"):
+        with pytest.raises(InputError, match="No space left on device"):
+            write(simulate(RIG, seed=9), tmp_path / folder)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()} == before
+    assert list(tmp_path.iterdir()) == [tmp_path / "set"]
+
+
+def test_foreign_files_are_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="holds 'notes.txt', which is no part"):
+        write(simulate(RIG), tmp_path)
+    write(simulate(RIG), tmp_path / "set")
+    (tmp_path / "set" / "measured.csv").write_text("mine")
+    with pytest.raises(InputError, match=r"holds 'measured\.csv'"):
+        write(simulate(RIG), tmp_path / "set")
+    with pytest.raises(InputError, match=r"notes\.txt is a file"):
+        write(simulate(RIG), tmp_path / "notes.txt")
+
+
+# Settings
+
+DOCUMENT: dict[str, Any] = {
+    "name": "small",
+    "mechanism": {"kind": "acrobot"},
+    "friction": {
+        "kind": "stribeck",
+        "curve": dict.fromkeys(("coulomb_positive", "coulomb_negative"), [0.1, 0.1])
+        | {"viscous": [0, 0]},
+    },
+    "camera": {"samples": 5},
+    "recordings": [
+        {"name": "a", "start_angle": [1.0, 0.0], "torques": [{"kind": "chirp", "amplitude": 0.1,
+         "start_frequency": 1.0, "stop_frequency": 2}]}
+    ],
+}  # fmt: skip
+
+
+def test_a_rig_toml_gives_the_rig_of_the_same_names(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(tomli_w.dumps(DOCUMENT))
+    run = Run("a", (1.0, 0.0), torques=(Chirp(0.1, 1.0, 2.0),))
+    curve = Curve((0.1, 0.1), (0.1, 0.1), (0.0, 0.0))
+    assert load_rig(tmp_path / "rig.toml") == Rig(
+        "small", {"kind": "acrobot"}, Stribeck(curve), Camera(5), (run,)
+    )
+
+
+def edit(*path: Any) -> Callable[[dict[str, Any]], None]:
+    """Set the value at the end of a path of keys, or delete it (value: None)."""
+    *keys, last, value = path
+
+    def apply(document: Any) -> None:
+        for key in keys:
+            document = document[key]
+        if value is None:
+            del document[last]
+        elif last == "append":
+            document.append(value)
+        else:
+            document[last] = value
+
+    return apply
+
+
+TORQUE = ("recordings", 0, "torques", 0)
+MISTAKES = [
+    (("nane", 1), "unknown key 'nane'; did you mean 'name'?"),
+    (("camera", "sample", 5), "camera: unknown key 'sample'; did you mean 'samples'?"),
+    (("camera", None), "the key 'camera' is missing; add it"),
+    (("camera", "samples", 5.5), "camera.samples: it should be a valid integer, not 5.5"),
+    (("camera", "samples", 1), "camera: samples must be at least 2, not 1"),
+    (("camera", "rate", 0), "camera: rate = 0 is out of range"),
+    (("camera", "rate", float("inf")), "camera.rate = inf; every number must be finite"),
+    (("camera", 3), "camera: it should be a table, not 3"),
+    (("drive", {"delay": -1}), "drive: delay = -1 is out of range"),
+    (("drive", {"dealy": 1}), "drive: unknown key 'dealy'; did you mean 'delay'?"),
+    (("substeps", 0), "substeps = 0 is out of range"),
+    (("mechanism", "kind", "acrobat"), "did you mean 'acrobot'?"),
+    (("true_parameters", {"rotr": 1e-6}), "has no parameter 'rotr'; did you mean 'rotor'?"),
+    (("friction", "kind", "strib"), "friction: unknown kind 'strib'; did you mean 'stribeck'?"),
+    (("friction", "kind", None), 'friction: the key "kind" is missing; add it'),
+    (("friction", "kind", "film_lag"), "the key 'friction.lag' is missing"),
+    (("friction", "curve", "visc", [0]), "unknown key 'visc'; did you mean 'viscous'?"),
+    (("friction", "curve", "viscous", [0]), "viscous = [0.0] needs one number for each of 2"),
+    (("mechanism", "kind", "pendulum"), "friction has numbers for 2 joints, the pendulum has 1"),
+    (("recordings", []), "a rig needs at least one recording"),
+    (("recordings", "append", DOCUMENT["recordings"][0]), "two recordings are called 'a'"),
+    (("recordings", 0, "name", "../a"), "a name has letters, digits, - and _ only"),
+    (("recordings", 0, "start_angle", [1.0]), "start_angle = [1.0] needs one number for each"),
+    (("recordings", 0, "start_velocity", [1.0]), "start_velocity = [1.0] needs one number"),
+    (("recordings", 0, "start_angle", ["up"]), "start_angle[0]: it should be a valid number"),
+    (
+        ("recordings", 0, "torques", [DOCUMENT["recordings"][0]["torques"][0]] * 2),
+        "2 torques for 1",
+    ),
+    ((*TORQUE, "kind", "sinus"), "torques[0]: unknown kind 'sinus'; did you mean 'sine'?"),
+    ((*TORQUE, "frequency", 1.0), "torques[0]: unknown key 'frequency'"),
+    ((*TORQUE, "amplitude", None), "the key 'recordings[0].torques[0].amplitude' is missing"),
+    ((*TORQUE, "start_frequency", -1), "start_frequency must be positive, not -1"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), MISTAKES, ids=[m for _, m in MISTAKES])
+def test_mistakes_are_named_with_place_and_way_out(change: Any, message: str) -> None:
+    document = copy.deepcopy(DOCUMENT)
+    edit(*change)(document)
+    with pytest.raises(InputError) as error:
+        rig_of(document, "rig.toml")
+    assert str(error.value).startswith("rig.toml: ")
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_command_writes_a_set_and_its_noise_free_twin(
+    tmp_path: Path, monkeypatch: Any, capsys: Any
+) -> None:
+    settings = tmp_path / "rig.toml"
+    settings.write_text(tomli_w.dumps({**DOCUMENT, "camera": {"samples": 5, "angle_noise": 0.01}}))
+    for options, name in (([], "noisy"), (["--noise-free", "--seed", "7"], "exact")):
+        out = str(tmp_path / name)
+        monkeypatch.setattr(
+            "sys.argv", ["frictionid", "simulate", str(settings), "--out", out, *options]
+        )
+        assert main() == 0
+        assert "1 recordings, 5 samples" in capsys.readouterr().out
+    noisy, exact = (load_dataset(tmp_path / name) for name in ("noisy", "exact"))
+    assert (tmp_path / "noisy" / "rig.toml").read_bytes() == settings.read_bytes()
+    assert not (tmp_path / "exact" / "rig.toml").exists()
+    assert noisy.recordings[0].truth and exact.recordings[0].truth
+    assert np.array_equal(exact.recordings[0].angle.value, exact.recordings[0].truth.angle.value)
+    assert not np.allclose(noisy.recordings[0].angle.value, exact.recordings[0].angle.value)
+
+
+def test_the_command_names_a_missing_or_broken_file(
+    tmp_path: Path, monkeypatch: Any, capsys: Any
+) -> None:
+    (tmp_path / "rig.toml").write_text("name = ")
+    for file, reason in (("none.toml", "cannot be read"), ("rig.toml", "is no TOML")):
+        out = str(tmp_path / "out")
+        monkeypatch.setattr(
+            "sys.argv", ["frictionid", "simulate", str(tmp_path / file), "--out", out]
+        )
+        assert main() == 2
+        message = capsys.readouterr().err
+        assert reason in message
+        assert message.count("\n") == 1
+        assert not (tmp_path / "out").exists()

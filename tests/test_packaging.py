@@ -1,0 +1,289 @@
+"""The house around the code: quick help, pinned versions, set-up, what git keeps, the README."""
+
+from __future__ import annotations
+
+import doctest
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from fixtures.paths import ROOT
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from packaging.version import Version
+
+HEAVY = (
+    "numpy",
+    "scipy",
+    "torch",
+    "sympy",
+    "pandas",
+    "pyarrow",
+    "sklearn",
+    "pysindy",
+    "cv2",
+    "matplotlib",
+)
+
+HELP = f"""
+import contextlib, io, sys
+from frictionid.cli import main
+sys.argv = ["frictionid", *sys.argv[1:]]
+text = io.StringIO()
+status = 0
+try:
+    with contextlib.redirect_stdout(text):
+        status = main()
+except SystemExit as end:
+    status = end.code
+assert not status, status
+assert "compare" in text.getvalue(), text.getvalue()
+print("loaded:", *[name for name in {HEAVY!r} if name in sys.modules])
+"""
+
+
+def test_help_loads_nothing_heavy() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", HELP, "--help"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["loaded:"]
+
+
+# --- Versions ---------------------------------------------------------------------------------
+
+
+def _project() -> dict:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def _pins() -> dict[str, Version]:
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pins = [line.split("==") for line in lines if line and not line.startswith("#")]
+    return {canonicalize_name(name): Version(version) for name, version in pins}
+
+
+@pytest.mark.parametrize("group", ["core", "test", "dev", "peers"])
+def test_constraints_pin_every_requirement_within_its_bounds(group: str) -> None:
+    project, pins = _project(), _pins()
+    wanted = project["dependencies"] if group == "core" else project["optional-dependencies"][group]
+    for requirement in map(Requirement, wanted):
+        assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)]), (
+            requirement
+        )
+
+
+def test_constraints_name_versions_that_everyone_can_get() -> None:
+    assert {name for name, version in _pins().items() if version.local} == set()
+
+
+def test_requirements_are_lower_bounds() -> None:
+    project = _project()
+    groups = [project["dependencies"], *project["optional-dependencies"].values()]
+    operators = {s.operator for group in groups for r in group for s in Requirement(r).specifier}
+    assert operators == {">="}
+
+
+# --- Set-up -----------------------------------------------------------------------------------
+
+TOO_OLD = "#!/bin/sh\necho Python 3.9.2\n"
+BARE = '#!/bin/sh\n[ "$1" = --version ] && echo Python 3.12.1 && exit\necho Traceback >&2\nexit 1\n'
+GOOD = '#!/bin/sh\n[ "$1" = --version ] && echo Python 3.13.0\nexit 0\n'
+
+
+def _script(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    path.chmod(0o755)
+
+
+def _checkout(folder: Path, interpreters: dict[str, str]) -> None:
+    """Write what make needs of a checkout, and a bin folder with these interpreters."""
+    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
+        shutil.copy(ROOT / name, folder)
+    _script(folder / "bin" / "cat", f'#!/bin/sh\nexec {shutil.which("cat")} "$@"\n')
+    for name, text in interpreters.items():
+        _script(folder / "bin" / name, text)
+
+
+def _make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """What make does on a machine that has only what is in the checkout's bin folder."""
+    make = shutil.which("make")
+    if make is None:
+        pytest.skip("make is not installed")
+    # without what a make around the tests passes on to a make inside them
+    kept = {k: v for k, v in os.environ.items() if not re.fullmatch("(GNU)?MAKE.*|MFLAGS", k)}
+    environment = {**kept, "PATH": str(folder / "bin")}
+    return subprocess.run(
+        [make, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+NEEDS = "frictionid needs Python 3.11 or newer; found"
+MISSING = {
+    "old": ({"python3": TOO_OLD}, [], f"{NEEDS} Python 3.9.2 at BIN/python3: install one"),
+    "old, named": ({"old": TOO_OLD}, ["PYTHON=old"], f"{NEEDS} Python 3.9.2 at BIN/old: "),
+    "none": ({}, [], f"{NEEDS} no python3: "),
+    "none, named": ({"python3": GOOD}, ["PYTHON=gone"], f"{NEEDS} no gone: "),
+    "bare": (
+        {"python3": BARE},
+        [],
+        "python3-venv is missing for BIN/python3: sudo apt install python3-venv",
+    ),
+    "old and bare": (
+        {"python3": TOO_OLD, "python3.12": BARE},
+        [],
+        "python3.12-venv is missing for BIN/python3.12: sudo apt install python3.12-venv",
+    ),
+}
+
+
+@pytest.mark.parametrize("target", ["compare", "test"])
+@pytest.mark.parametrize(
+    ("interpreters", "arguments", "expected"), MISSING.values(), ids=MISSING.keys()
+)
+def test_make_says_in_one_line_what_is_missing(
+    target: str, interpreters: dict[str, str], arguments: list[str], expected: str, tmp_path: Path
+) -> None:
+    _checkout(tmp_path, interpreters)
+    done = _make(tmp_path, *arguments, target)
+    assert done.returncode != 0
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert expected.replace("BIN", str(tmp_path / "bin")) in done.stderr
+    assert f"make PYTHON=python3.12 {target}" in done.stderr
+    assert not (tmp_path / ".venv").exists()
+
+
+def test_make_takes_the_first_interpreter_that_will_do(tmp_path: Path) -> None:
+    _checkout(tmp_path, {"python3": TOO_OLD, "python3.13": BARE, "python3.12": GOOD})
+    done = _make(tmp_path, "--dry-run", "compare")
+    assert done.returncode == 0, done.stderr
+    assert f'"{tmp_path}/bin/python3.12" -m venv --clear .venv' in done.stdout
+
+
+# What stands in .venv beforehand; does make set it up from nothing, and does it install?
+ENVIRONMENTS = {
+    "complete": ({"place": "HERE\n", "frictionid.core": ""}, False, False),
+    "made by hand": ({}, False, True),
+    "interrupted": ({"place": "HERE\n", "frictionid.core": "", "installing": ""}, True, True),
+    "moved": ({"place": "/elsewhere\n", "frictionid.core": ""}, True, True),
+}
+
+
+@pytest.mark.parametrize(
+    ("files", "created", "installed"), ENVIRONMENTS.values(), ids=ENVIRONMENTS.keys()
+)
+def test_make_redoes_only_what_must_be_redone(
+    files: dict[str, str], created: bool, installed: bool, tmp_path: Path
+) -> None:
+    _checkout(tmp_path, {"python3": GOOD})
+    _script(tmp_path / ".venv" / "bin" / "python", GOOD)
+    for name, text in files.items():
+        (tmp_path / ".venv" / name).write_text(text.replace("HERE", str(tmp_path.resolve())))
+    done = _make(tmp_path, "--dry-run", "compare")
+    assert done.returncode == 0, done.stderr
+    assert ("-m venv --clear" in done.stdout) is created
+    assert ("-m pip install" in done.stdout) is installed
+
+
+@pytest.mark.parametrize("changed", ["pyproject.toml", "constraints.txt"])
+def test_make_installs_again_when_the_requirements_change(changed: str, tmp_path: Path) -> None:
+    _checkout(tmp_path, {"python3": GOOD})
+    _script(tmp_path / ".venv" / "bin" / "python", GOOD)
+    stamp = tmp_path / ".venv" / "frictionid.core"
+    stamp.touch()
+    later = stamp.stat().st_mtime + 10
+    os.utime(tmp_path / changed, (later, later))
+    assert "-m pip install" in _make(tmp_path, "--dry-run", "compare").stdout
+
+
+# --- What git keeps ---------------------------------------------------------------------------
+
+
+def _git(*arguments: str) -> subprocess.CompletedProcess[str]:
+    if shutil.which("git") is None or not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    return subprocess.run(
+        ["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("path", "ignored"),
+    [
+        ("report/acrobot/scores.csv", True),
+        ("report/README.md", False),
+        ("frictionid/report/page.html", False),
+        (".venv/bin/python", True),
+    ],
+)
+def test_git_ignores_results_and_nothing_else_of_report(path: str, ignored: bool) -> None:
+    assert (_git("check-ignore", "--no-index", "-q", path).returncode == 0) is ignored
+
+
+def test_no_committed_file_is_over_one_megabyte() -> None:
+    listing = _git("ls-files", "-z").stdout.split("\0")
+    paths = [ROOT / name for name in listing if name]
+    assert paths
+    assert [p for p in paths if p.is_file() and p.stat().st_size > 1_000_000] == []
+
+
+# --- Tests and README -------------------------------------------------------------------------
+
+SKIPPED = """
+import pytest
+
+def test_asks(real_data):
+    assert False
+
+@pytest.mark.real
+def test_is_marked():
+    pytest.skip("no such file")
+
+def test_plain():
+    pytest.skip("no engine")
+"""
+
+
+@pytest.mark.parametrize(
+    ("required", "expected"),
+    [("1", {"skipped": 1, "failed": 1, "errors": 1}), ("", {"skipped": 3})],
+)
+def test_required_recordings_may_not_be_skipped(
+    required: str,
+    expected: dict[str, int],
+    pytester: pytest.Pytester,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("FRICTIONID_DATA", str(pytester.path / "nowhere"))
+    monkeypatch.setenv("FRICTIONID_REQUIRE_REAL", required)
+    pytester.makeconftest((ROOT / "tests" / "conftest.py").read_text())
+    pytester.makeini("[pytest]\nmarkers = real\n")
+    pytester.makepyfile(SKIPPED)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    result.assert_outcomes(**expected)
+    if required:
+        result.stdout.fnmatch_lines(
+            ["*FRICTIONID_REQUIRE_REAL=1, yet *test_is_marked was skipped*"]
+        )
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/shooting.md"])
+def test_the_examples_of_the_pages_run(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    path = ROOT / name
+    assert path.exists()
+    monkeypatch.chdir(ROOT)
+    # a fence ends what an example prints, as an empty line would
+    text = re.sub(r"^```.*$", "", path.read_text(), flags=re.MULTILINE)
+    example = doctest.DocTestParser().get_doctest(text, {}, name, str(path), 0)
+    said: list[str] = []
+    outcome = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(
+        example, out=said.append
+    )
+    assert outcome.failed == 0, "".join(said)
