@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from frictionid.comparison.cross_validate import Contest, run
+from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
@@ -163,9 +163,11 @@ def one_law(law: object) -> float:
     """Processor time [s] of one law in all folds, without scores."""
     begin = time.process_time()
     dataset = load_dataset(DATA / "acrobot_clean")
-    contest = Contest(dataset, make_folds(dataset.recordings, Split(count=10)), Protocol((0.1,)))
+    benchmark = Benchmark(
+        dataset, make_folds(dataset.recordings, Split(count=10)), Protocol((0.1,))
+    )
     with threadpool_limits(1):
-        run(contest, LeastSquares(law), Shooting(blocks=ALL))
+        run(benchmark, LeastSquares(law), Shooting(blocks=ALL))
     return time.process_time() - begin
 
 

@@ -37,7 +37,7 @@ def chosen(file: Path, identifier: str, data: Path | None) -> tuple[Task, Shooti
 
 def fitted(task: Task, recipe: Shooting, which: Sequence[int], begin: Refined | None) -> Refined:
     """Fit to some recordings, from where another ended or else from the one-step fit."""
-    dataset, protocol = task.contest.dataset, task.contest.protocol
+    dataset, protocol = task.benchmark.dataset, task.benchmark.protocol
     dataset = replace(dataset, recordings=tuple(dataset.recordings[i] for i in which))
     apart = protocol.sample_time
     if begin is not None:
@@ -67,7 +67,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     told = parser.parse_args()
     task, recipe = chosen(told.suite, told.identifier, told.data)
-    count = len(task.contest.dataset.recordings)
+    count = len(task.benchmark.dataset.recordings)
     whole = fitted(task, recipe, range(count), None)
     names = [entry.name for entry in whole.covariance.entries]
     off = []

@@ -4,7 +4,7 @@ import difflib
 import inspect
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator, validate_call
 
@@ -32,13 +32,19 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 class Strict(BaseModel):
-    """A table of a TOML file: no other keys, no conversion of types, no infinite numbers."""
+    """A table of a TOML file: no other keys, no conversion of types, no infinite numbers.
+
+    renamed : keys of older files, and what they are called now
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, **STRICT)
+    renamed: ClassVar[Mapping[str, str]] = {}
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, table: Any) -> Any:
+        if isinstance(table, dict):
+            table = {cls.renamed.get(key, key): value for key, value in table.items()}
         strict = cls.model_config.get("extra") == "forbid"
         for key in table if strict and isinstance(table, dict) else ():
             if key not in cls.model_fields:

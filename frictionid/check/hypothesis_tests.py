@@ -154,7 +154,7 @@ def _late(delay: Delay | None, impulse: Impulse) -> list[Finding]:
             f"the torque acts {1e3 * abs(delay.seconds):.1f} ms {word} it is logged "
             f"(95 %: {1e3 * low:.1f} to {1e3 * high:.1f} ms); unnoticed, that looks like viscous "
             "friction and like memory",
-            "shift the torque's clock, or fit the delay (rig parameters)",
+            "shift the torque's clock, or fit the delay (calibration parameters)",
             None,
             {"delay": delay.seconds, "error": delay.error, "explains": delay.gain},
         )

@@ -33,22 +33,30 @@ def compare(
     from frictionid.comparison.registry import LAWS
     from frictionid.comparison.results import describe
     from frictionid.comparison.suite import load_suite, tasks_of
-    from frictionid.comparison.tasks import Task, grounds_of, lock, run_tasks
+    from frictionid.comparison.tasks import Task, lock, prepare_benchmarks, run_tasks
     from frictionid.report import build, show
 
     table = load_suite(suite)
     folder = out or Path("report") / table.name
     try:
         tasks = tasks_of(table, suite, data, device.value if device else None)
-        grounds = grounds_of(tasks)
+        prepared_benchmarks = prepare_benchmarks(tasks)
         with lock(folder), counted(len(tasks), f"comparing ({table.name})") as count:
 
             def done(task: Task) -> None:
-                count(f"{task.contest.dataset.name}: {task.name}, {task.recipe.name}")
+                count(f"{task.benchmark.dataset.name}: {task.name}, {task.recipe.name}")
 
             settings = table.model_dump(mode="json") | ({"device": device.value} if device else {})
-            describe(folder, table.name, table.title, settings, tasks, grounds)
-            run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=jobs, resume=resume, done=done)
+            describe(folder, table.name, table.title, settings, tasks, prepared_benchmarks)
+            run_tasks(
+                tasks,
+                prepared_benchmarks,
+                folder / "tasks",
+                LAWS,
+                jobs=jobs,
+                resume=resume,
+                done=done,
+            )
             build(folder)
     except KeyboardInterrupt:
         typer.echo(

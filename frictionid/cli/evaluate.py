@@ -28,7 +28,7 @@ def evaluate(
     from frictionid.comparison.suite import friction_of
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
-    from frictionid.evaluation import Protocol, faced, judge, prepare
+    from frictionid.evaluation import Protocol, judge, prepare, prepared_for
     from frictionid.files import write_text
     from frictionid.report import show_scores
 
@@ -44,7 +44,7 @@ def evaluate(
         for name, path in zip(_names(models), models, strict=True):
             friction = frictions[path]
             try:
-                rows[name], _ = judge(friction, faced(prepared, friction))
+                rows[name], _ = judge(friction, prepared_for(prepared, friction))
             except InputError as error:
                 raise InputError(f"{path}: {error}") from None
             done(name)

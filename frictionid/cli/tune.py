@@ -26,7 +26,7 @@ def tune(
     from frictionid.cli.progress import counted
     from frictionid.comparison.suite import load_suite
     from frictionid.comparison.tasks import lock
-    from frictionid.comparison.tuning import lanes_of, units_of
+    from frictionid.comparison.tuning import study_specs, tuning_tasks
     from frictionid.comparison.tuning import tune as search
     from frictionid.report.terminal import show_table
     from frictionid.report.tuning import score_table, settings_tables, write_outcome
@@ -35,8 +35,8 @@ def tune(
     tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
     folder = out or Path("report") / f"{table.name}-tune"
     try:
-        units = units_of(table, suite, data)
-        total = tuning.trials * len(lanes_of(units, tuning))
+        units = tuning_tasks(table, suite, data)
+        total = tuning.trials * len(study_specs(units, tuning))
         with (
             lock(folder, "journal.log", "tuning"),
             counted(total, f"tuning ({table.name})") as done,

@@ -22,16 +22,16 @@ from frictionid.evaluation import (
     Prepared,
     Protocol,
     Row,
-    course_folds,
     curves,
-    faced,
+    initial_state_folds,
     judge,
     judge_folds,
     member_curves,
     prepare,
-    start_folds,
+    prepared_for,
     training_of,
-    with_rig,
+    trajectory_folds,
+    with_calibration,
     without_physics,
 )
 from frictionid.evaluation.hysteresis import Loop, Loops, loops_of, remembers
@@ -40,12 +40,17 @@ from frictionid.identifiers import BlackBox, Identifier, Nothing, Published
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.identifiers.residual import Problem
 from frictionid.mechanics import Plant, plant_of, unit_plant
-from frictionid.mechanics.calibration import Rig
-from frictionid.shooting import Corrected, Refined, Shooting, refine_folds
-from frictionid.shooting.calibrated_recipe import PARTS, groups, rigs_of, some_of_rig
+from frictionid.mechanics.calibration import Calibration
+from frictionid.shooting import CalibratedRecipe, Refined, Shooting, refine_folds
+from frictionid.shooting.calibrated_recipe import (
+    PARTS,
+    calibrations_of,
+    groups,
+    part_of_calibration,
+)
 from frictionid.shooting.intervals import Track, track_of
 
-Way = Recipe | Shooting | Corrected
+Method = Recipe | Shooting | CalibratedRecipe
 
 
 class Result(NamedTuple):
@@ -86,7 +91,7 @@ class Result(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Contest:
+class Benchmark:
     """A data set with its folds, and data sets that only test what was fitted to it."""
 
     dataset: Dataset
@@ -95,8 +100,8 @@ class Contest:
     tests: tuple[Dataset, ...] = ()
 
 
-class Ground(NamedTuple):
-    """What all identifiers of a contest share, made once: see `ground_of`."""
+class PreparedBenchmark(NamedTuple):
+    """What all identifiers of a benchmark share, made once: see `prepare_benchmark`."""
 
     prepared: Prepared
     tests: tuple[Prepared, ...]
@@ -104,84 +109,90 @@ class Ground(NamedTuple):
     weights: Mapping[str, Array]  # (F + 1, K): the rows that train each fold, and all rows
     track: Track | None = None  # what shooting fits, and the intervals (F + 1, K) of each fold
     training: Array | None = None
-    rigs: Mapping[str, Rig] = {}  # of all folds and all data, by the name of the recipe they serve
+    calibrations: Mapping[
+        str, Calibration
+    ] = {}  # of all folds and all data, by the name of the recipe they serve
 
 
-def ground_of(contest: Contest, recipes: Sequence[Way]) -> Ground:
-    """States, problems, training rows and rollout starts of a contest.
+def prepare_benchmark(benchmark: Benchmark, recipes: Sequence[Method]) -> PreparedBenchmark:
+    """States, problems, training rows and rollout starts of a benchmark.
 
     Raises
     ------
     InputError
         Where recordings, folds and protocol do not fit together.
     """
-    prepared = prepare(contest.dataset, contest.protocol)
-    start_folds(prepared.starts, contest.folds, prepared.observed.causal)
-    if prepared.course is not None:
-        course_folds(prepared.course, contest.folds)
-    begins = [r.by.start for r in recipes if isinstance(r, Corrected)]
+    prepared = prepare(benchmark.dataset, benchmark.protocol)
+    initial_state_folds(prepared.starts, benchmark.folds, prepared.observed.causal)
+    if prepared.trajectory is not None:
+        trajectory_folds(prepared.trajectory, benchmark.folds)
+    begins = [r.by.start for r in recipes if isinstance(r, CalibratedRecipe)]
     steps = {recipe.name: recipe for recipe in (*map(first_step, recipes), *begins)}
     problems = {name: training_of(prepared, recipe) for name, recipe in steps.items()}
-    weights = {name: _weights(contest, problem) for name, problem in problems.items()}
-    tests = tuple(prepare(test, contest.protocol) for test in contest.tests)
-    if not any(isinstance(recipe, Shooting | Corrected) for recipe in recipes):
-        return Ground(prepared, tests, problems, weights)
+    weights = {name: _weights(benchmark, problem) for name, problem in problems.items()}
+    tests = tuple(prepare(test, benchmark.protocol) for test in benchmark.tests)
+    if not any(isinstance(recipe, Shooting | CalibratedRecipe) for recipe in recipes):
+        return PreparedBenchmark(prepared, tests, problems, weights)
     track = track_of(prepared.dataset, states=prepared.observed.smoothed)
-    training = contest.folds.training(track.recording, track.time, track.dt)
+    training = benchmark.folds.training(track.recording, track.time, track.dt)
     training = np.concatenate([training, np.ones((1, len(track.dt)))])
-    ground = Ground(prepared, tests, problems, weights, track, training)
-    return ground._replace(rigs=_rigs(contest, ground, recipes))
+    shared = PreparedBenchmark(prepared, tests, problems, weights, track, training)
+    return shared._replace(calibrations=_calibrations(benchmark, shared, recipes))
 
 
-def first_step(recipe: Way) -> Recipe:
+def first_step(recipe: Method) -> Recipe:
     """The one-step recipe that a fit uses, or begins with."""
-    if isinstance(recipe, Corrected):
+    if isinstance(recipe, CalibratedRecipe):
         return recipe.step
     return recipe.start if isinstance(recipe, Shooting) else recipe
 
 
-def _rigs(contest: Contest, ground: Ground, recipes: Sequence[Way]) -> dict[str, Rig]:
-    """Rigs of all folds that each recipe corrects the data by; searched once for equal recipes."""
-    track, training = ground.track, ground.training
+def _calibrations(
+    benchmark: Benchmark, shared: PreparedBenchmark, recipes: Sequence[Method]
+) -> dict[str, Calibration]:
+    """Calibrations of all folds by the name of the recipe; found once for equal recipes."""
+    track, training = shared.track, shared.training
     assert track is not None and training is not None
-    out: dict[str, Rig] = {}
-    known: dict[str, Rig] = {}
+    out: dict[str, Calibration] = {}
+    known: dict[str, Calibration] = {}
     for recipe in recipes:
-        if isinstance(recipe, Corrected):
+        if isinstance(recipe, CalibratedRecipe):
             every = replace(recipe, use=tuple(p for p in PARTS if p in _freed(recipe)))
             key = repr(replace(every, name="", step=INTEGRAL))
             if key not in known:
                 start = recipe.by.start.name
-                given = ground.problems[start], ground.weights[start], training
-                known[key] = rigs_of(every, track, *given, whole=not contest.folds.contiguous)
-            out[recipe.name] = some_of_rig(known[key], recipe.use)
+                given = shared.problems[start], shared.weights[start], training
+                known[key] = calibrations_of(
+                    every, track, *given, whole=not benchmark.folds.contiguous
+                )
+            out[recipe.name] = part_of_calibration(known[key], recipe.use)
     return out
 
 
-def _freed(recipe: Corrected) -> list[str]:
+def _freed(recipe: CalibratedRecipe) -> list[str]:
     return [block.name for block in recipe.by.blocks]
 
 
-def _weights(contest: Contest, problem: Problem) -> Array:
-    training = contest.folds.training(problem.recording, problem.time, problem.dt)
+def _weights(benchmark: Benchmark, problem: Problem) -> Array:
+    training = benchmark.folds.training(problem.recording, problem.time, problem.dt)
     if not training.any(axis=1).all():
         raise InputError(
-            f"data set {contest.dataset.name!r}: fold {np.argmin(training.any(axis=1))} leaves "
+            f"data set {benchmark.dataset.name!r}: fold {np.argmin(training.any(axis=1))} leaves "
             "nothing to train on: choose a smaller folds.gap, fewer folds or a shorter history"
         )
     return np.concatenate([training, np.ones((1, len(problem.r)))])
 
 
 def run(
-    contest: Contest,
+    benchmark: Benchmark,
     identifier: Identifier,
-    recipe: Way,
+    recipe: Method,
     seed: int = 0,
-    ground: Ground | None = None,
+    shared: PreparedBenchmark | None = None,
 ) -> Result:
     """Fit by a recipe in every fold and on all data, and score it all on what was held out.
 
-    `ground` is what `ground_of` makes of the contest, where it has been made before.
+    `shared` is what `prepare_benchmark` makes of the benchmark, where it has been made before.
 
     Raises
     ------
@@ -190,28 +201,28 @@ def run(
     """
     check_refinable(identifier, recipe)
     begin = time.perf_counter()
-    ground = ground or ground_of(contest, [recipe])
+    shared = shared or prepare_benchmark(benchmark, [recipe])
     step = first_step(recipe)
-    problem, weights = _problem(identifier, step, ground), ground.weights[step.name]
+    problem, weights = _problem(identifier, step, shared), shared.weights[step.name]
     ready = time.perf_counter()
-    unit = ground.prepared.plant.mechanism.description.angle_unit
+    unit = shared.prepared.plant.mechanism.description.angle_unit
     given = isinstance(identifier, Nothing | Published)
     found = None
-    if isinstance(recipe, Corrected) and not given:
-        fitted, problem = _fit_corrected(identifier, recipe, ground, seed, unit)
+    if isinstance(recipe, CalibratedRecipe) and not given:
+        fitted, problem = _fit_calibrated(identifier, recipe, shared, seed, unit)
     else:
         fitted = fit(identifier, problem, weights, seed, unit)
     if isinstance(recipe, Shooting) and not given:
-        assert ground.track is not None and ground.training is not None
-        fitted, found = refine_folds(fitted, ground.track, recipe, ground.training)
+        assert shared.track is not None and shared.training is not None
+        fitted, found = refine_folds(fitted, shared.track, recipe, shared.training)
     fitted = with_provenance(fitted, equations(fitted[-1], problem, weights[-1], found))
     done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]
-    prepared = faced(ground.prepared, fitted)
-    rows, motions = judge_folds(friction, overall, prepared, contest.folds)
+    prepared = prepared_for(shared.prepared, fitted)
+    rows, motions = judge_folds(friction, overall, prepared, benchmark.folds)
     tests, pictures = {}, list(motions)
-    for test in ground.tests:
-        own, shown = judge(overall, faced(test, fitted))
+    for test in shared.tests:
+        own, shown = judge(overall, prepared_for(test, fitted))
         tests[test.dataset.name] = tuple(own)
         pictures += shown
     lines = np.concatenate([curves(friction, prepared.grid), curves(overall, prepared.grid)[None]])
@@ -221,29 +232,35 @@ def run(
     seconds = {"prepare": ready - begin, "fit": done - ready, "score": time.perf_counter() - done}
     return Result(
         *(tuple(rows), friction, overall, lines, tuple(pictures)),
-        *(tests, seconds, prepared.grid, found, _loops(fitted, prepared, contest.protocol)),
+        *(tests, seconds, prepared.grid, found, _loops(fitted, prepared, benchmark.protocol)),
         members,
     )
 
 
-def _fit_corrected(
-    identifier: Identifier, recipe: Corrected, ground: Ground, seed: int, unit: str
+def _fit_calibrated(
+    identifier: Identifier,
+    recipe: CalibratedRecipe,
+    shared: PreparedBenchmark,
+    seed: int,
+    unit: str,
 ) -> tuple[Friction, Problem]:
-    """Friction (F + 1, n, P) with the rigs that correct its data; the problem of all data."""
-    rig, weights = ground.rigs[recipe.name], ground.weights[recipe.step.name]
+    """Friction (F + 1, n, P) with the calibration of each fold, and the problem of all data."""
+    calibration, weights = shared.calibrations[recipe.name], shared.weights[recipe.step.name]
     parts: list[Friction | None] = [None] * len(weights)
-    for folds in groups(rig, len(weights)):
-        problem = training_of(with_rig(ground.prepared, rig[int(folds[0])]), recipe.step)
+    for folds in groups(calibration, len(weights)):
+        problem = training_of(
+            with_calibration(shared.prepared, calibration[int(folds[0])]), recipe.step
+        )
         fitted = fit(identifier, problem, weights[folds], seed, unit)
         for place, fold in enumerate(folds):
             parts[fold] = fitted[place]
     known = [part for part in parts if part is not None]
     if any(part.law != known[-1].law for part in known):
         raise InputError(
-            f"{identifier!r} finds another law in each fold: give it a recipe without rig"
+            f"{identifier!r} finds another law in each fold: give it a recipe without calibration"
         )
     theta = np.stack([np.asarray(part.theta) for part in known])
-    fitted = replace(known[-1], theta=theta, rig=rig)
+    fitted = replace(known[-1], theta=theta, calibration=calibration)
     return with_provenance(fitted, _lessons(known)), problem
 
 
@@ -271,11 +288,11 @@ def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Lo
     return tuple(loops_of(fitted, prepared.plant[0], settings, prepared.grid, interval))
 
 
-def _problem(identifier: Identifier, recipe: Recipe, ground: Ground) -> Problem:
+def _problem(identifier: Identifier, recipe: Recipe, shared: PreparedBenchmark) -> Problem:
     """The problem that an identifier fits: one of unit inertia, all of it, without physics."""
     if isinstance(identifier, BlackBox):
-        return training_of(without_physics(ground.prepared), replace(recipe, rest=0.0))
-    return ground.problems[recipe.name]
+        return training_of(without_physics(shared.prepared), replace(recipe, rest=0.0))
+    return shared.problems[recipe.name]
 
 
 def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[Plant, Recipe]:
@@ -285,7 +302,7 @@ def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[P
     return plant_of(dataset), recipe
 
 
-def check_refinable(identifier: Identifier, recipe: Way) -> None:
+def check_refinable(identifier: Identifier, recipe: Method) -> None:
     """Refuse to refine by shooting what has no physics.
 
     Raises
@@ -293,7 +310,7 @@ def check_refinable(identifier: Identifier, recipe: Way) -> None:
     InputError
         Saying what to do.
     """
-    if isinstance(recipe, Shooting | Corrected) and isinstance(identifier, BlackBox):
+    if isinstance(recipe, Shooting | CalibratedRecipe) and isinstance(identifier, BlackBox):
         raise InputError(
             f"recipe {recipe.name!r}: shooting needs the physics that a black box lacks: give it "
             'recipes = ["integral"], or another one-step recipe'
@@ -327,7 +344,7 @@ def compare(
     dataset: Dataset,
     identifiers: Mapping[str, Identifier],
     folds: Folds,
-    recipes: Sequence[Way] = (INTEGRAL,),
+    recipes: Sequence[Method] = (INTEGRAL,),
     protocol: Protocol | None = None,
     seed: int = 0,
 ) -> dict[tuple[str, str], Result]:
@@ -341,10 +358,10 @@ def compare(
         folds = make_folds(dataset.recordings, Split(count=10))
         results = compare(dataset, {"none": Nothing(), "stribeck": LeastSquares(Stribeck())}, folds)
     """
-    contest = Contest(dataset, folds, protocol or Protocol())
-    ground = ground_of(contest, recipes)
+    benchmark = Benchmark(dataset, folds, protocol or Protocol())
+    shared = prepare_benchmark(benchmark, recipes)
     return {
-        (name, recipe.name): run(contest, identifier, recipe, seed, ground)
+        (name, recipe.name): run(benchmark, identifier, recipe, seed, shared)
         for recipe in recipes
         for name, identifier in identifiers.items()
     }

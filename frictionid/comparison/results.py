@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.cross_validate import Ground
+from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.tasks import Task, file_name
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -65,12 +65,12 @@ def describe(
     title: str,
     settings: Any,
     tasks: Sequence[Task],
-    grounds: Mapping[str, Ground],
+    prepared_benchmarks: Mapping[str, PreparedBenchmark],
 ) -> None:
     """Write provenance.json and datasets.json, and remove the tables of an earlier comparison."""
     _make_room(folder)
-    contests = {t.contest.dataset.name: t.contest for t in tasks}
-    everything = {d.name: d for c in contests.values() for d in (c.dataset, *c.tests)}
+    benchmarks = {t.benchmark.dataset.name: t.benchmark for t in tasks}
+    everything = {d.name: d for c in benchmarks.values() for d in (c.dataset, *c.tests)}
     document = {
         "suite": suite,
         "title": title,
@@ -79,13 +79,13 @@ def describe(
         "versions": {"python": platform.python_version(), **{p: version(p) for p in _PACKAGES}},
         "data": {name: dict(d.hashes) for name, d in everything.items()},
         "origin": {name: dict(d.origin) for name, d in everything.items()},
-        "folds": {name: contest.folds.hash for name, contest in contests.items()},
+        "folds": {name: benchmark.folds.hash for name, benchmark in benchmarks.items()},
     }
     write_json(folder / "provenance.json", document)
     about = {}
-    for name, ground in grounds.items():
-        about[name] = {**_about(ground.prepared), "tests": None}
-        about |= {p.dataset.name: {**_about(p), "tests": name} for p in ground.tests}
+    for name, shared in prepared_benchmarks.items():
+        about[name] = {**_about(shared.prepared), "tests": None}
+        about |= {p.dataset.name: {**_about(p), "tests": name} for p in shared.tests}
     write_json(folder / "datasets.json", about, None)
 
 
@@ -164,11 +164,14 @@ def _true_parameters(dataset: Dataset) -> dict[str, Any]:
     ]
     out: dict[str, Any] = {"friction": friction}
     if "rig" in table:
-        rig, told = table["rig"], cast(Any, dataset.mechanism)
+        calibration, told = table["rig"], cast(Any, dataset.mechanism)
         mechanism = mechanism_of(told)
-        base = mechanism.base(parameters_of(told, rig.get("parameters", {})))
+        base = mechanism.base(parameters_of(told, calibration.get("parameters", {})))
         out |= {"inertia": dict(zip(mechanism.base_names, base.tolist(), strict=True))}
-        out |= {"delay": rig.get("torque_delay", 0.0), "gain": rig.get("torque_gain", 1.0)}
+        out |= {
+            "delay": calibration.get("torque_delay", 0.0),
+            "gain": calibration.get("torque_gain", 1.0),
+        }
         out |= {"bias": 0.0, "offset": 0.0}
     return out
 

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
-from frictionid.comparison.cross_validate import Contest, Way, check_refinable
+from frictionid.comparison.cross_validate import Benchmark, Method, check_refinable
 from frictionid.comparison.registry import IDENTIFIERS, LAWS, folds, loops
 from frictionid.comparison.search_space import Search, Tuning
 from frictionid.comparison.suite_recipes import Name, Positive, RecipeEntry, recipes_of
@@ -26,7 +26,7 @@ from frictionid.config import STRICT, Strict, built, called, distinct, mistake, 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds, true_friction, true_rig
+from frictionid.evaluation import Protocol, Split, make_folds, true_calibration, true_friction
 from frictionid.evaluation.hysteresis import Loops
 from frictionid.friction import Friction
 from frictionid.friction.model_files import load_model
@@ -146,19 +146,19 @@ def _tasks(suite: Suite, folder: Path, data: Path | None, device: str | None) ->
         chosen = [(name, on_device(own, device), only) for name, own, only in chosen]
     distinct([recipe.name for recipe in recipes], "recipes")
     distinct(list(map(str, suite.seeds)), "seeds")
-    contests = [contest_of(suite, entry, folder, data) for entry in suite.datasets]
-    distinct([d.name for c in contests for d in (c.dataset, *c.tests)], "data sets")
+    benchmarks = [benchmark_of(suite, entry, folder, data) for entry in suite.datasets]
+    distinct([d.name for c in benchmarks for d in (c.dataset, *c.tests)], "data sets")
     tasks: list[Task] = []
-    for contest, told in zip(contests, suite.datasets, strict=True):
-        entries = [*chosen, *truth_of(contest)]
+    for benchmark, told in zip(benchmarks, suite.datasets, strict=True):
+        entries = [*chosen, *truth_of(benchmark)]
         distinct([name for name, _, _ in entries], "identifiers")
         for name, identifier, _ in entries:
-            _check_given(name, identifier, (contest.dataset, *contest.tests))
+            _check_given(name, identifier, (benchmark.dataset, *benchmark.tests))
         for recipe in used_of(told, recipes):
             for name, identifier, only in entries:
                 if only is None or recipe.name in only:
                     _check_refinable(name, identifier, recipe)
-                    tasks += [Task(contest, name, identifier, recipe, s) for s in suite.seeds]
+                    tasks += [Task(benchmark, name, identifier, recipe, s) for s in suite.seeds]
     distinct([task.file.lower() for task in tasks], "results")
     return tasks
 
@@ -181,7 +181,7 @@ def on_device(identifier: Any, device: str) -> Any:
     return replace(identifier, **other) if other else identifier
 
 
-def used_of(entry: DatasetEntry, recipes: Sequence[Way]) -> list[Way]:
+def used_of(entry: DatasetEntry, recipes: Sequence[Method]) -> list[Method]:
     """Recipes that are used on a data set."""
     known = [recipe.name for recipe in recipes]
     for name in entry.recipes or ():
@@ -193,7 +193,7 @@ def used_of(entry: DatasetEntry, recipes: Sequence[Way]) -> list[Way]:
     return [recipe for recipe in recipes if entry.recipes is None or recipe.name in entry.recipes]
 
 
-def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | None) -> Contest:
+def benchmark_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | None) -> Benchmark:
     """Data, folds and protocol of one data set of a suite."""
     dataset = load_dataset(folder / entry.path, data)
     dataset = dataset if entry.name is None else replace(dataset, name=entry.name)
@@ -208,21 +208,27 @@ def contest_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | Non
         suite.true_starts,
         suite.loops,
     )
-    return Contest(
+    return Benchmark(
         dataset, make_folds(dataset.recordings, entry.folds or suite.folds), protocol, tests
     )
 
 
-def truth_of(contest: Contest) -> list[tuple[str, Identifier, None]]:
-    """The true friction, with the true rig, as an identifier named `truth`, where it is known."""
-    truth = contest.dataset.truth
+def truth_of(benchmark: Benchmark) -> list[tuple[str, Identifier, None]]:
+    """The true friction and calibration as an identifier named `truth`, where they are known."""
+    truth = benchmark.dataset.truth
     friction = None if truth is None else true_friction(truth)
     if friction is None:
         return []
-    return [("truth", Published(replace(friction, rig=true_rig(contest.dataset))), None)]
+    return [
+        (
+            "truth",
+            Published(replace(friction, calibration=true_calibration(benchmark.dataset))),
+            None,
+        )
+    ]
 
 
-def _check_refinable(name: str, identifier: Identifier, recipe: Way) -> None:
+def _check_refinable(name: str, identifier: Identifier, recipe: Method) -> None:
     try:
         check_refinable(identifier, recipe)
     except InputError as error:
@@ -247,7 +253,7 @@ def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset])
 
 
 def identifier_of(
-    entry: IdentifierEntry, folder: Path, recipes: Sequence[Way]
+    entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]
 ) -> tuple[str, Identifier, tuple[str, ...] | None]:
     """Name, identifier and (where it is limited to some) recipes of a suite's identifier table.
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from frictionid.comparison.cross_validate import Way
+from frictionid.comparison.cross_validate import Method
 from frictionid.comparison.registry import BLOCKS, ESTIMATORS, IDENTIFIERS, RECIPES
 from frictionid.config import Strict, built, distinct, nearest
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
-from frictionid.shooting import Corrected, Settings, Shooting
+from frictionid.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.shooting.calibrated_recipe import PARTS
 from frictionid.shooting.parameters import Block
 
@@ -21,7 +21,7 @@ Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 
-class RigEntry(Strict):
+class CalibrationEntry(Strict):
     """What corrects the data of a recipe: found by shooting, beside friction of a kind.
 
     free : blocks that are free; use : those of them that correct, all but friction by default;
@@ -37,8 +37,8 @@ class RigEntry(Strict):
 class RecipeEntry(Strict):
     """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest.
 
-    With a `rig` the data are corrected by what shooting finds, and fitted by the one-step recipe
-    that `like` names.
+    With a `calibration` the data are corrected by what shooting finds, and fitted by the one-step
+    recipe that `like` names.
 
     With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed` the
     parameters of them that stay, `priors` their standard deviations; `start` is the one-step recipe
@@ -59,26 +59,29 @@ class RecipeEntry(Strict):
     scheme: Literal["euler", "integral"] | None = None
     rest: Annotated[float, Field(ge=0)] | None = None
     like: str | None = None
-    rig: RigEntry | None = None
+    calibration: CalibrationEntry | None = None
+    renamed: ClassVar[Mapping[str, str]] = {"rig": "calibration"}
 
 
-def recipes_of(entries: Sequence[RecipeEntry]) -> list[Way]:
+def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
     """Recipes of their tables; shooting may begin with a one-step recipe that stands beside it."""
-    own = [recipe_of(entry) for entry in entries if entry.by is None and entry.rig is None]
+    own = [recipe_of(entry) for entry in entries if entry.by is None and entry.calibration is None]
     steps = {recipe.name: recipe for recipe in own if isinstance(recipe, Recipe)}
     return [recipe_of(entry, steps) for entry in entries]
 
 
-def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Way:
+def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Method:
     """Recipe of its table; `own` are one-step recipes that it may name as its start."""
     where = f"recipe {entry.name!r}"
     steps = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
     shots = [key for key in _SHOTS if getattr(entry, key) is not None]
-    if entry.rig is not None or entry.like is not None:
+    if entry.calibration is not None or entry.like is not None:
         if steps or shots or entry.by:
             other = [*steps, *shots, "by"][0]
-            raise InputError(f"{where}: {other} does not go with rig: name a recipe by like")
-        return corrected_of(entry, where, own)
+            raise InputError(
+                f"{where}: {other} does not go with calibration: name a recipe by like"
+            )
+        return calibrated_recipe_of(entry, where, own)
     if entry.by == "shooting" or (entry.name == "shooting" and not steps):
         if steps:
             raise InputError(f"{where}: {steps[0]} belongs to one-step recipes, name one as start")
@@ -118,21 +121,21 @@ def shooting_of(
     return Shooting(entry.name, blocks, settings, start)
 
 
-def corrected_of(
+def calibrated_recipe_of(
     entry: RecipeEntry, where: str, own: Mapping[str, Recipe] | None = None
-) -> Corrected:
-    """The recipe that `like` names, on data corrected by the rig of its table."""
-    if entry.rig is None or entry.like is None:
-        lost = "rig" if entry.rig is None else "like"
-        raise InputError(f"{where}: the key {lost!r} is missing; rig and like go together")
+) -> CalibratedRecipe:
+    """The recipe that `like` names, on data corrected by the calibration of its table."""
+    if entry.calibration is None or entry.like is None:
+        lost = "calibration" if entry.calibration is None else "like"
+        raise InputError(f"{where}: the key {lost!r} is missing; calibration and like go together")
     step = recipe_named(entry.like, own)
     if isinstance(step, Shooting):
         raise InputError(f"{where}: like = {entry.like!r} must be a one-step recipe")
-    rig = entry.rig
-    blocks = blocks_of(rig.free, rig.fixed, {}, f"{where}, rig")
-    use = rig.use or [name for name in rig.free if name in PARTS]
-    friction = built({"kind": rig.friction}, IDENTIFIERS, f"{where}, rig")
-    return Corrected(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
+    calibration = entry.calibration
+    blocks = blocks_of(calibration.free, calibration.fixed, {}, f"{where}, calibration")
+    use = calibration.use or [name for name in calibration.free if name in PARTS]
+    friction = built({"kind": calibration.friction}, IDENTIFIERS, f"{where}, calibration")
+    return CalibratedRecipe(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
 
 
 def blocks_of(

@@ -29,19 +29,19 @@ from joblib import Parallel, cpu_count, delayed, parallel_config
 from threadpoolctl import threadpool_limits
 
 from frictionid.comparison.cross_validate import (
-    Contest,
-    Ground,
+    Benchmark,
+    Method,
+    PreparedBenchmark,
     Result,
-    Way,
     first_step,
-    ground_of,
+    prepare_benchmark,
     run,
 )
 from frictionid.errors import InputError
 from frictionid.files import read_json, remove_unfinished, write_json
 from frictionid.friction.model_files import model_document
 from frictionid.identifiers import Identifier, Nothing, Published, is_seeded
-from frictionid.shooting import Corrected, Shooting, document_of
+from frictionid.shooting import CalibratedRecipe, Shooting, document_of
 
 FORMAT = 1  # of the result files
 Found = TypeVar("Found")
@@ -50,21 +50,21 @@ Found = TypeVar("Found")
 class Task(NamedTuple):
     """One identifier by one recipe on one data set with one seed; `name` stands in all tables."""
 
-    contest: Contest
+    benchmark: Benchmark
     name: str
     identifier: Identifier
-    recipe: Way
+    recipe: Method
     seed: int
 
     @property
     def file(self) -> str:
         """Name of the result file."""
-        return file_name(self.contest.dataset.name, self.name, self.recipe.name, self.seed)
+        return file_name(self.benchmark.dataset.name, self.name, self.recipe.name, self.seed)
 
     @property
     def digest(self) -> str:
         """SHA-256 of everything that the result depends on."""
-        c = self.contest
+        c = self.benchmark
         data = [(d.name, d.mechanism, d.recordings, d.truth) for d in (c.dataset, *c.tests)]
         made_by = FORMAT, _package(), version("numpy"), _own_code(self.identifier)
         settings = self.identifier, self.recipe, c.protocol, self.seed
@@ -158,7 +158,7 @@ def lock(
     return held
 
 
-def grounds_of(tasks: Sequence[Task]) -> dict[str, Ground]:
+def prepare_benchmarks(tasks: Sequence[Task]) -> dict[str, PreparedBenchmark]:
     """What the tasks of each data set share, by its name.
 
     Raises
@@ -166,16 +166,19 @@ def grounds_of(tasks: Sequence[Task]) -> dict[str, Ground]:
     InputError
         Where recordings, folds and protocol do not fit together.
     """
-    contests = {task.contest.dataset.name: task.contest for task in tasks}
-    recipes: dict[str, dict[str, Way]] = {name: {} for name in contests}
+    benchmarks = {task.benchmark.dataset.name: task.benchmark for task in tasks}
+    recipes: dict[str, dict[str, Method]] = {name: {} for name in benchmarks}
     for task in tasks:
-        recipes[task.contest.dataset.name][task.recipe.name] = task.recipe
-    return {name: ground_of(contests[name], list(own.values())) for name, own in recipes.items()}
+        recipes[task.benchmark.dataset.name][task.recipe.name] = task.recipe
+    return {
+        name: prepare_benchmark(benchmarks[name], list(own.values()))
+        for name, own in recipes.items()
+    }
 
 
 def run_tasks(
     tasks: Sequence[Task],
-    grounds: Mapping[str, Ground],
+    prepared_benchmarks: Mapping[str, PreparedBenchmark],
     folder: Path,
     laws: Mapping[str, type],
     *,
@@ -205,7 +208,9 @@ def run_tasks(
         else:
             missing.append(task)
     groups = _alike(missing)
-    for i, result in _results([group[0] for group in groups], grounds, jobs or cpu_count()):
+    for i, result in _results(
+        [group[0] for group in groups], prepared_benchmarks, jobs or cpu_count()
+    ):
         for task in groups[i]:
             write_json(folder / task.file, document(task, result, laws), None)
             tell(task)
@@ -240,23 +245,25 @@ def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
         given = isinstance(task.identifier, Nothing | Published)
         key: Any = task.file
         if given or not is_seeded(task.identifier):
-            key = (id(task.contest), id(task.identifier), None if given else task.recipe.name)
+            key = (id(task.benchmark), id(task.identifier), None if given else task.recipe.name)
         groups.setdefault(key, []).append(task)
     return list(groups.values())
 
 
 def _results(
-    tasks: Sequence[Task], grounds: Mapping[str, Ground], jobs: int
+    tasks: Sequence[Task], prepared_benchmarks: Mapping[str, PreparedBenchmark], jobs: int
 ) -> Iterator[tuple[int, Result]]:
     """Numbers of the tasks and their results, as they are finished."""
-    return side_by_side(_ran, [(t, grounds[t.contest.dataset.name]) for t in tasks], jobs)
+    return side_by_side(
+        _ran, [(t, prepared_benchmarks[t.benchmark.dataset.name]) for t in tasks], jobs
+    )
 
 
-def _ran(task: Task, ground: Ground) -> Result:
+def _ran(task: Task, shared: PreparedBenchmark) -> Result:
     try:
-        return run(task.contest, task.identifier, task.recipe, task.seed, ground)
+        return run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
     except InputError as error:
-        where = f"{task.contest.dataset.name}, {task.name} by {task.recipe.name}"
+        where = f"{task.benchmark.dataset.name}, {task.name} by {task.recipe.name}"
         raise InputError(f"{where}: {error}") from None
 
 
@@ -322,17 +329,17 @@ def _one_torch_thread() -> None:
         torch.set_num_threads(1)
 
 
-def _way(recipe: Way) -> dict[str, Any]:
-    """The kind of a recipe: its scheme, and what of a rig corrects its data."""
+def _way(recipe: Method) -> dict[str, Any]:
+    """The kind of a recipe: its scheme, and what of a calibration corrects its data."""
     if isinstance(recipe, Shooting):
         return {"scheme": "shooting", "corrects": []}
-    corrects = list(recipe.use) if isinstance(recipe, Corrected) else []
+    corrects = list(recipe.use) if isinstance(recipe, CalibratedRecipe) else []
     return {"scheme": first_step(recipe).scheme, "corrects": corrects}
 
 
 def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
     """JSON document of a result, all that tables and figures need."""
-    dataset = task.contest.dataset
+    dataset = task.benchmark.dataset
     rows = {dataset.name: [list(row) for row in result.rows]}
     rows |= {name: [list(row) for row in test] for name, test in result.tests.items()}
     return {

@@ -8,13 +8,13 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
 from frictionid.dynamics.step import (
-    Pace,
     State,
+    StepSize,
+    adaptive_step,
     euler_step,
     inputs,
-    pace_of,
     semi_implicit_step,
-    stride,
+    step_size_of,
 )
 from frictionid.errors import InputError
 from frictionid.friction import Friction
@@ -71,7 +71,7 @@ def rollout(
     True
     """
     xp = namespace(start.q, u)
-    paces = _paces(plant, friction, dt, refine) if method == "rk4" else [Pace(1, 1)] * len(u)
+    paces = _paces(plant, friction, dt, refine) if method == "rk4" else [StepSize(1, 1)] * len(u)
     state, alive = _begin(plant, friction, start, u, dt), None
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
@@ -100,19 +100,25 @@ def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) 
     return state._replace(memory=friction.law.start(friction.theta, x))
 
 
-def _paces(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[Pace]:
+def _paces(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[StepSize]:
     """How each interval is divided: a gap in the recording must not refine all the others."""
     longest = plain(dt).reshape(len(dt), -1).max(axis=1)
-    most = pace_of(plant, friction, float(longest.max()))
+    most = step_size_of(plant, friction, float(longest.max()))
     counts = [int(np.ceil(most.pieces * share - 1e-9)) for share in longest / longest.max()]
-    return [Pace(refine * count, most.fine) for count in counts]
+    return [StepSize(refine * count, most.fine) for count in counts]
 
 
 def _one(
-    method: str, plant: Plant, friction: Friction, state: State, u: Array, dt: Array, pace: Pace
+    method: str,
+    plant: Plant,
+    friction: Friction,
+    state: State,
+    u: Array,
+    dt: Array,
+    step_size: StepSize,
 ) -> State:
     if method == "rk4":
-        return stride(plant, friction, state, u, dt, pace)
+        return adaptive_step(plant, friction, state, u, dt, step_size)
     if method == "euler":
         return euler_step(plant, friction, state, u, dt)
     if method == "semi_implicit":

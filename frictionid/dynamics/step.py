@@ -11,17 +11,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from frictionid.arrays import Array, namespace, solve
-from frictionid.dynamics.step_size import Pace, pace_of, stiffness, substeps
+from frictionid.dynamics.step_size import StepSize, step_size_of, stiffness, substeps
 from frictionid.dynamics.stiction import (
     SLOW,
-    Grip,
     State,
+    Stiction,
     constrained,
     driven,
-    grip,
+    friction_torque,
     inputs,
-    resistance,
     rows,
+    stiction,
 )
 from frictionid.dynamics.zero_crossing import Crossing, beyond, crossing, release, released
 from frictionid.friction import Friction, Memory
@@ -29,18 +29,18 @@ from frictionid.mechanics import Plant
 
 __all__ = [
     "Crossing",
-    "Grip",
-    "Pace",
+    "Stiction",
+    "StepSize",
     "State",
     "acceleration",
     "euler_step",
     "inputs",
     "near_rest",
-    "pace_of",
+    "step_size_of",
     "semi_implicit_step",
     "step",
     "stiffness",
-    "stride",
+    "adaptive_step",
     "substep",
     "substeps",
 ]
@@ -51,7 +51,7 @@ _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 def step(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array, substeps: int
 ) -> State:
-    """State after dt under held motor torques u, by RK4 and the grip at rest.
+    """State after dt under held motor torques u, by RK4 and the stiction at rest.
 
     Parameters
     ----------
@@ -79,19 +79,19 @@ def step(
     return state
 
 
-def stride(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, pace: Pace
+def adaptive_step(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, step_size: StepSize
 ) -> State:
     """State after dt in some pieces, refined only for the rows that come near rest in a piece."""
-    part = dt / pace.pieces
-    for _ in range(pace.pieces):
+    part = dt / step_size.pieces
+    for _ in range(step_size.pieces):
         near = near_rest(plant, friction, state, u, part)
         if not bool(near.any()):
             state = substep(plant, friction, state, u, part)[0]
         elif bool(near.all()):
-            state = step(plant, friction, state, u, part, pace.fine)
+            state = step(plant, friction, state, u, part, step_size.fine)
         else:
-            fine = step(*rows(near, plant, friction, state, u, part), pace.fine)
+            fine = step(*rows(near, plant, friction, state, u, part), step_size.fine)
             coarse = substep(*rows(~near, plant, friction, state, u, part))[0]
             state = _joined(near, fine, coarse, state)
     return state
@@ -112,19 +112,19 @@ def _joined(which: Array, yes: State, no: State, like: State) -> State:
 def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
     """Rows (...) in which a joint is slow, or will be within dt, unless it is held all the time."""
     xp = namespace(state.w)
-    held = grip(plant, friction, state, u)
+    held = stiction(plant, friction, state, u)
     a = acceleration(plant, friction, state, u, held)
     speed = xp.abs(state.w)
-    brakes = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + SLOW)
-    near = brakes | (speed <= SLOW)
+    minimum = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + SLOW)
+    near = minimum | (speed <= SLOW)
     return (near if held.firm is None else near & ~held.firm).any(-1)
 
 
 def substep(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array
-) -> tuple[State, Grip, Crossing | None]:
-    """State after one substep, the grip of friction in it, and what joints crossed w = 0."""
-    held = grip(plant, friction, state, u)
+) -> tuple[State, Stiction, Crossing | None]:
+    """State after one substep, the stiction of friction in it, and what joints crossed w = 0."""
+    held = stiction(plant, friction, state, u)
     memory = advanced(plant, friction, state, u, dt / 2)
 
     def accelerate(q: Array, w: Array) -> Array:
@@ -154,15 +154,15 @@ def rk4(
 
 
 def acceleration(
-    plant: Plant, friction: Friction, state: State, u: Array, grip: Grip | None = None
+    plant: Plant, friction: Friction, state: State, u: Array, stiction: Stiction | None = None
 ) -> Array:
     """Joint accelerations dw/dt (..., n) [rad/s^2]."""
     M, h = plant.dynamics(state.q, state.w)
     f = h + driven(plant, u)
-    Tf = resistance(friction, inputs(plant, friction, state, u), state.memory, grip)
-    if grip is None or grip.held is None:
+    Tf = friction_torque(friction, inputs(plant, friction, state, u), state.memory, stiction)
+    if stiction is None or stiction.held is None:
         return solve(M, f - Tf)
-    return constrained(M, f - Tf, grip.held)
+    return constrained(M, f - Tf, stiction.held)
 
 
 def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:

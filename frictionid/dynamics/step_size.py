@@ -18,14 +18,16 @@ _FINE = 0.0007  # [s], near rest: joints lose some 0.05 rad/s in it
 _FASTEST = 2e5  # [1/s], 1700 substeps in a sample of 1/60 s
 
 
-class Pace(NamedTuple):
+class StepSize(NamedTuple):
     """How a step is divided: into pieces, and those that come near rest into fine substeps."""
 
     pieces: int
     fine: int
 
 
-def pace_of(plant: Plant, friction: Friction, dt: float, *, longest: float = _LONGEST) -> Pace:
+def step_size_of(
+    plant: Plant, friction: Friction, dt: float, *, longest: float = _LONGEST
+) -> StepSize:
     """Pieces of a step of dt [s], and their substeps near rest.
 
     Where friction can hold a joint, its slope through w = 0 is no matter of stability: a joint
@@ -42,7 +44,7 @@ def pace_of(plant: Plant, friction: Friction, dt: float, *, longest: float = _LO
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
     near = away if holds(friction) else stiffness(plant, friction)
     part = dt / pieces
-    return Pace(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
+    return StepSize(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
 
 
 def substeps(plant: Plant, friction: Friction, dt: float) -> int:

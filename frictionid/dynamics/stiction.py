@@ -36,29 +36,29 @@ class State(NamedTuple):
     memory: Memory = ()
 
 
-class Grip(NamedTuple):
+class Stiction(NamedTuple):
     """What friction does beyond the smooth law.
 
     side (..., n): which way a joint slides in a substep, so that a law smoothed at w = 0 is sharp
-    there; None for laws that have no break-away level. held (..., n): joints at rest. brakes
-    (..., n) [N m]: the least that friction brakes with, with the sign of the velocity, zero for
-    joints that are left to the law; None for laws that are sharp. slack (..., n) [N m]: what the
+    there; None for laws that have no break-away level. held (..., n): joints at rest. minimum
+    (..., n) [N m]: the least that friction minimum with, with the sign of the velocity, zero for
+    joints that are left to the law; None for laws that are sharp. margin (..., n) [N m]: what the
     load of joints at rest lacks of the break-away level, and firm (..., n) where it lacks much. All
     None where no joint is slow.
     """
 
     side: Array | None
     held: Array | None = None
-    brakes: Array | None = None
+    minimum: Array | None = None
     firm: Array | None = None
-    slack: Array | None = None
+    margin: Array | None = None
 
-    def take(self, which: Array) -> Grip:
+    def take(self, which: Array) -> Stiction:
         """That of some rows."""
-        return Grip(*(None if x is None else x[which] for x in self))
+        return Stiction(*(None if x is None else x[which] for x in self))
 
 
-def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
+def stiction(plant: Plant, friction: Friction, state: State, u: Array) -> Stiction:
     """Grip of friction on joints, above all on those that are slow or at rest (w = 0 exactly).
 
     Joints at rest are held while their load is below break-away. Under a law whose smoothing is
@@ -67,14 +67,14 @@ def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
     """
     xp = namespace(state.w)
     if not holds(friction):
-        return Grip(None)
+        return Stiction(None)
     slowest = 0.0 if is_sharp(friction) else SLOW
     side, some = xp.sign(state.w), (xp.abs(state.w) <= slowest).any(-1)
     if not bool(some.any()):
-        return Grip(side)
+        return Stiction(side)
     if not divisible(plant, friction, state, u) or bool(some.all()):
-        return _grip(plant, friction, state, u)
-    inner = _grip(*rows(some, plant, friction, state, u, u)[:4])
+        return _stiction(plant, friction, state, u)
+    inner = _stiction(*rows(some, plant, friction, state, u, u)[:4])
     out: list[Array | None] = []
     for like, part in zip((side, *inner[1:]), inner, strict=True):
         if part is None:
@@ -83,46 +83,48 @@ def grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
         whole = 1.0 * side if like is side else xp.zeros(side.shape, dtype=part.dtype)
         whole[some] = part
         out.append(whole)
-    return Grip(*out)
+    return Stiction(*out)
 
 
-def _grip(plant: Plant, friction: Friction, state: State, u: Array) -> Grip:
+def _stiction(plant: Plant, friction: Friction, state: State, u: Array) -> Stiction:
     xp = namespace(state.w)
     side, resting = xp.sign(state.w), state.w == 0.0
-    now = balance(plant, friction, state, u, Grip(side) if is_sharp(friction) else None)
-    brakes = None
+    now = balance(plant, friction, state, u, Stiction(side) if is_sharp(friction) else None)
+    minimum = None
     if not is_sharp(friction):
         slow = xp.abs(state.w) <= SLOW
         below = slow & ~resting & within(holding(now, slow), now)
         level = xp.where(state.w > 0, now.high, -now.low)
-        brakes = xp.where(below, level, 0.0 * level)
+        minimum = xp.where(below, level, 0.0 * level)
         # a joint at rest feels that the others still slide
-        now = now._replace(sliding=braked(now.sliding, Grip(None, None, brakes)))
+        now = now._replace(sliding=braked(now.sliding, Stiction(None, None, minimum)))
     Tf = holding(now, resting)
     held = resting & within(Tf, now)
     # a joint that breaks away slides against the friction that could not hold it
     side = xp.where(resting, xp.sign(Tf), side)
     firm = (Tf > -_FIRM * now.low) & (Tf < _FIRM * now.high)
-    slack = xp.minimum(now.high - Tf, now.low + Tf)
-    return Grip(side, held, brakes, held & firm, slack)
+    margin = xp.minimum(now.high - Tf, now.low + Tf)
+    return Stiction(side, held, minimum, held & firm, margin)
 
 
-def resistance(friction: Friction, x: Inputs, memory: Memory, grip: Grip | None) -> Array:
+def friction_torque(
+    friction: Friction, x: Inputs, memory: Memory, stiction: Stiction | None
+) -> Array:
     """Friction torque (..., n) [N m] of joints that slide to their side, or are gripped."""
-    if grip is None:
+    if stiction is None:
         return friction.torque(x, memory)
-    w = sliding(friction, x.w, grip)
-    return braked(sharp(friction, grip).torque(x._replace(w=w), memory), grip)
+    w = sliding(friction, x.w, stiction)
+    return braked(sharp(friction, stiction).torque(x._replace(w=w), memory), stiction)
 
 
-def sliding(friction: Friction, w: Array, grip: Grip) -> Array:
+def sliding(friction: Friction, w: Array, stiction: Stiction) -> Array:
     """Velocities (..., n) at which the law is asked: beyond its smoothing, to the joint's side."""
     least = 4.0 * _WIDTHS * _NARROW if is_sharp(friction) else _smoothing(friction)
-    if grip.side is None or least == 0.0:
+    if stiction.side is None or least == 0.0:
         return w
     xp = namespace(w)
-    beyond = grip.side * xp.maximum(grip.side * w, 0.0 * w + least)
-    return xp.where(grip.side == 0.0, w, beyond)
+    beyond = stiction.side * xp.maximum(stiction.side * w, 0.0 * w + least)
+    return xp.where(stiction.side == 0.0, w, beyond)
 
 
 def _smoothing(friction: Friction) -> float:
@@ -141,20 +143,20 @@ def is_sharp(friction: Friction) -> bool:
     return named and _smoothing(friction) > 0.0
 
 
-def sharp(friction: Friction, grip: Grip) -> Friction:
+def sharp(friction: Friction, stiction: Stiction) -> Friction:
     """Friction without smoothing for joints that slide to their side."""
-    if grip.side is None or not is_sharp(friction):
+    if stiction.side is None or not is_sharp(friction):
         return friction
     return replace(friction, law=replace(friction.law, width=_NARROW))
 
 
-def braked(Tf: Array, grip: Grip) -> Array:
+def braked(Tf: Array, stiction: Stiction) -> Array:
     """Friction torque (..., n) [N m], on gripped joints no less than the break-away level."""
-    if grip.brakes is None:
+    if stiction.minimum is None:
         return Tf
     xp = namespace(Tf)
-    most = xp.where(grip.brakes < 0, xp.minimum(Tf, grip.brakes), Tf)
-    return xp.where(grip.brakes > 0, xp.maximum(Tf, grip.brakes), most)
+    most = xp.where(stiction.minimum < 0, xp.minimum(Tf, stiction.minimum), Tf)
+    return xp.where(stiction.minimum > 0, xp.maximum(Tf, stiction.minimum), most)
 
 
 def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
@@ -224,14 +226,16 @@ class Balance(NamedTuple):
     high: Array
 
 
-def balance(plant: Plant, friction: Friction, state: State, u: Array, held: Grip | None) -> Balance:
+def balance(
+    plant: Plant, friction: Friction, state: State, u: Array, held: Stiction | None
+) -> Balance:
     """Torques at a state; `low` and `high` limit negative and positive friction, both positive."""
     M, h = plant.dynamics(state.q, state.w)
     x = inputs(plant, friction, state, u)
     one = 0.0 * state.w + 1.0
     law, theta, memory = friction.law, friction.theta, state.memory
     low, high = (law.limit(theta, x._replace(w=s * one), memory) for s in (-1.0, 1.0))
-    Tf = resistance(friction, x, memory, held)
+    Tf = friction_torque(friction, x, memory, held)
     return Balance(M, h + driven(plant, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf)
 
 

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace, times
 from frictionid.dynamics.stiction import (
-    Grip,
     State,
+    Stiction,
     balance,
     constrained,
     divisible,
+    friction_torque,
     holding,
     inputs,
-    resistance,
     rows,
     within,
 )
@@ -45,7 +45,13 @@ class Crossing(NamedTuple):
 
 
 def crossing(
-    plant: Plant, friction: Friction, before: State, after: State, u: Array, held: Grip, dt: Array
+    plant: Plant,
+    friction: Friction,
+    before: State,
+    after: State,
+    u: Array,
+    held: Stiction,
+    dt: Array,
 ) -> Crossing | None:
     """Joints that crossed w = 0 within dt; under a load below break-away they come to rest."""
     if held.side is None:
@@ -70,7 +76,7 @@ def _crossed(
     before: State,
     after: State,
     u: Array,
-    held: Grip,
+    held: Stiction,
     crossed: Array,
     dt: Array,
 ) -> Crossing:
@@ -80,7 +86,7 @@ def _crossed(
     stops = crossed & within(holding(now, crossed | resting), now)
     passes = crossed & ~stops
     x = inputs(plant, friction, after, u)
-    other = resistance(friction, x, after.memory, Grip(-held.side))  # type: ignore[operator]
+    other = friction_torque(friction, x, after.memory, Stiction(-held.side))  # type: ignore[operator]
     then = now._replace(sliding=xp.where(passes, other, now.sliding))
     share = before.w / xp.where(crossed, before.w - after.w, 1.0)
     still = stops | resting
@@ -152,7 +158,7 @@ def release(
     friction: Friction,
     after: State,
     u: Array,
-    held: Grip,
+    held: Stiction,
     crossed: Crossing | None,
     dt: Array,
 ) -> Release | None:
@@ -182,7 +188,7 @@ def release(
     kick = free - constrained(now.M, now.f - now.sliding, held.held)
     n = broken.shape[-1]
     over = xp.stack([xp.abs(kick[..., j]) * now.M[..., j, j] for j in range(n)], axis=-1)
-    share = over / xp.maximum(over + xp.maximum(held.slack, 0.0 * over), 0.0 * over + 1e-300)
+    share = over / xp.maximum(over + xp.maximum(held.margin, 0.0 * over), 0.0 * over + 1e-300)
     since = xp.max(xp.where(broken, share, 0.0 * share), axis=-1)[..., None] * dt
     return Release(some, still, kick, since)
 

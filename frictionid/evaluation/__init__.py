@@ -9,29 +9,33 @@ from frictionid.evaluation.curves import (
 )
 from frictionid.evaluation.folds import Folds, Split, make_folds
 from frictionid.evaluation.free_run import (
-    course_folds,
     free_run,
     free_run_rows,
-    make_course,
+    make_trajectory,
     powered,
+    trajectory_folds,
 )
-from frictionid.evaluation.ground_truth import steady_state, true_friction, true_rig
+from frictionid.evaluation.ground_truth import steady_state, true_calibration, true_friction
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.rollout_starts import Starts, make_starts, start_folds
+from frictionid.evaluation.rollout_starts import (
+    InitialStates,
+    initial_state_folds,
+    make_initial_states,
+)
 from frictionid.evaluation.rollouts import predict, rollout_rows
 from frictionid.evaluation.score_rows import Row
 from frictionid.evaluation.scoring import (
     Observed,
     Prepared,
-    faced,
     judge,
     judge_folds,
     prepare,
+    prepared_for,
     speeds,
     training_of,
     under,
-    with_rig,
+    with_calibration,
     without_physics,
 )
 
@@ -42,20 +46,20 @@ __all__ = [
     "Protocol",
     "Row",
     "Split",
-    "Starts",
-    "course_folds",
+    "InitialStates",
+    "trajectory_folds",
     "curve_error",
     "curve_rows",
     "curves",
-    "faced",
+    "prepared_for",
     "free_run",
     "free_run_rows",
     "held_out_residual",
     "judge",
     "judge_folds",
-    "make_course",
+    "make_trajectory",
     "make_folds",
-    "make_starts",
+    "make_initial_states",
     "member_curves",
     "one_step_rows",
     "powered",
@@ -63,13 +67,13 @@ __all__ = [
     "prepare",
     "rollout_rows",
     "speeds",
-    "start_folds",
+    "initial_state_folds",
     "steady_state",
     "training_of",
     "true_friction",
-    "true_rig",
+    "true_calibration",
     "under",
-    "with_rig",
+    "with_calibration",
     "without_physics",
     "velocity_grid",
 ]

@@ -26,14 +26,14 @@ from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.score_rows import Row
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 
 # A servo's torque is held for so long [s]; with 0.5 ms in its place the mean errors of published
 # models on real logs are the same to 1e-4 of 0.06 rad
 _PIECE = 4e-3
 
 
-class Course(NamedTuple):
+class Trajectory(NamedTuple):
     """Whole recordings side by side, R over at most T intervals.
 
     names; time (T + 1, R) [s]; q, w (R, n): where they start; u (T, R, n) [N m] recorded torque;
@@ -73,7 +73,7 @@ def _powered(recording: Recording, kt: float, R: float) -> Recording:
     return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
 
 
-def make_course(dataset: Dataset, states: Sequence[States], begin: float = 0.0) -> Course:
+def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0.0) -> Trajectory:
     """All recordings from `begin` [s] after their first sample to their end.
 
     The states (`Causal`, for a fair prediction) give the start, the recordings all else.
@@ -89,7 +89,7 @@ def make_course(dataset: Dataset, states: Sequence[States], begin: float = 0.0) 
     T = max(map(len, times)) - 1
     pairs = list(zip(dataset.recordings, times, strict=True))
     servos = [r.servo for r in dataset.recordings if r.servo is not None]
-    return Course(
+    return Trajectory(
         names=tuple(r.name for r in dataset.recordings),
         time=np.stack([_lengthened(time, T + 1) for time in times], axis=1),
         q=np.stack([s.q[k] for s, k in zip(states, first, strict=True)]),
@@ -100,21 +100,21 @@ def make_course(dataset: Dataset, states: Sequence[States], begin: float = 0.0) 
     )
 
 
-def some_of(course: Course, rows: Array) -> Course:
+def some_of(trajectory: Trajectory, rows: Array) -> Trajectory:
     """Some of the recordings."""
-    return Course(
-        tuple(course.names[r] for r in rows),
-        course.time[:, rows],
-        course.q[rows],
-        course.w[rows],
-        course.u[:, rows],
-        course.measured[:, rows],
-        tuple(course.servos[r] for r in rows) if course.servos else (),
+    return Trajectory(
+        tuple(trajectory.names[r] for r in rows),
+        trajectory.time[:, rows],
+        trajectory.q[rows],
+        trajectory.w[rows],
+        trajectory.u[:, rows],
+        trajectory.measured[:, rows],
+        tuple(trajectory.servos[r] for r in rows) if trajectory.servos else (),
     )
 
 
 def _lengthened(time: Array, length: int) -> Array:
-    """A clock that ticks on behind its end at its usual pace."""
+    """A clock that ticks on behind its end at its usual step_size."""
     more = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))
     return np.concatenate([time, time[-1] + more])
 
@@ -126,21 +126,21 @@ def _side_by_side(series: Sequence[Array], length: int, fill: float) -> Array:
     return out
 
 
-def free_run(plant: Plant, friction: Friction, course: Course) -> Array:
+def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
     """Angles (T + 1, R, n) [rad] of all recordings, simulated from their start only.
 
     plant, friction : with one batch entry for each recording, or one for all; what the friction's
-        rig does to a servo's torque is done here, the rest is in the recordings already
+        calibration does to a servo's torque is done here, the rest is in the recordings already
     """
-    start = State(course.q, course.w)
-    if not course.servos:
-        return rollout(plant, friction, start, course.u, course.dt).q
+    start = State(trajectory.q, trajectory.w)
+    if not trajectory.servos:
+        return rollout(plant, friction, start, trajectory.u, trajectory.dt).q
     with np.errstate(all="ignore"):  # a motion that diverges is infinitely wrong, no warning
-        return _run(plant, friction, start, course)
+        return _run(plant, friction, start, trajectory)
 
 
 class _Drive(NamedTuple):
-    """The servos of R recordings: constants (R, 1), and what the rig makes of their torque.
+    """The servos of R recordings: constants (R, 1), and what the calibration makes of their torque.
 
     gain, bias (R, n) or (n,); delay [s], (R,) or one: so much later the voltage acts.
     """
@@ -162,29 +162,29 @@ class _Drive(NamedTuple):
         return self.gain * u * np.concatenate(connected) + self.bias
 
 
-def _drive_of(course: Course, rig: Rig | None) -> _Drive:
-    kt, R = (np.array([[getattr(s, name)] for s in course.servos]) for name in ("kt", "R"))
-    rig = rig or Rig.ideal(course.q.shape[-1])
-    return _Drive(course.servos, kt, R, rig.gain, rig.bias, rig.delay)
+def _drive_of(trajectory: Trajectory, calibration: Calibration | None) -> _Drive:
+    kt, R = (np.array([[getattr(s, name)] for s in trajectory.servos]) for name in ("kt", "R"))
+    calibration = calibration or Calibration.ideal(trajectory.q.shape[-1])
+    return _Drive(trajectory.servos, kt, R, calibration.gain, calibration.bias, calibration.delay)
 
 
-def _run(plant: Plant, friction: Friction, start: State, course: Course) -> Array:
-    drive = _drive_of(course, friction.rig)
-    longest = course.dt.max(axis=1)
+def _run(plant: Plant, friction: Friction, start: State, trajectory: Trajectory) -> Array:
+    drive = _drive_of(trajectory, friction.calibration)
+    longest = trajectory.dt.max(axis=1)
     pieces = np.maximum(np.ceil(longest / _PIECE - 1e-9), 1.0).astype(int)
     count = substeps(plant, friction, float((longest / pieces).max()))
-    u = drive.torque(course.time[0], start.q, start.w)
+    u = drive.torque(trajectory.time[0], start.q, start.w)
     x = inputs(plant, friction, start, u)
     state = start._replace(memory=friction.law.start(friction.theta, x))
     before, q = state, [state.q]
     for k, number in enumerate(pieces):
-        h = course.dt[k][:, None] / number
+        h = trajectory.dt[k][:, None] / number
         for piece in range(number):
             w = state.w + (state.w - before.w) / 2  # that of the piece's middle
-            time = course.time[k] + (piece + 0.5) * h[:, 0]
+            time = trajectory.time[k] + (piece + 0.5) * h[:, 0]
             u = drive.torque(time, state.q + w * h / 2, w)
             before, state = state, step(plant, friction, state, u, h, count)
-        state = _sampled(plant, friction, state, u, course.dt[k][:, None])
+        state = _sampled(plant, friction, state, u, trajectory.dt[k][:, None])
         q.append(state.q)
     return np.stack(q)
 
@@ -197,7 +197,7 @@ def _sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array
     return state._replace(memory=friction.law.advance(friction.theta, x, state.memory, dt))
 
 
-def course_folds(course: Course, folds: Folds) -> Array:
+def trajectory_folds(trajectory: Trajectory, folds: Folds) -> Array:
     """Fold that holds out each whole recording (R,), -1 where none does.
 
     Raises
@@ -205,8 +205,10 @@ def course_folds(course: Course, folds: Folds) -> Array:
     InputError
         When no fold holds out any recording as a whole.
     """
-    last = np.isfinite(course.measured[..., 0]).sum(axis=0) - 1
-    found = [folds.whole(r, course.time[0, r], course.time[k, r]) for r, k in enumerate(last)]
+    last = np.isfinite(trajectory.measured[..., 0]).sum(axis=0) - 1
+    found = [
+        folds.whole(r, trajectory.time[0, r], trajectory.time[k, r]) for r, k in enumerate(last)
+    ]
     if all(fold is None for fold in found):
         raise InputError(
             'whole = true: no fold holds out a whole recording: set folds.kind = "recordings"'
@@ -214,14 +216,14 @@ def course_folds(course: Course, folds: Folds) -> Array:
     return np.array([-1 if fold is None else fold for fold in found])
 
 
-def free_run_rows(q: Array, course: Course, fold: Array) -> Iterator[Row]:
+def free_run_rows(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[Row]:
     """Rows of mean and RMS position errors of free runs q (T + 1, R, n).
 
     Both are taken over each recording, then over the recordings: of each fold (R,), and of all that
     a fold holds out; a recording's own stand under the statistic "mean NAME" and "rms NAME".
     """
-    error = q - course.measured
-    known = np.isfinite(course.measured).all(-1)
+    error = q - trajectory.measured
+    known = np.isfinite(trajectory.measured).all(-1)
     error = np.where(known[..., None], np.where(np.isfinite(error), error, np.inf), 0.0)
     norm = np.linalg.norm(error, axis=-1)
     use = fold >= 0
@@ -231,7 +233,7 @@ def free_run_rows(q: Array, course: Course, fold: Array) -> Iterator[Row]:
     for j in range(error.shape[-1]):
         yield from _pooled(np.abs(error[:, use, j]), known[:, use], "all", str(j + 1))
     for r in np.flatnonzero(use):
-        yield from _pooled(norm[:, [r]], known[:, [r]], "all", "all", f" {course.names[r]}")
+        yield from _pooled(norm[:, [r]], known[:, [r]], "all", "all", f" {trajectory.names[r]}")
 
 
 def _pooled(error: Array, known: Array, fold: str, joint: str, name: str = "") -> Iterator[Row]:

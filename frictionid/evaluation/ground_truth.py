@@ -14,7 +14,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricLuGre, AsymmetricStribeck
 from frictionid.mechanics import mechanism_of, parameters_of
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 
 # The law of each kind of truth, and what its table has besides the steady-state curve. Stribeck
 # velocities and what follows stand in the order of the law's parameters.
@@ -77,7 +77,7 @@ def true_friction(truth: Mapping[str, Any]) -> Friction | None:
     return replace(curve, law=law, theta=np.concatenate([curve.theta, columns], axis=-1))
 
 
-def true_rig(dataset: Dataset) -> Rig | None:
+def true_calibration(dataset: Dataset) -> Calibration | None:
     """True base parameters, gain and delay of simulated data; None where the told ones are true."""
     table: Any = (dataset.truth or {}).get("rig")
     if not isinstance(table, Mapping):
@@ -87,5 +87,5 @@ def true_rig(dataset: Dataset) -> Rig | None:
     gain, delay = float(table.get("torque_gain", 1.0)), float(table.get("torque_delay", 0.0))
     if not parameters and gain == 1.0 and delay == 0.0:
         return None
-    ideal = Rig.ideal(mechanism.n, mechanism.base(parameters_of(told, parameters)))
+    ideal = Calibration.ideal(mechanism.n, mechanism.base(parameters_of(told, parameters)))
     return replace(ideal, gain=gain * ideal.gain, delay=np.array(delay))

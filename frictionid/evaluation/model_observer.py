@@ -18,11 +18,11 @@ from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.data.states import States
 from frictionid.dynamics.step import State
-from frictionid.dynamics.step_size import pace_of
-from frictionid.evaluation.rollout_starts import Starts
+from frictionid.dynamics.step_size import step_size_of
+from frictionid.evaluation.rollout_starts import InitialStates
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Plant
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.intervals import Track, torques, track_of
 from frictionid.shooting.law_derivatives import Free, seen_by
 from frictionid.shooting.linearise import Lines
@@ -38,7 +38,7 @@ _START = 1.0  # [rad/s], how far a velocity may be from the filter's
 _LOST = 0.3  # [rad]
 
 
-class Past(NamedTuple):
+class PrecedingSamples(NamedTuple):
     """The intervals before S starts, one after the other, each with its own copy.
 
     track : (K,) intervals; windows (S, N), their indices, -1 behind a window's end; u (pieces, K,
@@ -55,8 +55,8 @@ class Past(NamedTuple):
         """Start (K,) that each interval leads to."""
         return np.repeat(np.arange(len(self.windows)), (self.windows >= 0).sum(axis=1))
 
-    def mixed(self, other: Past, rows: Array) -> Past:
-        """The past with some (K,) rows of another."""
+    def mixed(self, other: PrecedingSamples, rows: Array) -> PrecedingSamples:
+        """The preceding with some (K,) rows of another."""
         names = ("before", "after", "q", "w")
         new = {}
         for name in names:
@@ -68,7 +68,9 @@ class Past(NamedTuple):
         return self._replace(track=replace(self.track, **new), u=u)
 
 
-def make_past(dataset: Dataset, states: Sequence[States], starts: Starts) -> Past:
+def preceding_samples(
+    dataset: Dataset, states: Sequence[States], starts: InitialStates
+) -> PrecedingSamples:
     """What is known before each start: up to 20 samples, with filtered states (`Causal`)."""
     track = track_of(dataset, states=tuple(states))
     sizes = np.array([len(s.time) for s in states])
@@ -87,29 +89,36 @@ def make_past(dataset: Dataset, states: Sequence[States], starts: Starts) -> Pas
     index = np.concatenate(rows).astype(int)
     part = track.take(index)
     pieces = int(np.ceil(float(np.median(part.dt)) / _PIECE - 1e-6))
-    u, _ = torques(part, Rig.ideal(track.n), np.arange(len(index)), max(pieces, 1))
+    u, _ = torques(part, Calibration.ideal(track.n), np.arange(len(index)), max(pieces, 1))
     driven = np.array([np.any(r.torque.value, axis=0) for r in dataset.recordings]).any(axis=0)
     sigma = 1.4826 * np.median(np.abs(track.before - track.q), axis=0)
-    return Past(part, windows, u * driven, np.maximum(sigma, 1e-6))
+    return PrecedingSamples(part, windows, u * driven, np.maximum(sigma, 1e-6))
 
 
-def found(plant: Plant, friction: Friction, past: Past, starts: Starts) -> State:
+def found(
+    plant: Plant, friction: Friction, preceding: PrecedingSamples, starts: InitialStates
+) -> State:
     """Start states (S, n), with memory, of frictions (S, n, P) on plants with one entry each.
 
     Where a model finds no motion that leads to a start, the filter's state stands.
     """
-    track, windows, n, sigma = past.track, past.windows, past.track.n, past.sigma
-    owner = past.owner
-    nodes = _begin(friction, past, owner)
+    track, windows, n, sigma = (
+        preceding.track,
+        preceding.windows,
+        preceding.track.n,
+        preceding.sigma,
+    )
+    owner = preceding.owner
+    nodes = _begin(friction, preceding, owner)
     known = windows[:, 0] >= 0
     some = windows[known]
     offset = np.zeros(n)
-    lines = _lines(plant, friction, past, owner, nodes)
+    lines = _lines(plant, friction, preceding, owner, nodes)
     for _ in range(_ROUNDS):
         with np.errstate(all="ignore"):
             chain = chained(track, lines, nodes, some, offset)
             nodes = _moved(chain, nodes, some, track, sigma)
-            lines = _lines(plant, friction, past, owner, nodes)
+            lines = _lines(plant, friction, preceding, owner, nodes)
     chain = chained(track, lines, nodes, some, offset)
     gap = np.abs(chain.moved[..., :n]).max(axis=(1, 2))
     last = some.max(axis=1)
@@ -124,44 +133,46 @@ def found(plant: Plant, friction: Friction, past: Past, starts: Starts) -> State
     return state
 
 
-def _memory(friction: Friction, starts: Starts) -> tuple[Array, ...]:
+def _memory(friction: Friction, starts: InitialStates) -> tuple[Array, ...]:
     zero = 0.0 * starts.q
     first = friction.law.start(friction.theta, Inputs(starts.q, starts.w, zero, zero))
     return tuple(np.array(np.broadcast_to(z, starts.q.shape)) for z in first)
 
 
-def _begin(friction: Friction, past: Past, owner: Array) -> Array:
+def _begin(friction: Friction, preceding: PrecedingSamples, owner: Array) -> Array:
     """Nodes (K, s): the filter's states; laws that remember begin anew in each."""
-    track = past.track
+    track = preceding.track
     zero = 0.0 * track.q
-    x = Inputs(track.q, track.w, past.u[0], zero)
+    x = Inputs(track.q, track.w, preceding.u[0], zero)
     memory = friction.law.start(friction.theta[owner], x)
     return np.concatenate(
         [track.q, track.w, *(np.broadcast_to(z, track.q.shape) for z in memory)], axis=-1
     )
 
 
-def _lines(plant: Plant, friction: Friction, past: Past, owner: Array, nodes: Array) -> Lines:
-    track, n = past.track, past.track.n
+def _lines(
+    plant: Plant, friction: Friction, preceding: PrecedingSamples, owner: Array, nodes: Array
+) -> Lines:
+    track, n = preceding.track, preceding.track.n
     K, s = nodes.shape
     out = Lines(np.empty((K, s)), np.empty((K, s, s)), np.zeros((K, s, 0)), np.zeros((0, n)))
     none = Free(np.zeros(0, int), np.zeros(0, int))
-    probe = Inputs(*(x[:64] for x in (track.q, track.w, past.u[0], 0.0 * track.q)))
+    probe = Inputs(*(x[:64] for x in (track.q, track.w, preceding.u[0], 0.0 * track.q)))
     seen = seen_by(friction.law, friction.theta[owner[:64]], probe)
-    pieces = len(past.u)
+    pieces = len(preceding.u)
     part = float(track.dt.max()) / pieces
     fine = max(1, int(np.ceil(part / _FINE)))
-    pace_of(plant, friction, part)  # complains about laws that no step resolves
+    step_size_of(plant, friction, part)  # complains about laws that no step resolves
     for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
         scene = Scene(plant[owner[rows]], friction[owner[rows]], none, (), seen)
         memory = tuple(nodes[rows, i : i + n] for i in range(2 * n, s, n))
         start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
-        forces = Forces(past.u[:, rows], np.empty((pieces, 0, len(rows), n)))
+        forces = Forces(preceding.u[:, rows], np.empty((pieces, 0, len(rows), n)))
         with np.errstate(all="ignore"):
             end = ends(scene, start, forces, track.dt[rows], fine)
         memory = end.memory
         if friction.law.sample_time is not None:
-            x = Inputs(end.q, end.w, past.u[-1][rows], 0.0 * end.q)
+            x = Inputs(end.q, end.w, preceding.u[-1][rows], 0.0 * end.q)
             memory = friction.law.advance(scene.friction.theta, x, memory, track.dt[rows, None])
         out.end[rows] = np.concatenate([end.q, end.w, *memory], axis=-1)
         out.by_start[rows] = end.by_start

@@ -18,7 +18,7 @@ from frictionid.identifiers.residual import GAP
 from frictionid.mechanics import Plant
 
 
-class Starts(NamedTuple):
+class InitialStates(NamedTuple):
     """Rollouts to be made, S side by side over at most T intervals; behind a recording's end: NaN.
 
     recording, index (S,): where each starts; q, w (S, n): start states; u (T, S, n) [N m];
@@ -40,7 +40,7 @@ class Starts(NamedTuple):
     nodes: Nodes
 
 
-def make_starts(
+def make_initial_states(
     dataset: Dataset,
     states: Sequence[States],
     plant: Plant,
@@ -48,7 +48,7 @@ def make_starts(
     *,
     every: float = 0.25,
     begin: float = 0.1,
-) -> Starts:
+) -> InitialStates:
     """Starts each `every` seconds in every recording, from `begin` on, as long as a horizon fits.
 
     A horizon is reached at the sample nearest to it. `states` must be known from samples up to each
@@ -67,7 +67,7 @@ def make_starts(
     measured = [sample(r.angle, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
     known = all(r.truth is not None for r in dataset.recordings)
     steps = [np.diff(s.time)[:, None] for s in states]
-    return Starts(
+    return InitialStates(
         recording=owner,
         index=index,
         q=np.stack([states[r].q[k] for r, k in pairs]),
@@ -160,7 +160,7 @@ def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
     return Nodes(Inputs(q, w, u, load), time, np.concatenate([[0], np.cumsum(sizes)]))
 
 
-def start_folds(starts: Starts, folds: Folds, states: Sequence[States]) -> Array:
+def initial_state_folds(starts: InitialStates, folds: Folds, states: Sequence[States]) -> Array:
     """Fold that holds out each start and horizon, (H, S); -1 where none does.
 
     Raises

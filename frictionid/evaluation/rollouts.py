@@ -9,26 +9,31 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.step import State
-from frictionid.evaluation.model_observer import Past, found
-from frictionid.evaluation.rollout_starts import Starts
+from frictionid.evaluation.model_observer import PrecedingSamples, found
+from frictionid.evaluation.rollout_starts import InitialStates
 from frictionid.evaluation.score_rows import Row, far, summarise_rollouts
 from frictionid.friction import Friction, Inputs, Memory, memory_along
 from frictionid.mechanics import Plant
 
 
-def predict(plant: Plant, friction: Friction, starts: Starts, past: Past | None = None) -> Rollout:
+def predict(
+    plant: Plant,
+    friction: Friction,
+    starts: InitialStates,
+    preceding: PrecedingSamples | None = None,
+) -> Rollout:
     """Motion from all starts; plant and friction have one entry for each start, theta (S, n, P).
 
-    past : where each friction finds the start states itself, see `observer`
+    preceding : where each friction finds the start states itself, see `observer`
     """
-    if past is None:
+    if preceding is None:
         state = State(starts.q, starts.w, _memory(friction, starts))
     else:
-        state = found(plant, friction, past, starts)
+        state = found(plant, friction, preceding, starts)
     return rollout(plant, friction, state, starts.u, starts.dt)
 
 
-def _memory(friction: Friction, starts: Starts) -> Memory:
+def _memory(friction: Friction, starts: InitialStates) -> Memory:
     """Memory at each start, from the motion before it."""
     probe = Inputs(*(x[:1] for x in starts.nodes.inputs))
     if not friction.law.start(friction.theta, probe):
@@ -43,11 +48,11 @@ def _memory(friction: Friction, starts: Starts) -> Memory:
 
 
 def rollout_rows(
-    motion: Rollout, starts: Starts, fold: Array, angle_unit: str = "rad"
+    motion: Rollout, starts: InitialStates, fold: Array, angle_unit: str = "rad"
 ) -> Iterator[Row]:
     """Rows for every horizon against the measured angles, and the true ones where they are known.
 
-    fold (H, S) as `start_folds` gives it, or zeros where nothing was fitted to these data.
+    fold (H, S) as `initial_state_folds` gives it, or zeros where nothing was fitted to these data.
     """
     limit = far(angle_unit, starts.measured)
     yield from _rows(motion, starts, starts.measured, fold, "rollout_angle", limit)
@@ -56,7 +61,7 @@ def rollout_rows(
 
 
 def true_start_rows(
-    motion: Rollout, starts: Starts, fold: Array, angle_unit: str = "rad"
+    motion: Rollout, starts: InitialStates, fold: Array, angle_unit: str = "rad"
 ) -> Iterator[Row]:
     """Rows of predictions from true states, against the true angles."""
     assert starts.truth is not None
@@ -65,7 +70,7 @@ def true_start_rows(
 
 
 def _rows(
-    motion: Rollout, starts: Starts, reference: Array, fold: Array, score: str, limit: Array
+    motion: Rollout, starts: InitialStates, reference: Array, fold: Array, score: str, limit: Array
 ) -> Iterator[Row]:
     for h, horizon in enumerate(starts.horizons):
         use = (starts.last[h] > 0) & (fold[h] >= 0)

@@ -16,19 +16,24 @@ from frictionid.errors import InputError
 from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
 from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.free_run import (
-    Course,
-    course_folds,
+    Trajectory,
     free_run,
     free_run_rows,
-    make_course,
+    make_trajectory,
     powered,
     some_of,
+    trajectory_folds,
 )
 from frictionid.evaluation.ground_truth import steady_state
-from frictionid.evaluation.model_observer import Past, make_past
+from frictionid.evaluation.model_observer import PrecedingSamples, preceding_samples
 from frictionid.evaluation.one_step import held_out_residual, one_step_rows
 from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.rollout_starts import Starts, make_starts, start_folds, true_states
+from frictionid.evaluation.rollout_starts import (
+    InitialStates,
+    initial_state_folds,
+    make_initial_states,
+    true_states,
+)
 from frictionid.evaluation.rollouts import predict, rollout_rows, true_start_rows
 from frictionid.evaluation.score_rows import Row
 from frictionid.friction import Friction
@@ -42,7 +47,7 @@ from frictionid.identifiers.formulation import (
 )
 from frictionid.identifiers.residual import Problem
 from frictionid.mechanics import Plant, plant_of, unit_plant
-from frictionid.mechanics.calibration import Rig, corrected, plant_under
+from frictionid.mechanics.calibration import Calibration, calibrated_plant, corrected
 
 
 class Observed(NamedTuple):
@@ -65,10 +70,10 @@ class Prepared(NamedTuple):
     plant: Plant
     euler: Problem
     integral: Problem
-    starts: Starts
-    true: Starts | None
-    course: Course | None
-    past: Past | None
+    starts: InitialStates
+    true: InitialStates | None
+    trajectory: Trajectory | None
+    preceding: PrecedingSamples | None
     grid: Array
 
 
@@ -111,20 +116,22 @@ def without_physics(prepared: Prepared) -> Prepared:
     return _prepared(dataset, prepared.protocol, prepared.observed, unit_plant(dataset))
 
 
-def faced(prepared: Prepared, friction: Friction) -> Prepared:
+def prepared_for(prepared: Prepared, friction: Friction) -> Prepared:
     """The data under the mechanism, or its parameters, that a friction brings."""
     if friction.mechanism == "unit":
         return without_physics(prepared)
     return under(prepared, friction.parameters)
 
 
-def with_rig(prepared: Prepared, rig: Rig | None) -> Prepared:
-    """The same data as ideal sensors would have recorded them, under the rig's base parameters."""
-    if rig is None:
+def with_calibration(prepared: Prepared, calibration: Calibration | None) -> Prepared:
+    """The data corrected by a calibration, and prepared with its base parameters."""
+    if calibration is None:
         return prepared
     dataset, protocol = prepared.dataset, prepared.protocol
-    observed = Observed(*(_shifted(own, rig.offset) for own in prepared.observed))
-    return _prepared(corrected(dataset, rig), protocol, observed, plant_under(dataset, rig))
+    observed = Observed(*(_shifted(own, calibration.offset) for own in prepared.observed))
+    return _prepared(
+        corrected(dataset, calibration), protocol, observed, calibrated_plant(dataset, calibration)
+    )
 
 
 def _shifted(states: tuple[States, ...], offset: Array) -> tuple[States, ...]:
@@ -150,15 +157,19 @@ def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: P
         integral=integral,
         starts=starts,
         true=None if true is None else _starts(dataset, true, plant, protocol),
-        course=make_course(dataset, observed.causal, protocol.history) if protocol.whole else None,
-        past=make_past(dataset, observed.causal, starts) if own else None,
+        trajectory=make_trajectory(dataset, observed.causal, protocol.history)
+        if protocol.whole
+        else None,
+        preceding=preceding_samples(dataset, observed.causal, starts) if own else None,
         grid=velocity_grid(speeds(dataset, observed.smoothed)),
     )
 
 
-def _starts(dataset: Dataset, states: Sequence[States], plant: Plant, protocol: Protocol) -> Starts:
+def _starts(
+    dataset: Dataset, states: Sequence[States], plant: Plant, protocol: Protocol
+) -> InitialStates:
     every, begin = protocol.every, protocol.history
-    return make_starts(dataset, states, plant, protocol.horizons, every=every, begin=begin)
+    return make_initial_states(dataset, states, plant, protocol.horizons, every=every, begin=begin)
 
 
 def training_of(prepared: Prepared, recipe: Recipe) -> Problem:
@@ -181,7 +192,7 @@ def judge_folds(
 ) -> tuple[list[Row], list[dict[str, Any]]]:
     """Rows of held-out scores of the folds' frictions, and example motions.
 
-    Frictions that bring a rig are judged on the data as that rig would have recorded them.
+    A friction with a calibration is judged on the data corrected by it.
     """
     views = list(_views(friction, prepared))
     rows: list[Row] = []
@@ -194,19 +205,19 @@ def judge_folds(
             part = held_out_residual(friction[own], _problems(view)[k][1], use, place)
             residual[use] = part
         rows += one_step_rows(residual, held, score)
-    fold = start_folds(prepared.starts, folds, prepared.observed.causal)
+    fold = initial_state_folds(prepared.starts, folds, prepared.observed.causal)
     # whatever of a start is held out, is held out by one fold: its friction predicts
     owner = np.maximum(fold.max(axis=0), 0)
-    seen = [(own, view.plant, view.starts, view.past) for own, view in views]
+    seen = [(own, view.plant, view.starts, view.preceding) for own, view in views]
     starts, motion = _predicted(friction, seen, owner)
     rows += rollout_rows(motion, starts, fold, _angle_unit(prepared))
     if prepared.true is not None:
         known = [(own, v.plant, v.true, None) for own, v in views if v.true is not None]
         true, ideal = _predicted(friction, known, owner)
         rows += true_start_rows(ideal, true, fold, _angle_unit(prepared))
-    if prepared.course is not None:
-        held = course_folds(prepared.course, folds)
-        rows += free_run_rows(*_ran(friction, views, prepared.course, held), held)
+    if prepared.trajectory is not None:
+        held = trajectory_folds(prepared.trajectory, folds)
+        rows += free_run_rows(*_ran(friction, views, prepared.trajectory, held), held)
     rows += curve_scores(friction, overall, prepared)
     rows.append(_count(friction))
     shown = prepared._replace(starts=starts)
@@ -216,27 +227,29 @@ def judge_folds(
 def _views(friction: Friction, prepared: Prepared) -> Iterator[tuple[Array, Prepared]]:
     """Folds that see the data alike, and the data as they see them."""
     folds = np.arange(len(friction.theta))
-    if friction.rig is None:
+    if friction.calibration is None:
         yield folds, prepared
         return
     alike: dict[bytes, list[int]] = {}
     for f in folds:
-        parts = [np.asarray(x).tobytes() for x in vars(friction.rig[f]).values() if x is not None]
+        parts = [
+            np.asarray(x).tobytes() for x in vars(friction.calibration[f]).values() if x is not None
+        ]
         alike.setdefault(b"".join(parts), []).append(int(f))
     for own in alike.values():
-        yield np.array(own), with_rig(prepared, friction.rig[own[0]])
+        yield np.array(own), with_calibration(prepared, friction.calibration[own[0]])
 
 
 def _predicted(
     friction: Friction,
-    seen: Sequence[tuple[Array, Plant, Starts, Past | None]],
+    seen: Sequence[tuple[Array, Plant, InitialStates, PrecedingSamples | None]],
     owner: Array,
-) -> tuple[Starts, Rollout]:
+) -> tuple[InitialStates, Rollout]:
     """Starts with the measured angles that their owners (S,) see, and the motion they predict.
 
-    seen : folds that see the data alike, with plant, starts and past as they see them
+    seen : folds that see the data alike, with plant, starts and preceding as they see them
     """
-    _, first, starts, past = seen[0]
+    _, first, starts, preceding = seen[0]
     starts = starts._replace(q=starts.q.copy(), u=starts.u.copy(), measured=starts.measured.copy())
     plant = first[starts.recording]
     p = np.array(plant.p)
@@ -244,26 +257,26 @@ def _predicted(
         use = np.flatnonzero(np.isin(owner, own))
         starts.q[use], p[use] = view.q[use], theirs.p[starts.recording[use]]
         starts.u[:, use], starts.measured[:, use] = (x[:, use] for x in (view.u, view.measured))
-        if past is not None and before is not None:
-            past = past.mixed(before, np.isin(past.owner, use))
-    return starts, predict(replace(plant, p=p), friction[owner], starts, past)
+        if preceding is not None and before is not None:
+            preceding = preceding.mixed(before, np.isin(preceding.owner, use))
+    return starts, predict(replace(plant, p=p), friction[owner], starts, preceding)
 
 
 def _ran(
-    friction: Friction, views: Sequence[tuple[Array, Prepared]], course: Course, held: Array
-) -> tuple[Array, Course]:
+    friction: Friction, views: Sequence[tuple[Array, Prepared]], trajectory: Trajectory, held: Array
+) -> tuple[Array, Trajectory]:
     """Simulated angles of whole recordings, each by the friction that has not seen it."""
     owner = np.maximum(held, 0)
-    measured, q = np.empty_like(course.measured), np.empty_like(course.measured)
+    measured, q = np.empty_like(trajectory.measured), np.empty_like(trajectory.measured)
     for own, view in views:
-        assert view.course is not None
+        assert view.trajectory is not None
         use = np.isin(owner, own)
-        measured[:, use] = view.course.measured[:, use]
+        measured[:, use] = view.trajectory.measured[:, use]
         if len(views) == 1:
-            return free_run(view.plant, friction[owner], view.course), view.course
-        part = some_of(view.course, np.flatnonzero(use))
+            return free_run(view.plant, friction[owner], view.trajectory), view.trajectory
+        part = some_of(view.trajectory, np.flatnonzero(use))
         q[:, use] = free_run(view.plant[np.flatnonzero(use)], friction[owner[use]], part)
-    return q, course._replace(measured=measured)
+    return q, trajectory._replace(measured=measured)
 
 
 def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[str, Any]]]:
@@ -280,8 +293,8 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
             f"data set {prepared.dataset.name!r} has {n} joints, the model's theta has shape "
             f"{tuple(friction.theta.shape)}: it must be ({n}, {len(friction.law.names)})"
         )
-    prepared = with_rig(prepared, friction.rig)
-    rig, friction = friction.rig, replace(friction, rig=None)
+    prepared = with_calibration(prepared, friction.calibration)
+    calibration, friction = friction.calibration, replace(friction, calibration=None)
     rows: list[Row] = []
     batch = friction[None]
     for score, problem in _problems(prepared):
@@ -291,16 +304,18 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
     starts = prepared.starts
     everyone = np.zeros(len(starts.recording), dtype=int)
     plant = prepared.plant[starts.recording]
-    motion = predict(plant, batch[everyone], starts, prepared.past)
+    motion = predict(plant, batch[everyone], starts, prepared.preceding)
     everywhere = np.zeros_like(starts.last)
     rows += _pooled(rollout_rows(motion, starts, everywhere, _angle_unit(prepared)))
     if prepared.true is not None:
         ideal = predict(plant, batch[everyone], prepared.true)
         rows += _pooled(true_start_rows(ideal, prepared.true, everywhere, _angle_unit(prepared)))
-    if prepared.course is not None:
-        all_ = np.zeros(len(prepared.course.names), dtype=int)
-        q = free_run(prepared.plant, replace(batch[all_], rig=rig), prepared.course)
-        rows += _pooled(free_run_rows(q, prepared.course, all_))
+    if prepared.trajectory is not None:
+        all_ = np.zeros(len(prepared.trajectory.names), dtype=int)
+        q = free_run(
+            prepared.plant, replace(batch[all_], calibration=calibration), prepared.trajectory
+        )
+        rows += _pooled(free_run_rows(q, prepared.trajectory, all_))
     rows += _pooled(curve_scores(batch, friction, prepared))
     rows.append(_count(friction))
     return rows, _examples(motion.q, prepared, starts.last[-1] > 0, friction_of="all")

@@ -9,12 +9,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.signals import Signal, averages
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import Pace, State, stride
+from frictionid.dynamics.step import State, StepSize, adaptive_step
 from frictionid.excitation.experiment import Experiment
 from frictionid.friction import Friction
 
 MARGIN = 0.95  # of a limit: the machine will not move exactly as the guess
-QUICK = Pace(2, 3)  # of an interval, in the search: some mrad off after seconds, at a quarter
+QUICK = StepSize(2, 3)  # of an interval, in the search: some mrad off after seconds, at a quarter
 
 
 class Motions(NamedTuple):
@@ -70,7 +70,7 @@ def _quickly(
     q, w = [state.q], [state.w]
     with np.errstate(all="ignore"):
         for k, long in enumerate(dt[:, None]):
-            state = stride(experiment.plant, friction, state, u[k], long, QUICK)
+            state = adaptive_step(experiment.plant, friction, state, u[k], long, QUICK)
             q.append(state.q)
             w.append(state.w)
     return np.array(q), np.array(w)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 
 Memory = tuple[Array, ...]
 
@@ -92,8 +92,8 @@ class Friction:
     `parameters` are mechanism parameters that belong to this friction (published models bring their
     own inertias); empty where those of the data set hold. `mechanism` is "unit" where there is no
     other physics than this friction's, a negative acceleration. `provenance` says where it is from.
-    `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`. `rig` is
-    what was found about machine and sensors beside friction, with the batch axes of theta.
+    `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`.
+    `calibration` holds base parameters and sensor corrections, with the batch axes of theta.
 
     Examples
     --------
@@ -114,7 +114,7 @@ class Friction:
     parameters: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     angle_unit: str = "rad"
-    rig: Rig | None = None
+    calibration: Calibration | None = None
     mechanism: str = ""
 
     def __post_init__(self) -> None:
@@ -129,8 +129,8 @@ class Friction:
 
     def __getitem__(self, index: Any) -> Friction:
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
-        rig = None if self.rig is None else self.rig[index]
-        return replace(self, theta=self.theta[index], rig=rig)
+        calibration = None if self.calibration is None else self.calibration[index]
+        return replace(self, theta=self.theta[index], calibration=calibration)
 
     @property
     def n(self) -> int:

@@ -19,7 +19,7 @@ import numpy as np
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_bytes, write_json
 from frictionid.friction import Friction, is_network, units_of
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"
@@ -52,7 +52,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
         "provenance": dict(friction.provenance),
         **({} if friction.angle_unit == "rad" else {"angle_unit": friction.angle_unit}),
         **({"mechanism": friction.mechanism} if friction.mechanism else {}),
-        **({} if friction.rig is None else {"rig": asdict(friction.rig)}),
+        **({} if friction.calibration is None else {"calibration": asdict(friction.calibration)}),
     }
 
 
@@ -135,9 +135,9 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str
         theta = _theta(document, law, where)
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
         unit = str(document.get("angle_unit", "rad"))
-        rig = _rig(document.get("rig"), where)
+        calibration = _calibration(document.get("calibration", document.get("rig")), where)
         source, mechanism = dict(document.get("provenance", {})), document.get("mechanism", "")
-        friction = Friction(law, theta, parameters, source, unit, rig, str(mechanism))
+        friction = Friction(law, theta, parameters, source, unit, calibration, str(mechanism))
     except InputError:
         raise
     except (TypeError, ValueError, AttributeError) as error:
@@ -150,19 +150,19 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str
     return friction
 
 
-def _rig(table: Any, where: str) -> Rig | None:
-    """Rig of its table, every number finite."""
+def _calibration(table: Any, where: str) -> Calibration | None:
+    """Calibration of its table, every number finite."""
     if table is None:
         return None
-    names = [f.name for f in fields(Rig) if f.name != "motor"]
+    names = [f.name for f in fields(Calibration) if f.name != "motor"]
     if not isinstance(table, Mapping) or set(table) - {"motor"} != set(names):
-        raise InputError(f'{where}: "rig" must have {", ".join(names)}, and may have motor')
+        raise InputError(f'{where}: "calibration" must have {", ".join(names)}, and may have motor')
     numbers = {k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()}
     for name, value in numbers.items():
         known = value is not None and np.isfinite(value).all()
         if not known and not (value is None and name in ("base", "motor")):
-            raise InputError(f"{where}: rig.{name} must be finite numbers")
-    return Rig(**numbers)
+            raise InputError(f"{where}: calibration.{name} must be finite numbers")
+    return Calibration(**numbers)
 
 
 def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:

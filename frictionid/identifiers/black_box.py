@@ -23,8 +23,8 @@ class BlackBox:
 
     >>> import numpy as np
     >>> from frictionid.identifiers import SparseDynamics
-    >>> from frictionid.identifiers.synthetic_problem import practice_problem
-    >>> problem = practice_problem(joints=1)
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
+    >>> problem = synthetic_problem(joints=1)
     >>> BlackBox(SparseDynamics(degree=1)).fit(problem, np.ones((1, len(problem.r))), 0).mechanism
     'unit'
     """

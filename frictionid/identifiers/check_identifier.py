@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.friction import Friction, along
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 
 class Identifier(Protocol):
@@ -68,8 +68,8 @@ def check_identifier(
     >>> check_identifier(LeastSquares(CoulombViscous()))
     """
     for n in joints:
-        problem = practice_problem(n)
-        check = _Check(identifier, problem, practice_weights(problem), tolerance)
+        problem = synthetic_problem(n)
+        check = _Check(identifier, problem, synthetic_weights(problem), tolerance)
         check.identity()
         friction = check.fit()
         check.friction(friction)

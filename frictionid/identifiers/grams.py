@@ -35,8 +35,8 @@ def columns(law: Law, problem: Problem) -> Array:
 def clusters(problem: Problem) -> Array:
     """Cluster (K,) of each row: its recording, or where these are few, a stretch of it.
 
-    >>> from frictionid.identifiers.synthetic_problem import practice_problem
-    >>> labels = clusters(practice_problem(1))  # three recordings
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
+    >>> labels = clusters(synthetic_problem(1))  # three recordings
     >>> len(np.unique(labels))
     21
     """

@@ -14,7 +14,7 @@ _RIDGE = 1e-12
 _SWEEPS = 2
 
 
-def best_starts(rows: Rows, weights: Array) -> tuple[Array, Array]:
+def best_initial_guess(rows: Rows, weights: Array) -> tuple[Array, Array]:
     """The starts (F, N) with the lowest cost one linear step away, and the parameters there (F, N).
 
     The law is linearised once at each of its starts. Which joint takes which start is then a choice

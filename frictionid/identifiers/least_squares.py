@@ -18,7 +18,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Law
 from frictionid.identifiers.box_qp import bounded
-from frictionid.identifiers.initial_guess import best_starts
+from frictionid.identifiers.initial_guess import best_initial_guess
 from frictionid.identifiers.linearised import Rows
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import relative, shares
@@ -47,9 +47,9 @@ class LeastSquares:
 
     Examples
     --------
-    >>> from frictionid.identifiers.synthetic_problem import practice_problem
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
     >>> from frictionid.friction.laws import CoulombViscous
-    >>> problem = practice_problem(joints=1)
+    >>> problem = synthetic_problem(joints=1)
     >>> friction = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> print(friction[0])
     CoulombViscous(width=0.02, shape='tanh')
@@ -69,7 +69,7 @@ class LeastSquares:
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         rows = Rows(self.law, problem)
         weights = relative(weights, problem)
-        theta = self._descended(_begin(rows, *best_starts(rows, weights), weights), rows)
+        theta = self._descended(_begin(rows, *best_initial_guess(rows, weights), weights), rows)
         for _ in range(_ROUNDS if self.robust else 0):
             kept = weights * shares(rows.residual(theta), weights, self.robust or 0.0)
             theta = self._descended(_begin(rows, theta, theta, kept), rows)

@@ -36,9 +36,9 @@ class Linear:
 
     Examples
     --------
-    >>> from frictionid.identifiers.synthetic_problem import practice_problem
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
     >>> from frictionid.friction.laws import Spline
-    >>> problem = practice_problem(joints=1)
+    >>> problem = synthetic_problem(joints=1)
     >>> friction = Linear(Spline((1.0, 4.0))).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> friction.curve(np.array([0.5, 2.0, 8.0])).round(2)[0].T
     array([[0.14, 0.15, 0.26]])

@@ -21,9 +21,9 @@ def half_widths(friction: Friction, problem: Problem, weights: Array, level: flo
     is the scatter of the fit alone: errors that all recordings share, as of smoothed states, stay.
 
     >>> from frictionid.identifiers.least_squares import LeastSquares
-    >>> from frictionid.identifiers.synthetic_problem import practice_problem
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
     >>> from frictionid.friction.laws import Stribeck
-    >>> problem = practice_problem(1)
+    >>> problem = synthetic_problem(1)
     >>> weights = np.ones((1, len(problem.r)))
     >>> fit = LeastSquares(Stribeck()).fit(problem, weights, 0)[0]
     >>> half_widths(fit, problem, weights[0]).round(4)  # truth: 0.10, 0.04, 1.5, 0.02

@@ -17,7 +17,7 @@ from frictionid.mechanics.calibration import stacked
 class Published:
     """Identifier `published`: a given friction, the same in every fold.
 
-    Where the friction has mechanism parameters or a rig of its own, these replace the data set's.
+    Mechanism parameters and a calibration of its own replace those of the data set.
     """
 
     friction: Friction
@@ -29,6 +29,8 @@ class Published:
                 f"the published friction has theta of shape {tuple(theta.shape)}, the data "
                 f"{problem.r.shape[-1]} joints: give one friction with as many joints as the data"
             )
-        own, count = self.friction.rig, len(weights)
-        rig = None if own is None else stacked([own] * count)
-        return replace(self.friction, theta=np.repeat(theta[None], count, axis=0), rig=rig)
+        own, count = self.friction.calibration, len(weights)
+        calibration = None if own is None else stacked([own] * count)
+        return replace(
+            self.friction, theta=np.repeat(theta[None], count, axis=0), calibration=calibration
+        )

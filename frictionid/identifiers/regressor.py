@@ -70,8 +70,8 @@ class Regressor:
     Examples
     --------
     >>> from sklearn.neighbors import KNeighborsRegressor
-    >>> from frictionid.identifiers.synthetic_problem import practice_problem
-    >>> problem = practice_problem(joints=1)
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
+    >>> problem = synthetic_problem(joints=1)
     >>> fit = Regressor(KNeighborsRegressor(3)).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> fit[0].curve(np.array([-4.0, 4.0])).round(1)[:, 0]  # truth: 0.18
     array([-0.2,  0.2])

@@ -54,8 +54,8 @@ class SINDy:
 
     Examples
     --------
-    >>> from frictionid.identifiers.synthetic_problem import practice_problem
-    >>> problem = practice_problem(joints=1, noise=1e-4)
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
+    >>> problem = synthetic_problem(joints=1, noise=1e-4)
     >>> friction = SINDy().fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> print(*friction.law.equation(friction.theta[0]))
     Tf1 = 0.09993 N m s(w) + 0.02001 N m s/rad w + 0.04013 N m exp(-(w/1.5)^2) s(w)

@@ -29,13 +29,13 @@ def true_friction(joints: int) -> Friction:
     return Friction(Stribeck(), _TRUTH[:joints])
 
 
-def practice_problem(joints: int, noise: float = _NOISE) -> Problem:
+def synthetic_problem(joints: int, noise: float = _NOISE) -> Problem:
     """One-step problem of a pendulum with one or two driven joints: 3 recordings of 40 rows.
 
     Its motion is a sum of sines; whatever forces that needs, r is such that the true friction
     leaves nothing but `noise` [rad/s]. Rows have a history of 4 samples.
 
-    >>> problem = practice_problem(1, noise=0.0)
+    >>> problem = synthetic_problem(1, noise=0.0)
     >>> float(abs(problem.residual(along(true_friction(1), problem.nodes))).max())
     0.0
     """
@@ -64,7 +64,7 @@ def _motion(rng: np.random.Generator, joints: int) -> States:
     return States(time, (height * np.sin(angle)).sum(1), (height * rate * np.cos(angle)).sum(1))
 
 
-def practice_weights(problem: Problem) -> Array:
+def synthetic_weights(problem: Problem) -> Array:
     """Weights (F, K) that leave out one recording each, of unequal size, with some rows in none."""
     left_out = problem.recording != np.arange(_RECORDINGS)[:, None]
     sizes = 1.0 + 0.5 * np.sin(np.arange(len(problem.r)))

@@ -22,15 +22,15 @@ from frictionid.mechanics import Plant, mechanism_of, parameters_of, plant_of
 
 
 @dataclass(frozen=True)
-class Rig:
+class Calibration:
     """Base parameters of the machine, and what its sensors do; leading axes are batches.
 
     base (..., nb), or None where the data set's hold; gain (..., n); delay (...) [s], positive
     where the torque acts later than it was logged; bias (..., n) [N m]; offset (..., n) [rad];
     motor (..., 2), kt [N m/A] and R [Ohm] of servos, or None where those of the recordings hold.
 
-    >>> rig = Rig.ideal(2)
-    >>> rig.gain, float(rig.delay)
+    >>> calibration = Calibration.ideal(2)
+    >>> calibration.gain, float(calibration.delay)
     (array([1., 1.]), 0.0)
     """
 
@@ -42,21 +42,23 @@ class Rig:
     motor: Array | None = None
 
     @staticmethod
-    def ideal(n: int, base: Array | None = None) -> Rig:
-        """Rig of n joints without any fault."""
-        return Rig(base, np.ones(n), np.zeros(()), np.zeros(n), np.zeros(n))
+    def ideal(n: int, base: Array | None = None) -> Calibration:
+        """Calibration of n joints with ideal sensors."""
+        return Calibration(base, np.ones(n), np.zeros(()), np.zeros(n), np.zeros(n))
 
-    def __getitem__(self, index: Any) -> Rig:
+    def __getitem__(self, index: Any) -> Calibration:
         """Rig at an index into the batch axes."""
         base, motor = (None if x is None else x[index] for x in (self.base, self.motor))
         gain, delay, bias, offset = (getattr(self, name)[index] for name in _SENSORS)
-        return Rig(base, gain, delay, bias, offset, motor)
+        return Calibration(base, gain, delay, bias, offset, motor)
 
 
-def stacked(rigs: list[Rig]) -> Rig:
-    """One rig with a new leading batch axis."""
-    parts = {name: np.stack([getattr(r, name) for r in rigs]) for name in _SENSORS}
-    return Rig(_all([r.base for r in rigs]), **parts, motor=_all([r.motor for r in rigs]))
+def stacked(calibrations: list[Calibration]) -> Calibration:
+    """One calibration with a new leading batch axis."""
+    parts = {name: np.stack([getattr(r, name) for r in calibrations]) for name in _SENSORS}
+    return Calibration(
+        _all([r.base for r in calibrations]), **parts, motor=_all([r.motor for r in calibrations])
+    )
 
 
 def _all(values: list[Array | None]) -> Array | None:
@@ -67,7 +69,7 @@ def _all(values: list[Array | None]) -> Array | None:
 _SENSORS = ("gain", "delay", "bias", "offset")
 
 
-def plant_under(dataset: Dataset, rig: Rig) -> Plant:
+def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
     """Plant of a data set, one entry for each recording, with the rig's base parameters.
 
     What a recording changes (an exchangeable mass) adds to them what it adds to the table's.
@@ -75,38 +77,41 @@ def plant_under(dataset: Dataset, rig: Rig) -> Plant:
     Raises
     ------
     InputError
-        Where the rig is that of another mechanism.
+        Where the calibration is that of another mechanism.
     """
     plant = plant_of(dataset)
-    if rig.base is None:
+    if calibration.base is None:
         return plant
     table: Any = dataset.mechanism
     usual = mechanism_of(table).base(parameters_of(table, {}))
-    if np.shape(rig.base)[-1] != len(usual):
+    if np.shape(calibration.base)[-1] != len(usual):
         names = ", ".join(plant.mechanism.base_names)
         raise InputError(
-            f"data set {dataset.name!r}: the model's rig has {np.shape(rig.base)[-1]} base "
-            f"parameters, this mechanism has {len(usual)} ({names})"
+            f"data set {dataset.name!r}: the model's calibration has "
+            f"{np.shape(calibration.base)[-1]} base parameters, this mechanism has {len(usual)} "
+            f"({names})"
         )
-    return replace(plant, p=plant.p + (rig.base - usual))
+    return replace(plant, p=plant.p + (calibration.base - usual))
 
 
-def corrected(dataset: Dataset, rig: Rig) -> Dataset:
+def corrected(dataset: Dataset, calibration: Calibration) -> Dataset:
     """The data set as ideal sensors would have recorded it."""
     driven = np.array(mechanism_of(dataset.mechanism).description.driven, dtype=float)
-    recordings = tuple(_corrected(r, rig, driven) for r in dataset.recordings)
+    recordings = tuple(_corrected(r, calibration, driven) for r in dataset.recordings)
     return replace(dataset, recordings=recordings)
 
 
-def _corrected(recording: Recording, rig: Rig, driven: Array) -> Recording:
+def _corrected(recording: Recording, calibration: Calibration, driven: Array) -> Recording:
     angle, torque, servo = recording.angle, recording.torque, recording.servo
-    angle = angle._replace(value=angle.value - rig.offset)
+    angle = angle._replace(value=angle.value - calibration.offset)
     if servo is not None:
-        servo = replace(servo, goal=servo.goal._replace(value=servo.goal.value - rig.offset))
-    if servo is not None and rig.motor is not None:
-        servo = servo.with_motor(*rig.motor)
-        torque = servo_torque(servo, angle, float(rig.delay))
+        servo = replace(
+            servo, goal=servo.goal._replace(value=servo.goal.value - calibration.offset)
+        )
+    if servo is not None and calibration.motor is not None:
+        servo = servo.with_motor(*calibration.motor)
+        torque = servo_torque(servo, angle, float(calibration.delay))
     else:
-        torque = torque._replace(time=torque.time + rig.delay)
-    felt = (rig.gain * torque.value + rig.bias) * driven
+        torque = torque._replace(time=torque.time + calibration.delay)
+    felt = (calibration.gain * torque.value + calibration.bias) * driven
     return replace(recording, angle=angle, torque=torque._replace(value=felt), servo=servo)

@@ -17,14 +17,14 @@ from frictionid.report.shooting_text import change
 from frictionid.report.tables import Cell, Column, Line, Table
 
 MANY = 20  # parameters of one group that a table shows one by one
-OWN = ("friction", "inertia")  # blocks that stand under their names, the rest is the rig's
+OWN = ("friction", "inertia")  # blocks that stand under their names, the rest is the calibration's
 SIZES = ("inertia", "actuator")  # blocks in which what is told is a size, not an ideal
 
 
 def group_of(estimate: Estimate, joints: Sequence[str]) -> str:
-    """What a parameter belongs to: friction of a joint, inertia, or the rig with its sensors."""
+    """What a parameter belongs to: friction of a joint, inertia, or the calibration."""
     if estimate.block not in OWN:
-        return "rig"
+        return "calibration"
     if estimate.joint is None or len(joints) == 1:
         return estimate.block
     return f"{estimate.block}, {joints[estimate.joint]}"

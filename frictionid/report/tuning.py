@@ -36,7 +36,7 @@ def trials(found: Sequence[Found]) -> pd.DataFrame:
     """All trials, one in a line: study, number, score on the inner folds, settings."""
     lines = [
         {
-            "dataset": f.unit.contest.dataset.name,
+            "dataset": f.unit.benchmark.dataset.name,
             "identifier": f.unit.name,
             "fit": f.unit.recipe.name,
             "sampler": f.sampler,
@@ -53,8 +53,8 @@ def trials(found: Sequence[Found]) -> pd.DataFrame:
 
 
 def _by_dataset(found: Sequence[Found]) -> list[tuple[str, list[Found]]]:
-    names = dict.fromkeys(f.unit.contest.dataset.name for f in found)
-    return [(n, [f for f in found if f.unit.contest.dataset.name == n]) for n in names]
+    names = dict.fromkeys(f.unit.benchmark.dataset.name for f in found)
+    return [(n, [f for f in found if f.unit.benchmark.dataset.name == n]) for n in names]
 
 
 # --- Tables ---------------------------------------------------------------------------------------

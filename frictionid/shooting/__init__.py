@@ -1,6 +1,6 @@
-"""Shooting: friction, inertia and rig from the measured angles themselves, windows at a time."""
+"""Shooting: friction, inertia and calibration from windows of the measured angles."""
 
-from frictionid.shooting.calibrated_recipe import Corrected
+from frictionid.shooting.calibrated_recipe import CalibratedRecipe
 from frictionid.shooting.covariance import Covariance
 from frictionid.shooting.recipe import Shooting, refine_folds
 from frictionid.shooting.refine import Diagnostics, Place, Refined, refine
@@ -8,7 +8,7 @@ from frictionid.shooting.result_document import document_of
 from frictionid.shooting.settings import Settings
 
 __all__ = [
-    "Corrected",
+    "CalibratedRecipe",
     "Covariance",
     "Diagnostics",
     "Place",

@@ -116,7 +116,7 @@ def _far(intervals: Intervals, shot: Shot) -> Iterator[str]:
 
 
 def _scaled(intervals: Intervals, shot: Shot) -> Iterator[str]:
-    base: Array = np.asarray(shot.guess.rig.base)
+    base: Array = np.asarray(shot.guess.calibration.base)
     mechanism, table = shot.guess.mechanism, intervals.track.dataset.mechanism
     told = np.asarray(mechanism.base(parameters_of(table, {})))
     size = float(np.median(np.abs(base) / np.maximum(np.abs(told), 1e-12)))

@@ -221,7 +221,7 @@ def _linearised(
     if warm:
         nodes[first, 2 * n :] = np.concatenate(warm, axis=-1)[first]
     lines = intervals.lines(guess, nodes, rows)
-    chain = chained(track, lines, nodes, windows, guess.rig.offset)
+    chain = chained(track, lines, nodes, windows, guess.calibration.offset)
     # a joint at rest does not tell its start velocity: it stays near the smoothed one
     precision = np.zeros((len(windows), 2 * n))
     precision[:, n:] = 1.0 / intervals.settings.start_velocity**2
@@ -356,7 +356,7 @@ def _moved(intervals: Intervals, now: _Stand, windows: Array, moves: Array) -> A
     on = windows >= 0
     at = windows[on]
     nodes[at] += step[on]
-    off = np.abs(nodes[at, :n] - (track.before[at] - now.guess.rig.offset)).max(axis=-1)
+    off = np.abs(nodes[at, :n] - (track.before[at] - now.guess.calibration.offset)).max(axis=-1)
     bad = ~(off < _LOST) | ~np.isfinite(nodes[at]).all(axis=-1)
     if bad.any():
         owner = np.repeat(np.arange(len(windows)), on.sum(axis=1))

@@ -14,7 +14,7 @@ from frictionid.data.states import RTS, States
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.residual import GAP
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.torque_integrals import Pieces, Series, pieces_of, series_of
 
 
@@ -99,19 +99,21 @@ def track_of(
     return Track(dataset, tuple(states), *series)
 
 
-def torques(track: Track, rig: Rig, rows: Array, pieces: int) -> tuple[Array, Array]:
+def torques(
+    track: Track, calibration: Calibration, rows: Array, pieces: int
+) -> tuple[Array, Array]:
     """Logged torque (pieces, k, n) that acts in equal pieces of some intervals, and d/d delay.
 
     Before gain and bias, but with the rig's delay: means of the logged signal, held or interpolated
     as it was logged.
     """
-    felt = pushes(track, rig, rows, np.arange(pieces + 1) / pieces)
+    felt = pushes(track, calibration, rows, np.arange(pieces + 1) / pieces)
     return felt.mean, felt.mean_later
 
 
-def pushes(track: Track, rig: Rig, rows: Array, share: Array) -> Pieces:
+def pushes(track: Track, calibration: Calibration, rows: Array, share: Array) -> Pieces:
     """Logged torque of some intervals between shares (m + 1,) of their time, with the delay."""
-    edges = track.time[rows, None] + track.dt[rows, None] * share - float(rig.delay)
+    edges = track.time[rows, None] + track.dt[rows, None] * share - float(calibration.delay)
     return pieces_of(track.torque, track.recording[rows], edges)
 
 

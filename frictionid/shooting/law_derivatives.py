@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.stiction import Grip, State, inputs, sharp, sliding
+from frictionid.dynamics.stiction import State, Stiction, inputs, sharp, sliding
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.mechanics import Plant
 from frictionid.shooting.wrapped import Wrapped
@@ -81,13 +81,13 @@ def slopes(
     u: Array,
     free: Free,
     seen: Seen,
-    grip: Grip,
+    stiction: Stiction,
 ) -> Slopes:
     """Friction torque and its slopes at states (K, n), of joints that slide to their side."""
     theta, memory = friction.theta, state.memory
     x = inputs(plant, friction, state, u)
-    w = sliding(friction, x.w, grip)
-    law = sharp(friction, grip).law
+    w = sliding(friction, x.w, stiction)
+    law = sharp(friction, stiction).law
     x, moves = x._replace(w=w), (w == x.w)[..., None]
     here = law.torque(theta, x, memory)
     if law.uses_load:

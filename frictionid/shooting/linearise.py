@@ -10,10 +10,10 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.signals import sample
-from frictionid.dynamics.step import State, pace_of
+from frictionid.dynamics.step import State, step_size_of
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.mechanics import Plant
-from frictionid.mechanics.calibration import corrected, plant_under
+from frictionid.mechanics.calibration import calibrated_plant, corrected
 from frictionid.shooting.intervals import Track, pushes
 from frictionid.shooting.law_derivatives import Free, Seen, seen_by
 from frictionid.shooting.parameters.parameter_block import Block, Entry, Guess
@@ -114,7 +114,7 @@ class Intervals:
 
     def start(self, guess: Guess) -> Array:
         """Nodes (K, s) from the smoothed motion."""
-        q, w = self.track.q - guess.rig.offset, self.track.w
+        q, w = self.track.q - guess.calibration.offset, self.track.w
         return np.concatenate([q, w, *self.warm(guess)], axis=-1)
 
     def warm(self, guess: Guess) -> tuple[Array, ...]:
@@ -125,11 +125,11 @@ class Intervals:
             return ()
         sizes = [len(s.time) for s in track.states]
         first = np.concatenate([[0], np.cumsum(sizes)])
-        ideal = corrected(track.dataset, guess.rig) if self.seen.u else track.dataset
+        ideal = corrected(track.dataset, guess.calibration) if self.seen.u else track.dataset
         pairs = zip(ideal.recordings, track.states, strict=True)
         u = np.concatenate([sample(r.torque, s.time) for r, s in pairs])
         time, q, w = (np.concatenate(column) for column in zip(*track.states, strict=True))
-        x = Inputs(q - guess.rig.offset, w, u, 0.0 * w)
+        x = Inputs(q - guess.calibration.offset, w, u, 0.0 * w)
         steps = memory_along(friction, Nodes(x, time, first))
         at = track.index, track.recording
         return tuple(np.stack([s[m] for s in steps])[at] for m in range(len(steps[0])))
@@ -150,14 +150,14 @@ class Intervals:
         return Scene(plant, guess.friction, Free(joint, place), tuple(base), self.seen)
 
     def _plant(self, guess: Guess) -> Plant:
-        plant = plant_under(self.track.dataset, guess.rig)
+        plant = calibrated_plant(self.track.dataset, guess.calibration)
         # only bearing loads need the physical parameters
         return plant if guess.friction.law.uses_load else replace(plant, parameters={})
 
     def _pieces(self, guess: Guess, plant: Plant) -> Array:
         """Pieces (K,) of each interval."""
         longest = float(self.track.dt.max())
-        away = pace_of(plant, guess.friction, longest, longest=_PIECE).pieces / longest
+        away = step_size_of(plant, guess.friction, longest, longest=_PIECE).pieces / longest
         return np.maximum(np.ceil(self.track.dt * away - 1e-6), 1).astype(int)
 
     def _forces(self, guess: Guess, rows: Array, pieces: int) -> Forces:
@@ -172,10 +172,10 @@ class Intervals:
 
     def _pushed(self, guess: Guess, rows: Array, share: Array) -> Forces:
         """Forces of some intervals between shares (S + 1,) of their time."""
-        rig, felt = guess.rig, pushes(self.track, guess.rig, rows, share)
+        calibration, felt = guess.calibration, pushes(self.track, guess.calibration, rows, share)
         driven = np.array(guess.mechanism.description.driven, dtype=float)
-        u = (rig.gain * felt.mean + rig.bias) * driven
-        moment = rig.gain * felt.moment * driven
+        u = (calibration.gain * felt.mean + calibration.bias) * driven
+        moment = calibration.gain * felt.moment * driven
         by, moment_by = [], []
         for part in self.parts:
             if part.block.enters == "torque" and part.entries:

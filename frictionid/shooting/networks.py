@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import namespace
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.combined import Combined
 from frictionid.shooting.intervals import Track
 from frictionid.shooting.parameters.friction import FrictionBlock
@@ -59,7 +59,11 @@ def as_given(friction: Friction, given: Friction) -> Friction:
 
 
 def combined(
-    friction: Friction, mechanism: Mechanism, rig: Rig, track: Track, blocks: Sequence[Block]
+    friction: Friction,
+    mechanism: Mechanism,
+    calibration: Calibration,
+    track: Track,
+    blocks: Sequence[Block],
 ) -> tuple[Friction, tuple[Block, ...]]:
     """A network as a law of the combinations of its numbers that a track sees, and their block.
 
@@ -70,7 +74,7 @@ def combined(
     fixed = law.names if given is None else given.fixed
     pairs = zip(law.names, law.bounds, strict=True)
     free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
-    points = points_of(friction, mechanism, rig, track)
+    points = points_of(friction, mechanism, calibration, track)
     reach = _REACH if given is None or given.prior is None else given.prior
     own = Combinations(np.array(friction.theta), points, free, reach, min(_MOST, int(free.sum())))
     return own.of(friction), tuple(own if b is given else b for b in blocks)

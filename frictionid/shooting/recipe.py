@@ -39,7 +39,7 @@ class Shooting:
 def refine_folds(
     friction: Friction, track: Track, recipe: Shooting, training: Array
 ) -> tuple[Friction, Refined]:
-    """Friction (F, n, P) of all folds with its rigs, and all that is known of the last one.
+    """Friction (F, n, P) of all folds with its calibrations, and all that is known of the last one.
 
     training : (F, K), the intervals of the track that each fold may use; the last one is that of
         all data. The others begin where it ended, at a fraction of a standard error from where
@@ -94,5 +94,5 @@ def _one(
 
 def _together(frictions: Sequence[Friction]) -> Friction:
     theta = namespace(frictions[-1].theta).stack([f.theta for f in frictions])
-    rigs = [f.rig for f in frictions if f.rig is not None]
-    return replace(frictions[-1], theta=theta, rig=stacked(rigs))
+    calibrations = [f.calibration for f in frictions if f.calibration is not None]
+    return replace(frictions[-1], theta=theta, calibration=stacked(calibrations))

@@ -15,7 +15,7 @@ from frictionid.data.states import States
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import mechanism_of, parameters_of
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.data_checks import complain, doubts
 from frictionid.shooting.gauss_newton import Shot, settle
@@ -62,7 +62,7 @@ class Diagnostics:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """What shooting found: friction with its rig, their covariance, and how it went.
+    """What shooting found: friction with its calibration, their covariance, and how it went.
 
     fitted : the friction as a function of the free parameters, of a network that of a few
         combinations of its numbers
@@ -75,10 +75,10 @@ class Refined:
     mechanism: object
 
     @property
-    def rig(self) -> Rig:
+    def calibration(self) -> Calibration:
         """Base parameters, and what the sensors do."""
-        assert self.friction.rig is not None
-        return self.friction.rig
+        assert self.friction.calibration is not None
+        return self.friction.calibration
 
     def bands(self, w: Array, level: float = 0.95, seed: int = 0) -> tuple[Array, Array]:
         """Half-widths (V, n) [N m] of each joint's curve at velocities w (V, n).
@@ -110,7 +110,9 @@ class Refined:
             for i, k in enumerate(some):
                 place = covariance.entries[k].place
                 step[i][place] = 1e-6 * max(1e-3, abs(theta[place]))
-            both = (replace(self.fitted, theta=theta + s * step, rig=None) for s in (1.0, -1.0))
+            both = (
+                replace(self.fitted, theta=theta + s * step, calibration=None) for s in (1.0, -1.0)
+            )
             up, down = (friction.curve(w[:, j])[..., j] for friction in both)
             out[:, j, some] = ((up - down) / (2 * step.sum(axis=(1, 2))[:, None])).T
         return out
@@ -129,8 +131,8 @@ def refine(
 
     Windows of the recordings are predicted from free start states by the physics step, and all
     parameters are those for which the predicted angles come closest to the measured ones, in units
-    of the angle noise [Bock1983]. The given friction, its rig and the data set's mechanism are
-    where it starts.
+    of the angle noise [Bock1983]. It starts from the given friction, its calibration and the data
+    set's mechanism.
 
     states : of the recordings by the RTS smoother, where they have been asked for before
 
@@ -154,13 +156,13 @@ def begin(
     table = track.dataset.mechanism
     mechanism = mechanism_of(table)
     base = mechanism.base(parameters_of(table, friction.parameters))
-    rig = friction.rig or Rig.ideal(mechanism.n)
-    rig = rig if rig.base is not None else replace(rig, base=base)
+    calibration = friction.calibration or Calibration.ideal(mechanism.n)
+    calibration = calibration if calibration.base is not None else replace(calibration, base=base)
     network = is_network(friction)
     friction = on_arrays(friction)
     if network:
-        friction, blocks = combined(friction, mechanism, rig, track, blocks)
-    guess = Guess(friction, rig, mechanism)
+        friction, blocks = combined(friction, mechanism, calibration, track, blocks)
+    guess = Guess(friction, calibration, mechanism)
     guess = motored(guess, track.dataset) if has_actuator(blocks) else guess
     check_blocks(blocks, guess, track)
     made = driven_of if has_actuator(blocks) else intervals_of
@@ -171,7 +173,7 @@ def begin(
 
 def refined(intervals: Intervals, shot: Shot, given: Friction) -> Refined:
     """The result of a fit that began with a given friction."""
-    fitted = replace(shot.guess.friction, rig=shot.guess.rig, parameters={})
+    fitted = replace(shot.guess.friction, calibration=shot.guess.calibration, parameters={})
     return Refined(
         as_given(fitted, given),
         fitted,

@@ -55,7 +55,7 @@ class Driven(Intervals):
         """Whether (K, n) the motor of a joint is connected in the middle of an interval: 1 or 0."""
         track = self.track
         out = np.zeros((len(track.dt), track.n))
-        middle = track.time + track.dt / 2 - float(guess.rig.delay)
+        middle = track.time + track.dt / 2 - float(guess.calibration.delay)
         driven = np.array(guess.mechanism.description.driven, dtype=float)
         for r, recording in enumerate(track.dataset.recordings):
             if recording.servo is not None:
@@ -65,7 +65,7 @@ class Driven(Intervals):
 
     def chain(self, guess: Guess, connected: Array) -> Array:
         """Derivatives (D', D) of the inner parameters in the free ones, by joints' connection."""
-        kt, R = (float(x) for x in np.asarray(guess.rig.motor))
+        kt, R = (float(x) for x in np.asarray(guess.calibration.motor))
         by_motor = {
             "gain": {"kt": 1 / R, "R": -kt / R**2},
             "back_emf": {"kt": 2 * kt / R, "R": -((kt / R) ** 2)},
@@ -89,14 +89,14 @@ class Driven(Intervals):
 
 def _inside(guess: Guess, connected: Array) -> Guess:
     """The guess as the inner intervals see it, with the motors (n,) that are connected."""
-    kt, R = (float(x) for x in np.asarray(guess.rig.motor))
+    kt, R = (float(x) for x in np.asarray(guess.calibration.motor))
     friction, n = guess.friction, guess.mechanism.n
     theta = np.asarray(friction.theta, dtype=float)
     emf = (kt**2 / R * connected)[:, None]
     law = BackEMF(sharpened(friction.law))
     friction = replace(friction, law=law, theta=np.concatenate([theta, emf], axis=-1))
-    rig = replace(guess.rig, gain=np.full(n, kt / R), motor=None)
-    return guess._replace(friction=friction, rig=rig)
+    calibration = replace(guess.calibration, gain=np.full(n, kt / R), motor=None)
+    return guess._replace(friction=friction, calibration=calibration)
 
 
 def has_actuator(blocks: Sequence[Block]) -> bool:
@@ -112,7 +112,7 @@ def motored(guess: Guess, dataset: Dataset) -> Guess:
     InputError
         Where no recording knows its servo, some do not, or they have different motors.
     """
-    if guess.rig.motor is not None:
+    if guess.calibration.motor is not None:
         return guess
     own = guess.friction.parameters
     found = {(r.servo.kt, r.servo.R) for r in dataset.recordings if r.servo is not None}
@@ -132,7 +132,7 @@ def motored(guess: Guess, dataset: Dataset) -> Guess:
         )
     motor = np.array([own.get("kt") or 0.0, own.get("R") or 0.0])
     motor = motor if (motor > 0).all() else np.array(found.pop())
-    return guess._replace(rig=replace(guess.rig, motor=motor))
+    return guess._replace(calibration=replace(guess.calibration, motor=motor))
 
 
 def driven_of(track: Track, guess: Guess, blocks: Sequence[Block], settings: Settings) -> Driven:

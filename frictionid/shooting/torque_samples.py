@@ -10,7 +10,7 @@ from frictionid.arrays import Array
 from frictionid.dynamics.stiction import State, inputs
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.calibration import Rig, plant_under
+from frictionid.mechanics.calibration import Calibration, calibrated_plant
 from frictionid.shooting.intervals import Track, pushes
 
 _COUNT = 500
@@ -50,20 +50,22 @@ class Points:
         return np.asarray(law.gradient_along(theta, self.path, z, self.dt))
 
 
-def points_of(friction: Friction, mechanism: Mechanism, rig: Rig, track: Track) -> Points:
+def points_of(
+    friction: Friction, mechanism: Mechanism, calibration: Calibration, track: Track
+) -> Points:
     """Some of a track's samples, as the law meets them."""
     K = len(track.dt)
     run = np.arange(K) - np.maximum.accumulate(np.where(track.joined, 0, np.arange(K)))
     link = min(_LINK, int(run.max())) if remembers(friction) else 0
     known = np.flatnonzero(run >= link)
     some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
-    plant = plant_under(track.dataset, rig)
+    plant = calibrated_plant(track.dataset, calibration)
     driven = np.array(mechanism.description.driven, dtype=float)
     path = []
     for at in (some - back for back in range(link, -1, -1)):
-        felt = pushes(track, rig, at, np.array([0.0, 1.0])).mean[0]
-        u = (rig.gain * felt + rig.bias) * driven
-        state = State(track.q[at] - rig.offset, track.w[at])
+        felt = pushes(track, calibration, at, np.array([0.0, 1.0])).mean[0]
+        u = (calibration.gain * felt + calibration.bias) * driven
+        state = State(track.q[at] - calibration.offset, track.w[at])
         path.append(inputs(plant[track.recording[at]], friction, state, u))
     return Points(tuple(path), track.dt[some][:, None])
 

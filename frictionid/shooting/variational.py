@@ -19,8 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, inverse, solve, times
-from frictionid.dynamics import step, stiction
-from frictionid.dynamics.step import Crossing, Grip, State
+from frictionid.dynamics import step
+from frictionid.dynamics.step import Crossing, State, Stiction
+from frictionid.dynamics.stiction import braked, constrained, driven, inputs
 from frictionid.friction import Friction, Memory
 from frictionid.mechanics import Partials, Plant
 from frictionid.shooting.law_derivatives import (
@@ -202,27 +203,27 @@ def _carry(
     scene: Scene,
     tangent: _Tangent,
     before: State,
-    course: tuple[State, Grip, Crossing | None],
+    course: tuple[State, Stiction, Crossing | None],
     u: Array,
     by: Array,
     dt: Array,
 ) -> None:
     """The derivatives, in place, from the begin to the end of a substep."""
-    after, grip, crossing = course
+    after, stiction, crossing = course
     middle = State(
         (before.q + after.q) / 2 + (before.w - after.w) * dt / 8,
         (before.w + after.w) / 2,
         tuple((a + b) / 2 for a, b in zip(before.memory, after.memory, strict=True)),
     )
     h, n = dt[:, 0], len(tangent.q)
-    held = None if grip.held is None or not grip.held.any() else grip.held
+    held = None if stiction.held is None or not stiction.held.any() else stiction.held
     if held is not None:
         for j in range(n):
             tangent.w[j] *= ~held[:, j]
     start = None if crossing is None else [w[:, crossing.rows] for w in tangent.w]
     rates = _memory_rates(scene, middle, u, dt / 2)
     _remember(scene, tangent, rates)
-    M, of, torques = _linearised(scene, middle, u, grip)
+    M, of, torques = _linearised(scene, middle, u, stiction)
     # implicit in w: M da = -(... + by_w (dw + dt/2 da))
     A = _inverse_of_free(M + h[:, None, None] / 2 * torques.by_w, held)
     for j in range(n):
@@ -239,17 +240,16 @@ def _carry(
 
 
 def _linearised(
-    scene: Scene, middle: State, u: Array, grip: Grip
+    scene: Scene, middle: State, u: Array, stiction: Stiction
 ) -> tuple[Array, Slopes, Partials]:
     """M, the slopes of friction, and those of the torques M a - h + Tf in q, w and p."""
-    plant = scene.plant
-    M, h = plant.dynamics(middle.q, middle.w)
-    of = slopes(plant, scene.friction, middle, u, scene.free, scene.seen, grip)
-    if grip.brakes is not None:
-        of = _gripped(scene, middle, u, grip, of)
-    force = h + stiction.driven(plant, u) - of.torque
-    a = solve(M, force) if grip.held is None else stiction.constrained(M, force, grip.held)
-    by_q, by_w, by_p = plant.mechanism.partials(plant.p, middle.q, middle.w, a)
+    M, h = scene.plant.dynamics(middle.q, middle.w)
+    of = slopes(scene.plant, scene.friction, middle, u, scene.free, scene.seen, stiction)
+    if stiction.minimum is not None:
+        of = _gripped(scene, middle, u, stiction, of)
+    force = h + driven(scene.plant, u) - of.torque
+    a = solve(M, force) if stiction.held is None else constrained(M, force, stiction.held)
+    by_q, by_w, by_p = scene.plant.mechanism.partials(scene.plant.p, middle.q, middle.w, a)
     return M, of, Partials(by_q if of.by_q is None else by_q + of.by_q, by_w + of.by_w, by_p)
 
 
@@ -289,9 +289,9 @@ def _inverse_of_free(M: Array, held: Array | None) -> Array:
     return inverse(M * both + (1.0 - free)[..., None] * np.eye(M.shape[-1])) * both
 
 
-def _gripped(scene: Scene, state: State, u: Array, grip: Grip, of: Slopes) -> Slopes:
+def _gripped(scene: Scene, state: State, u: Array, stiction: Stiction, of: Slopes) -> Slopes:
     """Slopes where joints are gripped: there friction is the break-away level, whatever w is."""
-    torque = stiction.braked(of.torque, grip)
+    torque = braked(of.torque, stiction)
     level = torque != of.torque
     rows = np.flatnonzero(level.any(-1))
     if not len(rows):
@@ -299,11 +299,11 @@ def _gripped(scene: Scene, state: State, u: Array, grip: Grip, of: Slopes) -> Sl
     scene = scene.take(rows)
     plant = scene.plant
     some = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
-    x = stiction.inputs(plant, scene.friction, some, u[rows])
-    brakes = grip.brakes[rows]  # type: ignore[index]
-    x = x._replace(w=np.where(level[rows], brakes, 1.0))
+    x = inputs(plant, scene.friction, some, u[rows])
+    minimum = stiction.minimum[rows]  # type: ignore[index]
+    x = x._replace(w=np.where(level[rows], minimum, 1.0))
     law, theta, memory = scene.friction.law, scene.friction.theta, some.memory
-    sign, zero = np.sign(brakes), 0.0 * x.w
+    sign, zero = np.sign(minimum), 0.0 * x.w
 
     def limit(theta: Array) -> Array:
         return sign * law.limit(theta, x, memory) + zero
@@ -334,7 +334,7 @@ def _memory_rates(scene: Scene, state: State, u: Array, dt: Array) -> _Rates:
     law, theta = scene.friction.law, scene.friction.theta
     if not state.memory or law.sample_time is not None:
         return _Rates((), (), ())
-    x = stiction.inputs(scene.plant, scene.friction, state, u)
+    x = inputs(scene.plant, scene.friction, state, u)
     up, down = (
         law.advance(theta, x._replace(w=x.w + s * SPEED), state.memory, dt) for s in (1.0, -1.0)
     )

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from fixtures.tiny_pendulums import TRUTH, dataset, disturbed, recordings, shortened, write_suite
 
-from frictionid.comparison.cross_validate import Contest, compare, fit, ground_of, run
+from frictionid.comparison.cross_validate import Benchmark, compare, fit, prepare_benchmark, run
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import load_suite, tasks_of
-from frictionid.comparison.tasks import Task, document, grounds_of, run_tasks
+from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_tasks
 from frictionid.data.states import RTS, Backward, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
@@ -24,9 +24,9 @@ FIT = LeastSquares(CoulombViscous())
 RECIPES = (STUDY, INTEGRAL)
 
 
-def contest(data=None, split=None, protocol=PROTOCOL, tests=()):
+def benchmark(data=None, split=None, protocol=PROTOCOL, tests=()):
     data = data or dataset()
-    return Contest(data, make_folds(data.recordings, split or Split(count=3)), protocol, tests)
+    return Benchmark(data, make_folds(data.recordings, split or Split(count=3)), protocol, tests)
 
 
 # --- Blind to what is held out -------------------------------------------------------------------
@@ -34,12 +34,12 @@ def contest(data=None, split=None, protocol=PROTOCOL, tests=()):
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
 def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(recipe):
-    whole = contest()
+    whole = benchmark()
     before = run(whole, FIT, recipe)
     for held in (0, 7):
         parts = list(recordings())
         parts[held] = disturbed(parts[held], 0.3)
-        other = run(contest(dataset(recordings=tuple(parts))), FIT, recipe)
+        other = run(benchmark(dataset(recordings=tuple(parts))), FIT, recipe)
         fold = int(whole.folds.labels[held][0])
         same = [np.array_equal(before.friction.theta[f], other.friction.theta[f]) for f in range(3)]
         assert same == [f == fold for f in range(3)]
@@ -48,7 +48,7 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(recipe):
 
 def test_a_fold_is_blind_to_the_block_that_it_holds_out():
     split = Split(count=4, kind="blocks", gap=0.25)
-    whole = contest(split=split)
+    whole = benchmark(split=split)
     before = run(whole, FIT, STUDY)
     # the second block begins within recording 2 and ends within recording 5
     labels = whole.folds.labels
@@ -56,16 +56,16 @@ def test_a_fold_is_blind_to_the_block_that_it_holds_out():
     parts = list(recordings())
     for i in held:
         parts[i] = disturbed(parts[i], 0.0)
-    other = run(contest(dataset(recordings=tuple(parts)), split), FIT, STUDY)
+    other = run(benchmark(dataset(recordings=tuple(parts)), split), FIT, STUDY)
     same = [np.array_equal(before.friction.theta[f], other.friction.theta[f]) for f in range(4)]
     assert held and same == [False, True, False, False]
 
 
 def test_folds_and_all_data_are_fitted_as_if_alone():
-    whole = contest()
+    whole = benchmark()
     result = run(whole, FIT, INTEGRAL)
-    ground = ground_of(whole, [INTEGRAL])
-    problem, weights = ground.problems["integral"], ground.weights["integral"]
+    shared = prepare_benchmark(whole, [INTEGRAL])
+    problem, weights = shared.problems["integral"], shared.weights["integral"]
     for f, theta in enumerate([*result.friction.theta, result.overall.theta]):
         alone = FIT.fit(problem, weights[f : f + 1], 0).theta[0]
         np.testing.assert_allclose(theta, alone, rtol=1e-6)
@@ -73,8 +73,8 @@ def test_folds_and_all_data_are_fitted_as_if_alone():
 
 
 def test_the_held_out_are_the_same_for_all_identifiers_and_recipes():
-    ground = ground_of(contest(), RECIPES)
-    np.testing.assert_array_equal(ground.weights["study"], ground.weights["integral"])
+    shared = prepare_benchmark(benchmark(), RECIPES)
+    np.testing.assert_array_equal(shared.weights["study"], shared.weights["integral"])
 
 
 # --- The same however it is run ------------------------------------------------------------------
@@ -97,12 +97,14 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     changes = [("identifiers.0", {"kind": "own_seeded:Seeded"}), ("seeds", [0, 1])]
     file = write_suite(tmp_path, changes)
     tasks = tasks_of(load_suite(file), file)
-    grounds = grounds_of(tasks)
+    prepared_benchmarks = prepare_benchmarks(tasks)
     seen = {1: [], 2: []}
     for jobs in (1, 2):
         folder = tmp_path / f"jobs{jobs}"
         done = seen[jobs].append
-        run_tasks(tasks, grounds, folder, LAWS, jobs=jobs, done=lambda t, to=done: to(t.file))
+        run_tasks(
+            tasks, prepared_benchmarks, folder, LAWS, jobs=jobs, done=lambda t, to=done: to(t.file)
+        )
     assert sorted(seen[1]) == sorted(seen[2]) == sorted(task.file for task in tasks)
     from frictionid.files import read_json
 
@@ -118,7 +120,7 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
 
 
 def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
-    whole = contest()
+    whole = benchmark()
     calls = []
 
     @dataclass(frozen=True)
@@ -134,7 +136,7 @@ def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
         for recipe in RECIPES
         for seed in (0, 1)
     ]
-    run_tasks(tasks, grounds_of(tasks), tmp_path, LAWS, jobs=1)
+    run_tasks(tasks, prepare_benchmarks(tasks), tmp_path, LAWS, jobs=1)
     assert len(calls) == 1 and len(list(tmp_path.iterdir())) == 8
     from frictionid.files import read_json
 
@@ -157,7 +159,7 @@ def test_the_table_of_a_few_lines_of_python():
     assert best.value("curve_error", "rms", joint="1") < 0.05
     ahead = ("rollout_angle", "median", 0.3)
     assert best.value(*ahead) < 0.2 * results["none", "integral"].value(*ahead)
-    again = run(contest(data), identifiers["stribeck"], INTEGRAL)
+    again = run(benchmark(data), identifiers["stribeck"], INTEGRAL)
     assert again.rows == best.rows
     assert best.friction.theta.shape == (3, 1, 4) and best.overall.theta.shape == (1, 4)
     assert best.curves.shape == (4, 401, 1)
@@ -167,10 +169,10 @@ def test_the_table_of_a_few_lines_of_python():
 
 def test_a_test_set_is_judged_by_what_all_data_gave():
     test = dataset(name="test", recordings=recordings()[:3])
-    result = run(contest(tests=(test,)), FIT, INTEGRAL)
+    result = run(benchmark(tests=(test,)), FIT, INTEGRAL)
     assert set(result.tests) == {"test"}
     assert {row.fold for row in result.tests["test"]} == {"all"}
-    alone = run(contest(tests=(test,)), Published(result.overall), INTEGRAL)
+    alone = run(benchmark(tests=(test,)), Published(result.overall), INTEGRAL)
     assert alone.tests == result.tests
     shown = {motion["dataset"]: motion["friction_of"] for motion in result.motions}
     assert shown == {"tiny": "fold", "test": "all"}
@@ -179,7 +181,7 @@ def test_a_test_set_is_judged_by_what_all_data_gave():
 def test_models_that_bring_their_own_mechanism_are_judged_with_it():
     friction = replace(true_friction(TRUTH), parameters={"mass": 0.4})
     wrong, right = (
-        run(contest(), Published(given), INTEGRAL) for given in (friction, true_friction(TRUTH))
+        run(benchmark(), Published(given), INTEGRAL) for given in (friction, true_friction(TRUTH))
     )
     for score, statistic, horizon in (
         ("one_step_integral", "rms", None),
@@ -197,7 +199,7 @@ def test_models_that_bring_their_own_mechanism_are_judged_with_it():
 @pytest.mark.parametrize("states", [RTS(), SavitzkyGolay()])
 def test_smoothed_states_go_with_either_scheme(states):
     for scheme in ("euler", "integral"):
-        result = run(contest(), FIT, Recipe("mine", states, scheme))
+        result = run(benchmark(), FIT, Recipe("mine", states, scheme))
         assert result.value("curve_error", "rms", joint="1") < 0.3
 
 
@@ -246,14 +248,14 @@ ABSURD = {
 def test_contests_that_cannot_be_held_are_refused_before_anything_is_fitted(change, words):
     change = {"protocol": PROTOCOL, **change}
     with pytest.raises(InputError, match=words) as caught:
-        ground_of(contest(**change), RECIPES)
+        prepare_benchmark(benchmark(**change), RECIPES)
     assert "\n" not in str(caught.value)
 
 
 def test_recordings_may_differ_in_length():
     parts = recordings()
     uneven = tuple(shortened(r, 0.5 + 0.09 * i) for i, r in enumerate(parts))
-    result = run(contest(dataset(recordings=uneven)), FIT, INTEGRAL)
+    result = run(benchmark(dataset(recordings=uneven)), FIT, INTEGRAL)
     assert result.value("curve_error", "rms", joint="1") < 0.1
     assert {row.fold for row in result.rows} == {"0", "1", "2", "all"}
 
@@ -281,16 +283,16 @@ BROKEN = {
 
 @pytest.mark.parametrize(("theta", "words"), BROKEN.values(), ids=BROKEN.keys())
 def test_what_an_identifier_gives_is_checked(theta, words, tmp_path):
-    whole = contest()
+    whole = benchmark()
     task = Task(whole, "broken", made(theta), INTEGRAL, 0)
     with pytest.raises(InputError, match=words) as caught:
-        run_tasks([task], grounds_of([task]), tmp_path, LAWS, jobs=1)
+        run_tasks([task], prepare_benchmarks([task]), tmp_path, LAWS, jobs=1)
     assert str(caught.value).startswith("tiny, broken by integral: ")
     assert not list(tmp_path.iterdir())
 
 
 def test_what_is_fitted_has_the_batch_of_its_weights():
-    ground = ground_of(contest(), [INTEGRAL])
-    problem = ground.problems["integral"]
+    shared = prepare_benchmark(benchmark(), [INTEGRAL])
+    problem = shared.problems["integral"]
     weights = np.ones((2, len(problem.r)))
     assert fit(FIT, problem, weights, 0).theta.shape == (2, 1, 2)

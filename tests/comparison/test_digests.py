@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from fixtures.tiny_pendulums import dataset, disturbed, recordings
 
-from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction.laws import CoulombViscous, Stribeck
@@ -28,8 +28,8 @@ class Bare:
 def task(identifier=None, recipe=INTEGRAL, seed=0, data=None, tests=(), split=None, **protocol):
     data = data or dataset()
     folds = make_folds(data.recordings, split or Split(count=3))
-    contest = Contest(data, folds, Protocol(**protocol), tests)
-    return Task(contest, "x", identifier or Nothing(), recipe, seed)
+    benchmark = Benchmark(data, folds, Protocol(**protocol), tests)
+    return Task(benchmark, "x", identifier or Nothing(), recipe, seed)
 
 
 def test_equal_tasks_have_equal_digests():

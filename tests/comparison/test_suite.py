@@ -101,10 +101,10 @@ def test_a_suite_is_the_constructor_calls_of_its_parts(place):
     found = [(t.name, t.identifier, t.recipe, t.seed) for t in made if t.name != "truth"]
     assert sorted(map(repr, found)) == sorted(repr((*e, s)) for e in expected for s in (3, 1))
     assert len(made) == len(expected) * 2 + 4
-    contest = made[0].contest
-    assert contest.protocol == Protocol((0.2, 0.1), 0.5, 0.2, 0.02)
-    assert contest.folds.count == 4 and contest.folds.gap == 0.1
-    assert {t.contest for t in made} == {contest}
+    benchmark = made[0].benchmark
+    assert benchmark.protocol == Protocol((0.2, 0.1), 0.5, 0.2, 0.02)
+    assert benchmark.folds.count == 4 and benchmark.folds.gap == 0.1
+    assert {t.benchmark for t in made} == {benchmark}
 
 
 def test_defaults_are_those_of_the_parts(place):
@@ -157,11 +157,11 @@ def test_one_data_set_may_have_its_tables_elsewhere_and_several_may_not(place, t
     for table in apart.glob("*.csv"):
         table.unlink()
     made = tasks(place, [("datasets.0.path", "apart")], tables)
-    assert len(made[0].contest.dataset.recordings) == 12
+    assert len(made[0].benchmark.dataset.recordings) == 12
     # data sets that only test what was fitted to it share its collection
     entry = {"path": "apart", "tests": ["apart_test"]}
     write_dataset(place / "apart_test", name="apart_test", changes=[("collection", "pendulums")])
-    assert tasks(place, [("datasets.0", entry)], tables)[0].contest.tests[0].name == "apart_test"
+    assert tasks(place, [("datasets.0", entry)], tables)[0].benchmark.tests[0].name == "apart_test"
     with pytest.raises(InputError, match=r"--data .*several \(tiny, apart\).*FRICTIONID_DATA"):
         tasks(place, [("datasets", [{"path": "tiny"}, {"path": "apart"}])], tables)
 

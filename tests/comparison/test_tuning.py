@@ -12,13 +12,13 @@ import pytest
 from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import dataset, disturbed, write_suite
 
-from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space, Tuning
 from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite, tasks_of
-from frictionid.comparison.tuning import lanes_of, tune, units_of
-from frictionid.comparison.tuning.nested_folds import training_contest
-from frictionid.comparison.tuning.trial import Unit
+from frictionid.comparison.tuning import study_specs, tune, tuning_tasks
+from frictionid.comparison.tuning.nested_folds import training_benchmark
+from frictionid.comparison.tuning.trial import TuningTask
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.identifiers.formulation import INTEGRAL
@@ -52,15 +52,15 @@ def place(tmp_path_factory):
     return folder
 
 
-def contest(split=Split(count=3), recordings=None, **changes):
+def benchmark(split=Split(count=3), recordings=None, **changes):
     data = dataset(**({} if recordings is None else {"recordings": recordings}))
     folds = make_folds(data.recordings, split)
-    return Contest(data, folds, Protocol((0.3,), every=0.5, **changes))
+    return Benchmark(data, folds, Protocol((0.3,), every=0.5, **changes))
 
 
 def unit(place, own=None, search=None, **settings):
     entry = IdentifierEntry(kind="own_scaled:Scaled", search=search or FACTOR, **settings)
-    return Unit(own or contest(), "scaled", entry, INTEGRAL, 0, place)
+    return TuningTask(own or benchmark(), "scaled", entry, INTEGRAL, 0, place)
 
 
 def values(found):
@@ -112,7 +112,7 @@ def test_the_example_of_the_page_can_be_tuned_and_begins_with_what_the_suite_lea
     assert Tuning.model_validate(example["tune"]) == Tuning()
     changes = [*example.items(), ("recipes", [{"name": "integral"}])]
     file = write_suite(place, changes, "page.toml")
-    units = units_of(load_suite(file), file)
+    units = tuning_tasks(load_suite(file), file)
     assert [u.name for u in units] == ["mlp", "lstm"]
     for u in units:
         assert set(u.own) == set(u.search)
@@ -127,7 +127,7 @@ def test_choices_whole_numbers_and_rollouts(place, tmp_path):
             "knots": Space(choices=[[1.0, 9.0], [0.5, 2.0, 8.0]]),
         },
     )
-    own = Unit(contest(), "spline", entry, INTEGRAL, 0, place)
+    own = TuningTask(benchmark(), "spline", entry, INTEGRAL, 0, place)
     objective = Objective(score="rollout_angle", horizon=0.3)
     (found,) = tune([own], Tuning(trials=3, folds=2, nested=False, objective=objective), tmp_path)
     for trial in found.trials:
@@ -152,12 +152,12 @@ def test_settings_that_cannot_be_fitted_fail_alone(place, tmp_path):
 
 
 def test_held_out_recordings_change_nothing_of_their_folds_study(place, tmp_path):
-    own = contest()
+    own = benchmark()
     held = [i for i, label in enumerate(own.folds.labels) if label[0] == 1]
     recordings = list(own.dataset.recordings)
     for i in held:
         recordings[i] = disturbed(recordings[i], 0.3)
-    other = contest(recordings=tuple(recordings))
+    other = benchmark(recordings=tuple(recordings))
     tuning = Tuning(trials=1, folds=2)
     a = {f.fold: f for f in tune([unit(place, own)], tuning, tmp_path / "a")}
     b = {f.fold: f for f in tune([unit(place, other)], tuning, tmp_path / "b")}
@@ -169,9 +169,9 @@ def test_held_out_recordings_change_nothing_of_their_folds_study(place, tmp_path
 
 def test_parts_of_blocks_leave_the_held_out_block_and_its_gap():
     gap = 0.1
-    own = contest(Split(count=3, kind="blocks", gap=gap))
+    own = benchmark(Split(count=3, kind="blocks", gap=gap))
     for fold in range(3):
-        part = training_contest(own, fold, Split(count=2))
+        part = training_benchmark(own, fold, Split(count=2))
         (test,) = part.tests
         held, seen = samples(test), samples(part.dataset)
         for name, times in held.items():
@@ -192,7 +192,7 @@ def samples(part):
 
 
 def test_shuffled_samples_part_nothing(place, tmp_path):
-    shuffled = unit(place, contest(Split(count=3, kind="shuffled")))
+    shuffled = unit(place, benchmark(Split(count=3, kind="shuffled")))
     with pytest.raises(InputError, match="nested .* shuffled .*tune.nested = false"):
         tune([shuffled], Tuning(trials=1, folds=2), tmp_path)
     (found,) = tune([shuffled], Tuning(trials=1, folds=2, nested=False), tmp_path)
@@ -242,7 +242,7 @@ def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path
     (first,) = tune([unit(place)], few, tmp_path)
     (longer,) = tune([unit(place)], more, tmp_path, resume=True)
     assert longer.trials[:2] == first.trials and len(longer.trials) == 3
-    other = unit(place, contest(recordings=dataset().recordings[:8]))
+    other = unit(place, benchmark(recordings=dataset().recordings[:8]))
     (anew,) = tune([other], few, tmp_path, resume=True)
     assert len(anew.trials) == 2 and anew.trials[0].value != first.trials[0].value
 
@@ -252,8 +252,8 @@ def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path
 
 def test_the_written_suite_runs_with_the_chosen_settings(place, tmp_path):
     table, file = suite(place, tuning={"trials": 2, "folds": 2})
-    units = units_of(table, file)
-    assert len(lanes_of(units, table.tune)) == 4
+    units = tuning_tasks(table, file)
+    assert len(study_specs(units, table.tune)) == 4
     found = tune(units, table.tune, tmp_path)
     page = write_outcome(tmp_path, found, table.tune.objective, file)
     whole = next(f for f in found if f.fold is None)
@@ -261,7 +261,7 @@ def test_the_written_suite_runs_with_the_chosen_settings(place, tmp_path):
     tasks = tasks_of(load_suite(tuned), tuned)
     made = {task.name: task.identifier for task in tasks}
     assert made["scaled"].factor == whole.best.settings["factor"] and "none" in made
-    assert tasks[0].contest.folds.hash == units[0].contest.folds.hash
+    assert tasks[0].benchmark.folds.hash == units[0].benchmark.folds.hash
     text = page.read_text()
     best = score_table(found, table.tune.objective).lines[0].cells
     assert all(cell.text in text for cell in best)
@@ -315,7 +315,7 @@ def test_each_mistake_is_one_line_that_names_the_way_out(place, entry, tuning, w
     changes = [("identifiers", [entry]), ("recipes", [{"name": "integral"}]), ("tune", tuning)]
     file = write_suite(place, changes, "wrong.toml")
     with pytest.raises(InputError, match=words) as caught:
-        units_of(load_suite(file), file)
+        tuning_tasks(load_suite(file), file)
     assert "\n" not in str(caught.value) and "wrong.toml" in str(caught.value)
 
 

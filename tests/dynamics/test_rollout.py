@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from frictionid.data.signals import Signal
 from frictionid.data.states import Backward
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State, pace_of, stride
+from frictionid.dynamics.step import State, adaptive_step, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
 from frictionid.friction.laws import (
@@ -54,11 +54,11 @@ def test_a_rollout_is_one_step_after_the_other():
     start, u = starts(np.random.default_rng(1))
     dt = np.random.default_rng(2).uniform(0.005, 0.03, T)
     motion = rollout(PLANT, STRIBECK, start, u, dt)
-    most = pace_of(PLANT, STRIBECK, dt.max())
+    most = step_size_of(PLANT, STRIBECK, dt.max())
     state = start
     for k in range(T):
-        pace = most._replace(pieces=int(np.ceil(most.pieces * dt[k] / dt.max())))
-        state = stride(PLANT, STRIBECK, state, u[k], dt[k : k + 1], pace)
+        step_size = most._replace(pieces=int(np.ceil(most.pieces * dt[k] / dt.max())))
+        state = adaptive_step(PLANT, STRIBECK, state, u[k], dt[k : k + 1], step_size)
         np.testing.assert_array_equal(motion.q[k + 1], state.q)
         np.testing.assert_array_equal(motion.w[k + 1], state.w)
     np.testing.assert_array_equal(motion.q[0], start.q)

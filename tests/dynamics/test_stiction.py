@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from frictionid.arrays import times
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import Grip, State, step, substeps
+from frictionid.dynamics.step import State, Stiction, step, substeps
 from frictionid.dynamics.zero_crossing import beyond, crossing
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
@@ -303,7 +303,7 @@ def test_stopping_keeps_the_momentum_of_free_joints_and_never_adds_energy():
     friction = Friction(CoulombViscous(), np.stack([1e4 * crossed, 0.0 * q], axis=-1))
     states = State(q, before), State(q, after)
     dt = np.array([1e-3])
-    found = crossing(DOUBLE, friction, *states, np.zeros((200, 2)), Grip(np.sign(before)), dt)
+    found = crossing(DOUBLE, friction, *states, np.zeros((200, 2)), Stiction(np.sign(before)), dt)
     end = beyond(found, *states, dt)
     np.testing.assert_array_equal(end.w == 0.0, crossed)
     M, _ = DOUBLE.dynamics(q, after)

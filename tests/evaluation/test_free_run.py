@@ -9,7 +9,7 @@ from fixtures.tiny_pendulums import dataset as torque_driven
 from fixtures.tiny_pendulums import recordings as torque_driven_recordings
 from scipy.integrate import solve_ivp
 
-from frictionid.comparison.cross_validate import Contest, run
+from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import Signal
@@ -20,15 +20,15 @@ from frictionid.errors import InputError
 from frictionid.evaluation import (
     Protocol,
     Split,
-    course_folds,
     free_run,
     free_run_rows,
     judge,
     judge_folds,
-    make_course,
     make_folds,
+    make_trajectory,
     powered,
     prepare,
+    trajectory_folds,
     true_friction,
     under,
 )
@@ -37,7 +37,7 @@ from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.identifiers import LeastSquares, Nothing
 from frictionid.identifiers.formulation import INTEGRAL
 from frictionid.mechanics import plant_of
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 
 MASS, LENGTH, KT, R = 0.5, 0.1, 0.37, 2.9
 TABLE = {"kind": "pendulum", "motor": True, "parameters": {"mass": MASS, "length": LENGTH}}
@@ -92,8 +92,8 @@ def subset(data, *index):
 
 
 def run_of(data, states, friction=TRUTH, begin=0.0):
-    course = make_course(data, states, begin)
-    return free_run(plant_of(data), friction, course), course
+    trajectory = make_trajectory(data, states, begin)
+    return free_run(plant_of(data), friction, trajectory), trajectory
 
 
 # --- Truth in, truth out -------------------------------------------------------------------------
@@ -102,16 +102,16 @@ def run_of(data, states, friction=TRUTH, begin=0.0):
 @pytest.mark.parametrize("begin", [0.0, 0.4])
 def test_the_true_friction_follows_the_whole_motion(logs, begin):
     data, states = logs
-    q, course = run_of(data, states, begin=begin)
-    error = np.abs(q - course.measured)[np.isfinite(course.measured)]
+    q, trajectory = run_of(data, states, begin=begin)
+    error = np.abs(q - trajectory.measured)[np.isfinite(trajectory.measured)]
     moved = np.ptp(np.concatenate([s.q for s in states]))
     assert moved > 1.0 and error.max() < 2e-3 and error.mean() < 3e-4
 
 
 def test_another_friction_or_another_motor_does_not(logs):
     data, states = logs
-    q, course = run_of(data, states)
-    good = np.nanmean(np.abs(q - course.measured))
+    q, trajectory = run_of(data, states)
+    good = np.nanmean(np.abs(q - trajectory.measured))
     heavy = Friction(CoulombViscous(), np.array([[0.0, 2 * VISCOUS]]))
     weak = replace(
         data,
@@ -120,8 +120,8 @@ def test_another_friction_or_another_motor_does_not(logs):
         ),
     )
     for other, friction in ((data, heavy), (weak, TRUTH)):
-        q, course = run_of(other, states, friction)
-        assert np.nanmean(np.abs(q - course.measured)) > 20 * good
+        q, trajectory = run_of(other, states, friction)
+        assert np.nanmean(np.abs(q - trajectory.measured)) > 20 * good
 
 
 def servoed(data, change):
@@ -132,15 +132,15 @@ def servoed(data, change):
 def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs):
     data, states = logs
     weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
-    rig = replace(Rig.ideal(1), gain=np.array([1.25]))
-    told, _ = run_of(weak, states, replace(TRUTH, rig=rig))
+    calibration = replace(Calibration.ideal(1), gain=np.array([1.25]))
+    told, _ = run_of(weak, states, replace(TRUTH, calibration=calibration))
     np.testing.assert_allclose(told, run_of(data, states)[0], atol=1e-9)
 
 
 def test_a_bias_of_the_rig_is_a_constant_torque(logs):
     data, states = subset(logs[0], 0), logs[1][:1]
     bias = 0.05
-    rig = replace(Rig.ideal(1), bias=np.array([bias]))
+    calibration = replace(Calibration.ideal(1), bias=np.array([bias]))
     goal = bias * R / KT / (data.recordings[0].servo.gain * data.recordings[0].servo.supply)
 
     def raised(servo):  # by what makes the same torque
@@ -148,7 +148,7 @@ def test_a_bias_of_the_rig_is_a_constant_torque(logs):
         return replace(servo, goal=servo.goal._replace(value=value), limit=1e9)
 
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
-    told, _ = run_of(free, states, replace(TRUTH, rig=rig))
+    told, _ = run_of(free, states, replace(TRUTH, calibration=calibration))
     np.testing.assert_allclose(told, run_of(servoed(data, raised), states)[0], atol=1e-9)
     assert np.abs(told - run_of(free, states)[0]).max() > 1e-3
 
@@ -157,7 +157,9 @@ def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
     data, states, d = subset(logs[0], 0), logs[1][:1], 0.004
     servo = data.recordings[0].servo
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
-    told, _ = run_of(free, states, replace(TRUTH, rig=replace(Rig.ideal(1), delay=np.array(d))))
+    told, _ = run_of(
+        free, states, replace(TRUTH, calibration=replace(Calibration.ideal(1), delay=np.array(d)))
+    )
 
     def later(servo):
         goal, on = (x._replace(time=x.time + d) for x in (servo.goal, servo.enabled))
@@ -193,10 +195,10 @@ def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs):
 
 def test_together_is_as_alone(logs):
     data, states = logs
-    q, course = run_of(data, states)
+    q, trajectory = run_of(data, states)
     for i in range(len(states)):
         alone, _ = run_of(subset(data, i), states[i : i + 1])
-        known = np.isfinite(course.measured[:, i, 0])
+        known = np.isfinite(trajectory.measured[:, i, 0])
         # pieces of an interval may differ where another recording has a longer one
         np.testing.assert_allclose(q[known, i], alone[:, 0], atol=2e-4)
 
@@ -209,9 +211,9 @@ def test_without_a_connected_motor_it_is_a_rollout_without_torque(logs, friction
     data, states = logs
     r = data.recordings[0]
     off = replace(r.servo, enabled=r.servo.enabled._replace(value=0 * r.angle.value))
-    q, course = run_of(replace(data, recordings=(replace(r, servo=off),)), states[:1], friction)
-    start = State(course.q, course.w)
-    free = rollout(plant_of(data)[:1], friction, start, 0 * course.u, course.dt)
+    q, trajectory = run_of(replace(data, recordings=(replace(r, servo=off),)), states[:1], friction)
+    start = State(trajectory.q, trajectory.w)
+    free = rollout(plant_of(data)[:1], friction, start, 0 * trajectory.u, trajectory.dt)
     np.testing.assert_allclose(q, free.q, atol=1e-5)
     assert np.ptp(q) > 0.1
 
@@ -221,12 +223,12 @@ def test_without_servos_the_recorded_torque_drives():
     states = [
         States(r.angle.time, r.truth.angle.value, r.truth.velocity.value) for r in data.recordings
     ]
-    course = make_course(data, states, 0.15)
+    trajectory = make_trajectory(data, states, 0.15)
     friction, plant = true_friction(data.truth), plant_of(data)
-    q = free_run(plant, friction, course)
-    own = rollout(plant, friction, State(course.q, course.w), course.u, course.dt)
+    q = free_run(plant, friction, trajectory)
+    own = rollout(plant, friction, State(trajectory.q, trajectory.w), trajectory.u, trajectory.dt)
     np.testing.assert_array_equal(q, own.q)
-    assert course.servos == () and np.nanmean(np.abs(q - course.measured)) < 2e-3
+    assert trajectory.servos == () and np.nanmean(np.abs(q - trajectory.measured)) < 2e-3
 
 
 # --- A model's own motor -------------------------------------------------------------------------
@@ -276,15 +278,15 @@ def test_scores_of_a_model_are_those_under_its_own_motor(logs):
 # --- Scores --------------------------------------------------------------------------------------
 
 
-def rows_of(error, course, fold):
-    rows = free_run_rows(course.measured + error, course, np.array(fold))
+def rows_of(error, trajectory, fold):
+    rows = free_run_rows(trajectory.measured + error, trajectory, np.array(fold))
     return {(r.fold, r.statistic, r.joint): r.value for r in rows}
 
 
 def test_each_recording_counts_alike_whatever_its_length(logs):
     data, states = logs
-    course = make_course(data, states)
-    rows = rows_of(np.array([0.1, 0.2, 0.3, 0.4])[:, None], course, [0, 1, 0, -1])
+    trajectory = make_trajectory(data, states)
+    rows = rows_of(np.array([0.1, 0.2, 0.3, 0.4])[:, None], trajectory, [0, 1, 0, -1])
     assert rows["all", "mean", "all"] == pytest.approx(0.2)
     assert rows["0", "mean", "all"] == pytest.approx(0.2)
     assert rows["1", "rms", "all"] == rows["1", "mean", "all"] == pytest.approx(0.2)
@@ -295,10 +297,10 @@ def test_each_recording_counts_alike_whatever_its_length(logs):
 
 def test_a_motion_that_diverged_is_infinitely_wrong(logs):
     data, states = logs
-    course = make_course(data, states)
-    error = np.zeros_like(course.measured)
+    trajectory = make_trajectory(data, states)
+    error = np.zeros_like(trajectory.measured)
     error[50, 0] = np.nan
-    rows = rows_of(error, course, [0, 1, 2, 3])
+    rows = rows_of(error, trajectory, [0, 1, 2, 3])
     assert rows["all", "mean", "all"] == rows["0", "mean", "all"] == np.inf
     assert rows["1", "mean", "all"] == 0.0
 
@@ -308,7 +310,7 @@ def test_folds_judge_what_they_hold_out(logs):
     protocol = Protocol((0.3,), history=0.0, whole=True)
     prepared = prepare(data, protocol)
     folds = make_folds(data.recordings, Split(count=4))
-    held = course_folds(prepared.course, folds)
+    held = trajectory_folds(prepared.trajectory, folds)
     assert sorted(held) == [0, 1, 2, 3]
     # one fold has the true friction, the others none
     theta = np.zeros((4, 1, 2))
@@ -321,24 +323,24 @@ def test_folds_judge_what_they_hold_out(logs):
 def test_a_comparison_scores_free_runs_where_it_is_asked(logs):
     data, _ = logs
     folds = make_folds(data.recordings, Split(count=4))
-    asked = Contest(data, folds, Protocol((0.3,), history=0.0, whole=True))
+    asked = Benchmark(data, folds, Protocol((0.3,), history=0.0, whole=True))
     identifiers = Nothing(), LeastSquares(MotorLoad())
     none, fitted = (run(asked, i, INTEGRAL).value("free_run", "mean") for i in identifiers)
     assert fitted < 0.2 * none
-    silent = Contest(data, folds, Protocol((0.3,), history=0.0))
+    silent = Benchmark(data, folds, Protocol((0.3,), history=0.0))
     with pytest.raises(InputError, match="no score 'free_run'"):
         run(silent, Nothing(), INTEGRAL).value("free_run", "mean")
 
 
 def test_folds_that_hold_out_no_whole_recording_are_refused():
     data = torque_driven()
-    course = make_course(data, Causal()([r.angle for r in data.recordings]))
+    trajectory = make_trajectory(data, Causal()([r.angle for r in data.recordings]))
     blocks = make_folds(torque_driven_recordings(), Split(count=40, kind="blocks", gap=0.0))
     with pytest.raises(InputError, match='whole = true: no fold.*folds.kind = "recordings"'):
-        course_folds(course, blocks)
+        trajectory_folds(trajectory, blocks)
 
 
 def test_a_history_as_long_as_a_recording_is_refused(logs):
     data, states = logs
     with pytest.raises(InputError, match="recording 'a' ends within the history of 2 s"):
-        make_course(data, states, 2.0)
+        make_trajectory(data, states, 2.0)

@@ -7,7 +7,7 @@ from fixtures.paths import DATA
 from frictionid import load_dataset
 from frictionid.data.states import States
 from frictionid.errors import InputError
-from frictionid.evaluation import make_starts, steady_state, true_friction
+from frictionid.evaluation import make_initial_states, steady_state, true_friction
 from frictionid.evaluation.rollouts import predict
 from frictionid.friction import Friction, at_rest
 from frictionid.mechanics import plant_of
@@ -86,7 +86,7 @@ def errors(dataset, friction):
     """Angle errors [rad] half a second after true starts with the memory of the motion before."""
     states = [States(*r.truth.angle[:2], r.truth.velocity.value) for r in dataset.recordings]
     plant = plant_of(dataset)
-    starts = make_starts(dataset, states, plant, (0.5,), every=1.5, begin=0.5)
+    starts = make_initial_states(dataset, states, plant, (0.5,), every=1.5, begin=0.5)
     S = len(starts.recording)
     theta = np.broadcast_to(friction.theta, (S, *friction.theta.shape))
     motion = predict(plant[starts.recording], Friction(friction.law, theta), starts)

@@ -39,7 +39,7 @@ def ready(dataset):
 def states(prepared, friction=TRUE):
     starts = prepared.starts
     each = friction[None][np.zeros(len(starts.index), int)]
-    return found(prepared.plant[starts.recording], each, prepared.past, starts)
+    return found(prepared.plant[starts.recording], each, prepared.preceding, starts)
 
 
 def errors(dataset, prepared, w):
@@ -92,7 +92,7 @@ def test_starts_side_by_side_are_each_alone():
     starts = prepared.starts
     theta = np.stack([TRUE.theta * (1 + 0.2 * (s % 2)) for s in range(len(starts.index))])
     plant = prepared.plant[starts.recording]
-    together = found(plant, Friction(CoulombViscous(), theta), prepared.past, starts)
+    together = found(plant, Friction(CoulombViscous(), theta), prepared.preceding, starts)
     for factor in (0, 1):
         alone = states(prepared, replace(TRUE, theta=TRUE.theta * (1 + 0.2 * factor)))
         own = np.arange(len(starts.index)) % 2 == factor

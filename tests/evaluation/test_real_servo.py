@@ -12,12 +12,12 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.states import Causal
 from frictionid.evaluation import (
     Split,
-    course_folds,
     free_run,
     free_run_rows,
-    make_course,
     make_folds,
+    make_trajectory,
     powered,
+    trajectory_folds,
 )
 from frictionid.friction.laws import MotorLoad
 from frictionid.identifiers import LeastSquares
@@ -52,26 +52,26 @@ def models(request):
 
 @pytest.fixture(scope="module")
 def runs(logs, models):
-    """Angles of each published model's free runs, and their course."""
+    """Angles of each published model's free runs, and their trajectory."""
     found = {}
     for name, friction in models.items():
         plant = plant_of(logs, friction.parameters)
-        course = course_of(powered(logs, plant))
-        found[name] = free_run(plant, friction, course), course
+        trajectory = course_of(powered(logs, plant))
+        found[name] = free_run(plant, friction, trajectory), trajectory
     return found
 
 
 def course_of(data):
-    return make_course(data, Causal()([r.angle for r in data.recordings]))
+    return make_trajectory(data, Causal()([r.angle for r in data.recordings]))
 
 
-def errors(q, course):
+def errors(q, trajectory):
     """Mean error of each recording, (R,) [rad]."""
-    return np.nanmean(np.abs(q - course.measured)[..., 0], axis=0)
+    return np.nanmean(np.abs(q - trajectory.measured)[..., 0], axis=0)
 
 
-def mean(q, course, fold):
-    rows = free_run_rows(q, course, fold)
+def mean(q, trajectory, fold):
+    rows = free_run_rows(q, trajectory, fold)
     return next(r.value for r in rows if (r.fold, r.statistic) == ("all", "mean"))
 
 
@@ -147,7 +147,7 @@ def test_friction_fitted_elsewhere_errs_less_than_both_published_models(runs, lo
     problem = training_problem(logs, plant, INTEGRAL)
     weights = folds.training(problem.recording, problem.time, problem.dt)
     fitted = LeastSquares(MotorLoad()).fit(problem, weights, 0)
-    course = course_of(logs)
-    held = course_folds(course, folds)
-    own = mean(free_run(plant, fitted[held], course), course, held)
+    trajectory = course_of(logs)
+    held = trajectory_folds(trajectory, folds)
+    own = mean(free_run(plant, fitted[held], trajectory), trajectory, held)
     assert all(own < 0.9 * mean(*run, held) for run in runs.values())

@@ -23,14 +23,14 @@ from frictionid.errors import InputError
 from frictionid.evaluation import (
     Protocol,
     Split,
+    initial_state_folds,
     judge,
     judge_folds,
     make_folds,
-    make_starts,
+    make_initial_states,
     predict,
     prepare,
     rollout_rows,
-    start_folds,
     true_friction,
     under,
 )
@@ -43,7 +43,7 @@ HORIZONS = (0.1, 0.3)
 
 def starts_of(data, states=None, horizons=HORIZONS, every=0.25, begin=0.15):
     states = states or Causal()([r.angle for r in data.recordings])
-    return make_starts(data, states, plant_of(data), horizons, every=every, begin=begin)
+    return make_initial_states(data, states, plant_of(data), horizons, every=every, begin=begin)
 
 
 def still(time):
@@ -99,7 +99,7 @@ def test_the_truth_from_causal_states_beats_no_friction_by_far():
     assert scores["truth"] < 0.05 * scores["none"]
 
 
-# --- Starts --------------------------------------------------------------------------------------
+# --- Initial states ------------------------------------------------------------------------------
 
 
 def test_starts_know_nothing_of_what_comes_later():
@@ -214,7 +214,7 @@ def test_a_start_belongs_to_the_fold_that_holds_out_its_whole_horizon(kind):
     folds = make_folds(data.recordings, Split(count=5, kind=kind))
     states = Causal()([r.angle for r in data.recordings])
     starts = starts_of(data, states)
-    found = start_folds(starts, folds, states)
+    found = initial_state_folds(starts, folds, states)
     for h, s in np.ndindex(found.shape):
         r, k, last = starts.recording[s], starts.index[s], starts.last[h, s]
         if last < 0:
@@ -233,7 +233,7 @@ def test_blocks_shorter_than_a_horizon_are_refused():
     prepared = prepare(data, Protocol(horizons=HORIZONS))
     folds = make_folds(data.recordings, Split(count=100, kind="blocks"))
     with pytest.raises(InputError, match=r"no fold holds out 0\.3 s of motion.*fewer folds"):
-        start_folds(prepared.starts, folds, prepared.observed.causal)
+        initial_state_folds(prepared.starts, folds, prepared.observed.causal)
 
 
 @pytest.mark.parametrize("kind", ["recordings", "blocks"])
@@ -244,7 +244,7 @@ def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
     friction = Friction(CoulombViscous(), np.array([[[0.0, 0.1 * f]] for f in range(4)]))
     rows, _ = judge_folds(friction, friction[0], prepared, folds)
     starts = prepared.starts
-    fold = start_folds(starts, folds, prepared.observed.causal)
+    fold = initial_state_folds(starts, folds, prepared.observed.causal)
     for f in range(4):
         alone = np.full(len(starts.recording), f)
         motion = predict(prepared.plant[starts.recording], friction[alone], starts)

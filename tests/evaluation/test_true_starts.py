@@ -15,13 +15,13 @@ from frictionid.evaluation import (
     judge_folds,
     make_folds,
     prepare,
+    true_calibration,
     true_friction,
-    true_rig,
 )
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import plant_of
-from frictionid.mechanics.calibration import Rig, stacked
+from frictionid.mechanics.calibration import Calibration, stacked
 
 PROTOCOL = Protocol(horizons=(0.5,), true_starts=True)
 
@@ -48,14 +48,16 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
     alone, _ = judge(true_friction(TRUTH), prepared)
     theta = true_friction(TRUTH).theta
     friction = replace(true_friction(TRUTH), theta=np.repeat(theta[None], 3, axis=0))
-    rig = Rig.ideal(1, plant_of(data).p[0])
-    late = replace(rig, delay=np.array(0.05))
-    for rigs, same in (
+    calibration = Calibration.ideal(1, plant_of(data).p[0])
+    late = replace(calibration, delay=np.array(0.05))
+    for calibrations, same in (
         (None, True),
-        (stacked([rig] * 3), True),
-        (stacked([rig, late, late]), False),
+        (stacked([calibration] * 3), True),
+        (stacked([calibration, late, late]), False),
     ):
-        rows, _ = judge_folds(replace(friction, rig=rigs), true_friction(TRUTH), prepared, folds)
+        rows, _ = judge_folds(
+            replace(friction, calibration=calibrations), true_friction(TRUTH), prepared, folds
+        )
         found = scores(rows)
         assert set(found) == {(f, j) for f in ("0", "1", "2") for j in ["all"]} | {
             ("all", "all"),
@@ -76,16 +78,16 @@ def test_they_are_made_only_where_they_are_wanted_and_the_truth_is_known():
 def test_the_truth_has_the_true_inertias_and_torque_clock():
     data = load_dataset(DATA / "acrobot_sim")
     data = replace(data, recordings=data.recordings[12:15])
-    friction, rig = true_friction(data.truth), true_rig(data)
+    friction, calibration = true_friction(data.truth), true_calibration(data)
     prepared = prepare(data, replace(PROTOCOL, true_starts=False))
-    own, told = (judge(replace(friction, rig=r), prepared)[0] for r in (rig, None))
-    assert float(rig.delay) == data.truth["rig"]["torque_delay"]
+    own, told = (judge(replace(friction, calibration=r), prepared)[0] for r in (calibration, None))
+    assert float(calibration.delay) == data.truth["rig"]["torque_delay"]
     assert scores(own, "rollout_angle")["all", "all"] < (
         0.2 * scores(told, "rollout_angle")["all", "all"]
     )
 
 
 def test_a_machine_that_is_as_told_has_no_rig_of_its_own():
-    assert true_rig(load_dataset(DATA / "acrobot_clean")) is None
-    assert true_rig(dataset()) is None
-    assert true_rig(dataset(truth=None)) is None
+    assert true_calibration(load_dataset(DATA / "acrobot_clean")) is None
+    assert true_calibration(dataset()) is None
+    assert true_calibration(dataset(truth=None)) is None

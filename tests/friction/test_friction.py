@@ -72,7 +72,7 @@ def test_the_break_away_level_is_the_most_that_friction_reaches_without_its_visc
     if theta.shape[-1]:
         theta[:, -1] = 0.0  # viscous
     curve = Friction(law, theta).curve(np.linspace(-100.0, 100.0, 200_001))
-    # smoothing costs a little of it: the dip is past its top when the sign is complete
+    # smoothing costs a little of it: the stribeck_factor is past its top when the sign is complete
     up, down = (law.limit(theta, at_rest(np.full(2, w)), ()) for w in (1.0, -1.0))
     np.testing.assert_allclose(curve.max(axis=0), up, rtol=0.02)
     np.testing.assert_allclose(-curve.min(axis=0), down, rtol=0.02)

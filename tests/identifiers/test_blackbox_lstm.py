@@ -18,7 +18,7 @@ from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import BlackBox, Network, StateNetwork, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import sliding
-from frictionid.identifiers.synthetic_problem import practice_problem
+from frictionid.identifiers.synthetic_problem import synthetic_problem
 from frictionid.mechanics import unit_plant
 
 SMALL = StateLSTM(hidden=(4,), cells=2)
@@ -54,7 +54,7 @@ def test_it_keeps_to_the_contract() -> None:
 
 
 def test_another_seed_gives_another_network() -> None:
-    problem = practice_problem(1)
+    problem = synthetic_problem(1)
     weights = np.ones((1, len(problem.r)))
     box = BlackBox(StateNetwork(Network(SMALL, epochs=1)))
     one, two = (box.fit(problem, weights, seed).theta for seed in (0, 1))
@@ -78,6 +78,6 @@ def test_settings_that_mean_nothing_are_refused(settings, words) -> None:
 
 
 def test_rows_that_are_open_at_rest_are_refused() -> None:
-    problem = sliding(practice_problem(1), 1.0)
+    problem = sliding(synthetic_problem(1), 1.0)
     with pytest.raises(InputError, match="rest = 0"):
         BOX.fit(problem, np.ones((1, len(problem.r))), 0)

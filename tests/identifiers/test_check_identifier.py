@@ -27,8 +27,8 @@ from frictionid.identifiers import (
     check_identifier,
 )
 from frictionid.identifiers.synthetic_problem import (
-    practice_problem,
-    practice_weights,
+    synthetic_problem,
+    synthetic_weights,
     true_friction,
 )
 
@@ -71,7 +71,7 @@ OURS = [
 @pytest.mark.parametrize("identifier", OURS, ids=str)
 def test_identifiers_keep_to_the_contract(identifier):
     check_identifier(identifier)
-    fitted = identifier.fit(practice_problem(1), practice_weights(practice_problem(1)), 0)
+    fitted = identifier.fit(synthetic_problem(1), synthetic_weights(synthetic_problem(1)), 0)
     assert fitted.theta.shape[:2] == (3, 1)
 
 
@@ -95,18 +95,18 @@ def test_every_identifier_of_the_suites_keeps_to_it(name):
 
 
 def test_laws_with_memory_are_fitted_in_the_contract():
-    problem = practice_problem(1)
+    problem = synthetic_problem(1)
     identifier = LeastSquares(Film(), iterations=6)
     check_identifier(identifier, joints=(1,))
-    friction = identifier.fit(problem, practice_weights(problem), 0)
+    friction = identifier.fit(problem, synthetic_weights(problem), 0)
     residual = problem.residual(along(friction, problem.nodes))
     assert np.abs(residual).mean() < 0.2 * np.abs(problem.r).mean()
 
 
 def test_the_practice_problem_is_explained_by_its_friction_and_has_what_the_contract_needs():
     for n in (1, 2):
-        problem = practice_problem(n, noise=0.0)
-        weights = practice_weights(problem)
+        problem = synthetic_problem(n, noise=0.0)
+        weights = synthetic_weights(problem)
         residual = problem.residual(along(true_friction(n), problem.nodes))
         np.testing.assert_allclose(residual, 0.0, atol=1e-15)
         assert problem.r.shape == (120, n)
@@ -116,7 +116,7 @@ def test_the_practice_problem_is_explained_by_its_friction_and_has_what_the_cont
         speed = np.abs(problem.nodes.inputs.w)
         assert ((1.0 < speed.max(0)) & (speed.max(0) < 10.0)).all()
         assert (np.diff(np.sign(problem.nodes.inputs.w), axis=0) != 0).any(axis=0).all()
-        same = pickle.dumps(practice_problem(n)) == pickle.dumps(practice_problem(n))
+        same = pickle.dumps(synthetic_problem(n)) == pickle.dumps(synthetic_problem(n))
         assert same
 
 

@@ -18,7 +18,7 @@ from frictionid.friction import along
 from frictionid.friction.laws import MLP
 from frictionid.identifiers import Network
 from frictionid.identifiers.networks.compiled import compiled, compiler
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 TINY = Network(MLP((2,)), epochs=2, batch=64)
 NO_CUDA = pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
@@ -28,8 +28,8 @@ NO_CUDA = pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA 
 def test_a_compiled_network_learns_the_same():
     from torch._inductor import config as inductor  # takes seconds
 
-    problem = practice_problem(1)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
     eager = along(TINY.fit(problem, weights, 0), problem.nodes)
     # code for no particular processor, without optimisation: most of the time is the compiler's
     plain = {"cpp.simdlen": 1, "aot_inductor.debug_compile": True, "compile_threads": 1}

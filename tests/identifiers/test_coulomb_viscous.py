@@ -20,7 +20,7 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws.smooth_sign import smooth_sign
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 LAW = CoulombViscous()
 TRUTH = np.array([[0.10, 0.02], [0.05, 0.01]])
@@ -50,8 +50,8 @@ def test_with_noise_the_truth_is_within_four_standard_errors(seed):
 
 
 def test_where_no_bound_holds_it_is_the_weighted_normal_equations():
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
     w = problem.nodes.inputs.w
     columns = []
     for feature in (smooth_sign(w, LAW.width), w):
@@ -66,8 +66,8 @@ def test_where_no_bound_holds_it_is_the_weighted_normal_equations():
 
 
 def test_each_fold_is_scipys_least_squares():
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
     for f, theta in enumerate(fit(problem, weights).theta):
         same = by_scipy(LAW, problem, weights[f], TRUTH)
         np.testing.assert_allclose(theta, same, rtol=1e-6)
@@ -90,7 +90,7 @@ def test_coefficients_stay_positive_where_the_data_want_them_negative(theta):
 def test_a_level_of_an_arctangent_is_its_level_at_high_speed():
     theta = np.array([[0.1, 0.0]])
     law = CoulombViscous(width=0.01, shape="arctan")
-    w = practice_problem(1).nodes.inputs.w
+    w = synthetic_problem(1).nodes.inputs.w
     published = 0.1 / (np.pi / 2) * np.arctan(100 * w)  # as others write it: cf = level/(pi/2)
     problem = explained_by(law, theta)
     mean = times(problem.G, problem.mean(published))

@@ -21,10 +21,10 @@ from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
-from frictionid.identifiers.initial_guess import best_starts
+from frictionid.identifiers.initial_guess import best_initial_guess
 from frictionid.identifiers.linearised import Rows
 from frictionid.identifiers.residual import sliding
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
 
 CLEAN = DATA / "acrobot_clean"
@@ -135,7 +135,7 @@ def test_a_start_that_is_the_truth_is_taken_by_each_joint():
     starts = ((0.3, 0.1, 0.8), *truth, (0.0, 0.5, 2.9))
     law = type("Started", (Drag,), {"initial": starts})()
     problem = explained_by(Drag(), truth)
-    begin, end = best_starts(Rows(law, problem), everything(problem))
+    begin, end = best_initial_guess(Rows(law, problem), everything(problem))
     np.testing.assert_array_equal(begin, truth.reshape(1, 6))
     np.testing.assert_allclose(end, begin, rtol=1e-6)
 
@@ -143,7 +143,7 @@ def test_a_start_that_is_the_truth_is_taken_by_each_joint():
 def test_laws_without_a_gradient_are_scipys_least_squares():
     theta = [[0.1, 0.02, 1.4], [0.05, 0.01, 2.2]]
     problem = explained_by(Drag(), theta, 1e-3, np.random.default_rng(0))
-    weights = practice_weights(problem)
+    weights = synthetic_weights(problem)
     for f, found in enumerate(fit(Drag(), problem, weights).theta):
         np.testing.assert_allclose(
             found, by_scipy(Drag(), problem, weights[f], theta), rtol=1e-5, atol=1e-8
@@ -183,14 +183,14 @@ def resting(problem, joint):
 
 
 def test_a_joint_that_never_moves_is_named():
-    problem = resting(practice_problem(2), joint=1)
+    problem = resting(synthetic_problem(2), joint=1)
     with pytest.raises(InputError, match="joint 2 slides in 0 rows of fold 0, too few for the 2"):
         fit(CoulombViscous(), problem, everything(problem))
 
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_so_is_one_that_only_creeps_where_joints_at_rest_are_left_open(n):
-    problem = practice_problem(n)
+    problem = synthetic_problem(n)
     x, last = problem.nodes.inputs, np.arange(n) == n - 1
     slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))
     with pytest.raises(InputError, match=f"joint {n} slides in 0 rows of fold 0"):
@@ -198,7 +198,7 @@ def test_so_is_one_that_only_creeps_where_joints_at_rest_are_left_open(n):
 
 
 def test_so_is_the_fold_in_which_it_does_not():
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     G = np.where((problem.recording == 1)[:, None, None], [[0.0, 1.0], [0.0, 1.0]], 1.0) * problem.G
     only = problem.recording == np.arange(3)[:, None]
     with pytest.raises(InputError, match="joint 1 slides in 0 rows of fold 1"):
@@ -207,7 +207,7 @@ def test_so_is_the_fold_in_which_it_does_not():
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
 def test_fewer_rows_than_parameters_are_refused(rows):
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     weights = (np.arange(120) < rows)[None] * 1.0
     with pytest.raises(InputError, match=f"joint 1 slides in {rows} rows of fold 0, too few for"):
         fit(Stribeck(), problem, weights)
@@ -224,7 +224,7 @@ def test_a_direction_that_never_occurs_keeps_its_start():
 @pytest.mark.parametrize("field", ["r", "G"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_rows_that_are_not_finite_never_pass_in_silence(field, value):
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     spoilt = getattr(problem, field).copy()
     spoilt[7] = value
     with np.errstate(all="ignore"), pytest.raises(InputError, match="not finite"):

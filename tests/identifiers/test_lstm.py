@@ -16,7 +16,7 @@ from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares, Network, check_identifier
 from frictionid.identifiers.networks.lstm_training import Sequences, _Cells
 from frictionid.identifiers.networks.network import check_device
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)
@@ -51,7 +51,7 @@ def test_a_free_network_makes_friction_of_the_samples_alone():
 
 @pytest.mark.parametrize("odd", [False, True])
 def test_friction_of_the_mirrored_motion_is_mirrored_where_it_is_odd(odd):
-    law, nodes = LSTM(3, hidden=(4,), odd=odd), practice_problem(2).nodes
+    law, nodes = LSTM(3, hidden=(4,), odd=odd), synthetic_problem(2).nodes
     friction = Friction(law, drawn(law)[0])
     mirrored = nodes._replace(inputs=nodes.inputs._replace(w=-nodes.inputs.w))
     off = np.abs(along(friction, nodes) + along(friction, mirrored)).max()
@@ -59,7 +59,7 @@ def test_friction_of_the_mirrored_motion_is_mirrored_where_it_is_odd(odd):
 
 
 def test_it_never_drives_a_joint_whatever_its_weights():
-    nodes = practice_problem(2).nodes
+    nodes = synthetic_problem(2).nodes
     for seed in range(4):
         law = LSTM(3, hidden=(4,))
         torque = along(Friction(law, drawn(law, seed=seed)), nodes)
@@ -121,10 +121,10 @@ def test_the_loop_back_through_time_is_the_derivative_of_the_loop_forth():
     "law", [LSTM(3, hidden=(4,)), LSTM(3, hidden=(4,), odd=True), FREE], ids=["", "odd", "free"]
 )
 def test_cost_of_the_pieces_is_that_of_the_rows(law):
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     # the pieces read the first sample some times before the second: rows by which that is forgotten
     late = np.concatenate([np.arange(40) >= 25] * 3)
-    weights, theta = practice_weights(problem) * late, drawn(law)
+    weights, theta = synthetic_weights(problem) * late, drawn(law)
     a, b = law.gate_sizes
     theta[..., 3 + a * b + law.cells : 3 + a * b + 2 * law.cells] -= 2.0
     lessons = Sequences(law, problem, theta, weights, "cpu", 40, 8)
@@ -157,15 +157,15 @@ def test_it_keeps_to_the_contract_of_identifiers():
 
 
 def test_seeds_differ():
-    problem = practice_problem(1)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
     one, other = (SMALL.fit(problem, weights, seed).theta for seed in (0, 1))
     assert np.abs(one - other).max() > 1e-3
 
 
 def test_it_comes_back_from_its_files(tmp_path):
-    problem = practice_problem(1)
-    found = replace(SMALL, epochs=1).fit(problem, practice_weights(problem), 0)
+    problem = synthetic_problem(1)
+    found = replace(SMALL, epochs=1).fit(problem, synthetic_weights(problem), 0)
     save_model(found, tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", LAWS)
     assert again.law == found.law
@@ -219,12 +219,12 @@ def test_a_device_that_is_not_there_is_told_in_one_line():
         check_device("cuda")
     assert "\n" not in str(told.value)
     with pytest.raises(InputError, match="sees no CUDA device"):
-        problem = practice_problem(1)
-        replace(SMALL, device="cuda").fit(problem, practice_weights(problem), 0)
+        problem = synthetic_problem(1)
+        replace(SMALL, device="cuda").fit(problem, synthetic_weights(problem), 0)
 
 
 def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_rows():
-    problem = practice_problem(1)
+    problem = synthetic_problem(1)
     longest = len(problem.r)
     one, two = (
         replace(SMALL, epochs=1, targets=t, batch=b).fit(problem, everything(problem), 0)

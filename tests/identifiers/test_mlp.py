@@ -20,8 +20,8 @@ from frictionid.identifiers.networks.compressed import _torque
 from frictionid.identifiers.networks.compressed_problem import compressed, node_speeds
 from frictionid.identifiers.networks.early_stopping import held_out
 from frictionid.identifiers.synthetic_problem import (
-    practice_problem,
-    practice_weights,
+    synthetic_problem,
+    synthetic_weights,
     true_friction,
 )
 
@@ -111,8 +111,8 @@ def test_it_finds_a_curve_that_is_none_of_its_own(n):
 
 
 def test_more_freedom_costs_less_in_training():
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
     strict, free = (
         CompressedNetwork(MLP((8,)), freedom=(freedom,)).fit(problem, weights, 0)
         for freedom in (0.03, 1.0)
@@ -121,8 +121,8 @@ def test_more_freedom_costs_less_in_training():
 
 
 def test_compressed_squares_are_those_of_the_rows():
-    problem, law = practice_problem(2), MLP((6, 6))
-    weights, theta = practice_weights(problem), drawn(law)[:, :2]
+    problem, law = synthetic_problem(2), MLP((6, 6))
+    weights, theta = synthetic_weights(problem), drawn(law)[:, :2]
     speeds = node_speeds(problem, 200)
     squares = compressed(problem, weights, speeds, law.width, law.shape)
     assert squares.speeds.shape == (2, 400)
@@ -136,8 +136,8 @@ def test_compressed_squares_are_those_of_the_rows():
 
 
 def test_a_fold_is_the_same_alone_whatever_its_neighbours():
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
     together = along(SMALL.fit(problem, weights, 3), problem.nodes)
     for f in range(len(weights)):
         alone = along(SMALL.fit(problem, weights[f : f + 1], 3), problem.nodes)[0]
@@ -145,8 +145,8 @@ def test_a_fold_is_the_same_alone_whatever_its_neighbours():
 
 
 def test_seeds_differ_a_little_and_the_same_seed_not_at_all():
-    problem = practice_problem(1)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
     one, again, other = (SMALL.fit(problem, weights, seed).theta for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, again)
     torques = [along(Friction(SMALL.law, theta), problem.nodes) for theta in (one, other)]
@@ -154,8 +154,8 @@ def test_seeds_differ_a_little_and_the_same_seed_not_at_all():
 
 
 def test_rows_held_out_inside_a_fold_are_whole_recordings_or_pieces_of_it():
-    problem = practice_problem(1)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
     rows = held_out(problem, weights, 0.2, 0)
     assert (rows <= (weights > 0)).all()
     share = (rows * weights).sum(1) / weights.sum(1)
@@ -163,8 +163,8 @@ def test_rows_held_out_inside_a_fold_are_whole_recordings_or_pieces_of_it():
 
 
 def test_it_comes_back_from_its_files_and_prints_no_weights(tmp_path):
-    problem = practice_problem(2)
-    found = SMALL.fit(problem, practice_weights(problem), 0)
+    problem = synthetic_problem(2)
+    found = SMALL.fit(problem, synthetic_weights(problem), 0)
     assert len(str(found)) < 200
     for friction in (found, found[1]):
         save_model(friction, tmp_path / "model.json", LAWS)

@@ -13,7 +13,7 @@ from fixtures.paths import ROOT
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite, tasks_of
-from frictionid.comparison.tasks import grounds_of, run_tasks
+from frictionid.comparison.tasks import prepare_benchmarks, run_tasks
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.files import read_json
@@ -79,7 +79,7 @@ def test_a_suite_beside_its_file_runs_it_in_worker_processes(
     entries = [{"kind": "own_friction:quadratic"}, {"kind": "none"}]
     tiny.write_suite(tmp_path, [("identifiers", entries), ("recipes", [{"name": "integral"}])])
     tasks = tasks_of(load_suite(tmp_path / "suite.toml"), tmp_path / "suite.toml")
-    run_tasks(tasks, grounds_of(tasks), tmp_path / "tasks", LAWS, jobs=2)
+    run_tasks(tasks, prepare_benchmarks(tasks), tmp_path / "tasks", LAWS, jobs=2)
     own = tmp_path / "tasks" / "tiny--quadratic--integral--seed0.json"
     model = read_json(own)["model"]
     assert model["law"] == {"kind": "Quadratic", "width": 0.02}

@@ -11,7 +11,7 @@ from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.row_weights import shares
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 
@@ -34,8 +34,8 @@ def test_rows_that_count_twice_are_rows_that_stand_there_twice():
 
 @pytest.mark.parametrize("size", [1e-300, 1e-12, 1e12, 1e307])
 def test_the_size_of_weights_does_not_matter(size):
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
     usual, other = (fit(Stribeck(), problem, w) for w in (weights, size * weights))
     np.testing.assert_allclose(other.theta, usual.theta, rtol=1e-6)
 
@@ -62,7 +62,7 @@ def test_one_row_that_weighs_enormously_is_met_exactly():
 )
 def test_weights_that_mean_nothing_are_refused(weights, complaint):
     with pytest.raises(InputError, match=complaint):
-        fit(CoulombViscous(), practice_problem(1), weights)
+        fit(CoulombViscous(), synthetic_problem(1), weights)
 
 
 def spoilt(problem, rng, share=0.05, size=1.0):

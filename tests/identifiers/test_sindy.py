@@ -27,7 +27,7 @@ from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.grams import clusters, columns, grams
 from frictionid.identifiers.ols_covariance import half_widths
 from frictionid.identifiers.sparse_support import Rules, lawful, least, left_out, path, plain
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting
 from frictionid.shooting.intervals import track_of
@@ -131,7 +131,7 @@ def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms(acrobot):
 
 def test_on_its_support_it_is_least_squares():
     problem = made_of(Stribeck(), STRIBECK, 1e-3)
-    weights = practice_weights(problem)
+    weights = synthetic_weights(problem)
     found = fit(problem, weights)
     rng = np.random.default_rng(3)
     for _ in range(5):
@@ -333,7 +333,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
 
 
 def test_a_fold_that_trains_on_noise_alone_has_no_friction():
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     noise = np.random.default_rng(0).standard_normal(problem.r.shape)
     found = fit(replace(problem, r=noise))
     assert (found.theta[0] != 0).sum() <= 2
@@ -394,6 +394,6 @@ def test_a_soft_sign_and_a_level_at_rest_exclude_each_other():
 
 
 def test_problems_without_motion_are_refused():
-    problem = practice_problem(1)
+    problem = synthetic_problem(1)
     with pytest.raises(InputError, match="no joint slides in the rows of fold 0"):
         fit(replace(problem, G=0.0 * problem.G))

@@ -14,14 +14,14 @@ from frictionid.data.recordings import Dataset
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, faced, judge, make_folds, prepare
+from frictionid.evaluation import Protocol, Split, judge, make_folds, prepare, prepared_for
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import StateLibrary, check_law
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import BlackBox, SparseDynamics, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import sliding
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import Plant, unit
 from frictionid.shooting import Shooting
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
@@ -78,8 +78,8 @@ def test_it_keeps_to_the_contract() -> None:
 
 
 def test_unit_mechanism_knows_nothing_of_the_machine() -> None:
-    problem = practice_problem(2)
-    friction = BOX.fit(problem, practice_weights(problem), 0)
+    problem = synthetic_problem(2)
+    friction = BOX.fit(problem, synthetic_weights(problem), 0)
     assert friction.mechanism == "unit" and not friction.parameters
     M, h = unit(2).dynamics(np.ones(1), np.ones(2), np.ones(2))
     assert np.array_equal(M, np.eye(2)) and not h.any() and not unit(2).B.any()
@@ -89,7 +89,9 @@ def test_scores_do_not_hang_on_what_is_told_of_the_machine() -> None:
     dataset = pendulum()
     other = replace(dataset, mechanism={"kind": "pendulum", "parameters": {"mass": 9.0}})
     protocol = Protocol(horizons=(0.25,), every=0.5)
-    rows = [judge(found(), faced(prepare(d, protocol), found()))[0] for d in (dataset, other)]
+    rows = [
+        judge(found(), prepared_for(prepare(d, protocol), found()))[0] for d in (dataset, other)
+    ]
     assert rows[0] == rows[1]
     assert not any(row.score == "curve_error" for row in rows[0])
 
@@ -135,7 +137,7 @@ def test_monomials_are_products_of_their_variables() -> None:
 def test_settings_that_mean_nothing_are_refused(settings, words) -> None:
     with pytest.raises(InputError, match=words):
         IDENTIFIERS["sindy_dynamics"](**settings).fit(
-            practice_problem(2), practice_weights(practice_problem(2)), 0
+            synthetic_problem(2), synthetic_weights(synthetic_problem(2)), 0
         )
 
 
@@ -145,7 +147,7 @@ def test_what_has_no_physics_is_not_refined() -> None:
 
 
 def test_rows_that_are_open_at_rest_are_refused() -> None:
-    problem = sliding(practice_problem(1), 1.0)
+    problem = sliding(synthetic_problem(1), 1.0)
     with pytest.raises(InputError, match="rest = 0"):
         BOX.fit(problem, np.ones((1, len(problem.r))), 0)
 

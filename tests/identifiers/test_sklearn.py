@@ -20,7 +20,7 @@ from frictionid.identifiers import Regressor, check_identifier
 from frictionid.identifiers.estimators import NAMED, estimator_named
 from frictionid.identifiers.regressor import torques
 from frictionid.identifiers.residual import sliding
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 SPEEDS = np.array([0.6, 1.0, 2.0, 3.5])
@@ -43,7 +43,7 @@ def test_torques_of_rows_are_the_mean_true_torques(n):
 
 
 def test_shares_are_inverse_variances_and_joints_at_rest_have_none():
-    problem = sliding(practice_problem(2), 0.5)
+    problem = sliding(synthetic_problem(2), 0.5)
     still = ~problem.G.any(axis=1)
     assert still.any() and not still.all()
     rng = np.random.default_rng(0)
@@ -124,8 +124,8 @@ def test_with_angle_and_torque_it_sees_what_a_curve_cannot():
 def test_with_other_inputs_it_keeps_to_the_contract_and_is_not_saved(tmp_path):
     identifier = Regressor(KNeighborsRegressor(5), ("w", "q", "u"))
     check_identifier(identifier)
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
     found = identifier.fit(problem, weights, 0)
     torque = along(found, problem.nodes)
     for f in range(len(weights)):
@@ -136,7 +136,7 @@ def test_with_other_inputs_it_keeps_to_the_contract_and_is_not_saved(tmp_path):
 
 
 def test_the_curve_comes_back_from_its_file(tmp_path):
-    found = fit(practice_problem(2), speeds=(0.5, 1.0, 4.0))
+    found = fit(synthetic_problem(2), speeds=(0.5, 1.0, 4.0))
     assert found.law.speeds == (0.5, 1.0, 4.0)
     save_model(found, tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", LAWS)
@@ -178,7 +178,7 @@ def test_settings_that_mean_nothing_are_refused(settings, rule):
 
 
 def test_a_joint_that_never_slides_is_refused():
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     G = problem.G.copy()
     G[:, :, 1] = 0.0
     with pytest.raises(InputError, match="joint 2 slides in no row of fold 0"):
@@ -188,7 +188,7 @@ def test_a_joint_that_never_slides_is_refused():
 @pytest.mark.parametrize(("neighbours", "bins"), [(1000, 200), (9, 2)])
 def test_what_an_estimator_says_only_when_it_learns_is_one_line_too(neighbours, bins):
     with pytest.raises(InputError, match=r"cannot learn from \d+ lines: .*n_neighbors") as caught:
-        fit(practice_problem(1), KNeighborsRegressor(neighbours), bins=bins)
+        fit(synthetic_problem(1), KNeighborsRegressor(neighbours), bins=bins)
     assert "\n" not in str(caught.value)
 
 

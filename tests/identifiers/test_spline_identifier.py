@@ -14,7 +14,7 @@ from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck, Table
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares, Linear, check_identifier
 from frictionid.identifiers.grams import FEW, clusters, columns, grams
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 KNOTS = (0.5, 1.5, 3.0, 6.0)
 LAWS_ = (Spline(KNOTS), Spline(KNOTS, 1), AsymmetricSpline(KNOTS), Table((0.5, 1.5, 3.0)))
@@ -40,7 +40,7 @@ def test_truth_in_truth_out(law, n):
 @ALL
 def test_it_is_least_squares_by_another_route(law):
     problem = explained_by(Stribeck(), np.array([[0.1, 0.04, 1.5, 0.02]] * 2), 2e-3, rng(1))
-    weights = practice_weights(problem)
+    weights = synthetic_weights(problem)
     ours = Linear(law).fit(problem, weights, 0)
     theirs = LeastSquares(law).fit(problem, weights, 0)
     np.testing.assert_allclose(
@@ -80,10 +80,10 @@ def test_where_the_curve_would_drive_it_is_fitted_by_steps():
 
 
 def test_gram_matrices_add_up_what_the_rows_say():
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     A, label = columns(Spline(KNOTS), problem), clusters(problem)
     folds = (problem.recording != np.arange(3)[:, None]) * [[1.0], [2.0], [0.5]]
-    for weights in (folds, practice_weights(problem)):
+    for weights in (folds, synthetic_weights(problem)):
         G = grams(A, weights, label)
         for f, c in ((0, 0), (1, 8), (2, 20)):
             rows = A[label == c]
@@ -93,15 +93,15 @@ def test_gram_matrices_add_up_what_the_rows_say():
 
 
 def test_rows_that_all_weigh_differently_come_to_the_same(monkeypatch):
-    problem = practice_problem(2)
-    A, weights = columns(Spline(KNOTS), problem), practice_weights(problem)
+    problem = synthetic_problem(2)
+    A, weights = columns(Spline(KNOTS), problem), synthetic_weights(problem)
     together = grams(A, weights, clusters(problem))
     monkeypatch.setattr("frictionid.identifiers.grams._CELLS", 3)
     np.testing.assert_allclose(grams(A, weights, clusters(problem)), together, atol=1e-12)
 
 
 def test_clusters_are_recordings_where_there_are_enough_and_else_stretches():
-    problem = practice_problem(1)
+    problem = synthetic_problem(1)
     label = clusters(problem)
     assert len(np.unique(label)) >= 20
     for c in np.unique(label):
@@ -142,7 +142,7 @@ def test_its_settings_choose_the_law():
 
 
 def test_a_joint_that_hardly_slides_is_refused():
-    problem = practice_problem(2)
+    problem = synthetic_problem(2)
     G = problem.G.copy()
     G[3:, :, 1] = 0.0
     with pytest.raises(InputError, match="joint 2 slides in 3 rows of fold 0"):

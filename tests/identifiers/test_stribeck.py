@@ -19,7 +19,7 @@ from frictionid.friction import along
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 SYMMETRIC, ASYMMETRIC = Stribeck(), AsymmetricStribeck()
 TRUTH = {
@@ -71,8 +71,8 @@ def test_with_noise_the_truth_is_within_four_standard_errors(law, seed):
 
 @BOTH
 def test_each_fold_is_scipys_least_squares(law):
-    problem = practice_problem(2)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
     for f, theta in enumerate(fit(law, problem, weights).theta):
         same = by_scipy(law, problem, weights[f], TRUTH[law])
         np.testing.assert_allclose(theta, same, rtol=1e-6)
@@ -85,7 +85,7 @@ def test_bounds_hold_and_at_them_the_gradient_points_outwards(law, seed):
     theta = TRUTH[law] * rng.uniform(-0.5, 1.0, TRUTH[law].shape)  # half of it outside the bounds
     theta[:, law.names.index("stribeck_velocity")] = rng.uniform(0.2, 20.0, 2)
     problem = explained_by(law, theta, 1e-3, rng)
-    weights = practice_weights(problem)
+    weights = synthetic_weights(problem)
     found = fit(law, problem, weights).theta
     low, high = np.transpose(law.bounds)
     assert ((low <= found) & (found <= high)).all()
@@ -101,7 +101,7 @@ def test_coulomb_viscous_in_stribeck_in_asymmetric_each_costs_no_more_than_the_l
         theta = TRUTH[ASYMMETRIC] * rng.uniform(0.0, 2.0, (2, 6))
         theta[:, 4] = rng.uniform(0.4, 15.0, 2)
         problem = explained_by(ASYMMETRIC, theta, 2e-3, np.random.default_rng(seed))
-        weights = practice_weights(problem)
+        weights = synthetic_weights(problem)
         laws = CoulombViscous(), SYMMETRIC, ASYMMETRIC
         costs = [cost(problem, weights, fit(law, problem, weights)) for law in laws]
         assert (costs[1] <= costs[0] * (1 + 1e-9)).all()

@@ -29,7 +29,7 @@ from frictionid.identifiers import CompressedNetwork, LeastSquares, Network, che
 from frictionid.identifiers.networks.adam import Adam
 from frictionid.identifiers.networks.batches import batches
 from frictionid.identifiers.networks.mlp_training import Rows, window
-from frictionid.identifiers.synthetic_problem import practice_problem, practice_weights
+from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 sys.path.append(str(ROOT / "comparisons"))
 from own_network import OwnLaw, own_network
@@ -72,7 +72,7 @@ def test_its_slopes_are_those_of_differences(odd, presliding):
 @pytest.mark.parametrize("odd", [False, True])
 @pytest.mark.parametrize("presliding", [0.0, 0.01])
 def test_options_hold_along_a_motion(odd, presliding):
-    law, nodes = WindowMLP(4, hidden=(5,), odd=odd), practice_problem(2).nodes
+    law, nodes = WindowMLP(4, hidden=(5,), odd=odd), synthetic_problem(2).nodes
     law = replace(law, presliding=presliding)
     friction = Friction(law, drawn(law))
     torque = along(friction, nodes)
@@ -84,7 +84,7 @@ def test_options_hold_along_a_motion(odd, presliding):
 
 
 def test_its_memory_is_the_newest_samples():
-    law, nodes = WindowMLP(3, hidden=(2,)), practice_problem(1).nodes
+    law, nodes = WindowMLP(3, hidden=(2,)), synthetic_problem(1).nodes
     steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
     w = nodes.inputs.w[: nodes.first[1]]
     for age in range(3):
@@ -96,7 +96,7 @@ def test_its_memory_is_the_newest_samples():
 
 
 def test_its_memory_of_the_way_is_the_newest_angles():
-    law, nodes = WindowMLP(3, hidden=(2,), presliding=0.01), practice_problem(1).nodes
+    law, nodes = WindowMLP(3, hidden=(2,), presliding=0.01), synthetic_problem(1).nodes
     law = replace(law, sample_time=float(nodes.time[2] - nodes.time[0]))
     steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
     seen = window(law, nodes)
@@ -126,8 +126,8 @@ def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
     ],
 )
 def test_cost_in_training_is_that_of_the_rows(law):
-    problem = practice_problem(2)
-    weights, theta = practice_weights(problem), drawn(law)
+    problem = synthetic_problem(2)
+    weights, theta = synthetic_weights(problem), drawn(law)
     rows = Rows(law, problem, theta, weights, "cpu")
     items = rows.tensor(np.tile(np.arange(rows.items), (3, 1)))
     found = rows.cost(rows.tensor(theta), items) * rows.items
@@ -173,8 +173,8 @@ def test_it_finds_what_a_static_law_cannot():
 
 
 def test_gradients_and_least_squares_find_one_curve_least_squares_more_closely():
-    problem = practice_problem(1)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
     by_squares = CompressedNetwork(MLP((8,))).fit(problem, weights, 0)
     by_steps = Network(MLP((8,)), epochs=300, batch=60, patience=300).fit(problem, weights, 0)
     assert (cost(problem, weights, by_squares) < cost(problem, weights, by_steps)).all()
@@ -188,8 +188,8 @@ def test_they_keep_to_the_contract_of_identifiers():
 
 
 def test_a_network_of_ones_own_learns_and_comes_back_from_its_file(tmp_path):
-    problem = practice_problem(1)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
     found = own_network(100).fit(problem, weights, 0)
     assert (cost(problem, weights, found) < 0.1 * (weights @ (problem.r**2).sum(1))).all()
     save_model(found, tmp_path / "model.json", LAWS)
@@ -206,8 +206,8 @@ def test_it_takes_less_than_forty_lines():
 
 
 def test_an_ensemble_is_the_mean_of_its_members_which_spread():
-    problem = practice_problem(1)
-    weights = practice_weights(problem)
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
     mean = CompressedNetwork(MLP((6,)), freedom=(1.0,), members=3).fit(problem, weights, 0)
     one = CompressedNetwork(MLP((6,)), freedom=(1.0,)).fit(problem, weights, 0)
     check_law(Ensemble(WindowMLP(2, hidden=(2,)), 2))
@@ -267,7 +267,7 @@ def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
         lambda: Network(WindowMLP(), inputs="all"),
         lambda: Network(WindowMLP(), epochs=0),
         lambda: Network(WindowMLP(), share=0.0),
-        lambda: window(Dahl(), practice_problem(1).nodes),
+        lambda: window(Dahl(), synthetic_problem(1).nodes),
     ],
 )
 def test_objects_that_mean_nothing_are_refused(make):

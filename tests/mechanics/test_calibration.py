@@ -15,7 +15,7 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics import mechanism_of, plant_of
-from frictionid.mechanics.calibration import Rig, corrected, plant_under, stacked
+from frictionid.mechanics.calibration import Calibration, calibrated_plant, corrected, stacked
 
 ACROBOT = {"kind": "acrobot", "parameters": {"m4": 0.084}}
 
@@ -30,27 +30,32 @@ def dataset(torque: Signal, angle: Signal | None = None, **overrides: float) -> 
 def test_a_corrected_torque_acts_later_stronger_and_beside_its_zero(hold):
     time = np.arange(60) / 60
     torque = Signal(time, np.stack([0 * time, np.sin(9 * time)], axis=-1), hold)
-    rig = replace(
-        Rig.ideal(2), delay=np.array(0.013), gain=np.array([3.0, 1.1]), bias=np.array([9.0, 0.02])
+    calibration = replace(
+        Calibration.ideal(2),
+        delay=np.array(0.013),
+        gain=np.array([3.0, 1.1]),
+        bias=np.array([9.0, 0.02]),
     )
-    felt = corrected(dataset(torque), rig).recordings[0].torque
+    felt = corrected(dataset(torque), calibration).recordings[0].torque
     edges = np.linspace(0.1, 0.8, 40)
     expected = 1.1 * averages(torque, edges - 0.013)[:, 1] + 0.02
     np.testing.assert_allclose(averages(felt, edges)[:, 1], expected, atol=1e-12)
     np.testing.assert_array_equal(felt.value[:, 0], 0.0)  # joint 1 has no motor
 
 
-def test_an_ideal_rig_corrects_nothing():
+def test_an_ideal_calibration_corrects_nothing():
     data = dataset(Signal(np.arange(60) / 60, np.ones((60, 2)) * [0.0, 0.3]))
-    same = corrected(data, Rig.ideal(2)).recordings[0]
+    same = corrected(data, Calibration.ideal(2)).recordings[0]
     np.testing.assert_array_equal(same.torque.value, data.recordings[0].torque.value)
     np.testing.assert_array_equal(same.angle.value, data.recordings[0].angle.value)
 
 
 def test_corrected_angles_have_lost_the_offset():
     data = dataset(Signal(np.arange(60) / 60, np.zeros((60, 2))))
-    rig = replace(Rig.ideal(2), offset=np.array([0.1, -0.2]))
-    np.testing.assert_allclose(corrected(data, rig).recordings[0].angle.value, [[0.9, 1.2]] * 50)
+    calibration = replace(Calibration.ideal(2), offset=np.array([0.1, -0.2]))
+    np.testing.assert_allclose(
+        corrected(data, calibration).recordings[0].angle.value, [[0.9, 1.2]] * 50
+    )
 
 
 def test_what_a_recording_changes_adds_to_fitted_base_parameters():
@@ -58,56 +63,68 @@ def test_what_a_recording_changes_adds_to_fitted_base_parameters():
     usual, heavy = dataset(torque), dataset(torque, m4=0.184)
     mechanism = mechanism_of(ACROBOT)
     base = 1.1 * plant_of(usual).p[0]
-    found = plant_under(heavy, Rig.ideal(2, base)).p[0]
+    found = calibrated_plant(heavy, Calibration.ideal(2, base)).p[0]
     added = mechanism.base({"m4": 0.184}) - mechanism.base({"m4": 0.084})
     np.testing.assert_allclose(found, base + added, rtol=1e-12)
-    np.testing.assert_array_equal(plant_under(heavy, Rig.ideal(2)).p, plant_of(heavy).p)
+    np.testing.assert_array_equal(
+        calibrated_plant(heavy, Calibration.ideal(2)).p, plant_of(heavy).p
+    )
 
 
 def test_base_parameters_of_another_mechanism_are_refused():
     data = dataset(Signal(np.arange(60) / 60, np.zeros((60, 2))))
     with pytest.raises(InputError, match="has 2 base parameters, this mechanism has 6"):
-        plant_under(data, Rig.ideal(2, np.ones(2)))
+        calibrated_plant(data, Calibration.ideal(2, np.ones(2)))
 
 
-def test_an_index_into_friction_picks_its_rig_too():
-    rigs = [replace(Rig.ideal(1, np.ones(2) * k), delay=np.array(k)) for k in range(3)]
-    friction = Friction(CoulombViscous(), np.zeros((3, 1, 2)), rig=stacked(rigs))
-    assert friction[2].rig is not None
-    assert float(friction[2].rig.delay) == 2.0
-    np.testing.assert_array_equal(friction[1].rig.base, [1.0, 1.0])
-    assert friction[[0, 2]].rig.gain.shape == (2, 1)
+def test_an_index_into_friction_picks_its_calibration_too():
+    calibrations = [
+        replace(Calibration.ideal(1, np.ones(2) * k), delay=np.array(k)) for k in range(3)
+    ]
+    friction = Friction(CoulombViscous(), np.zeros((3, 1, 2)), calibration=stacked(calibrations))
+    assert friction[2].calibration is not None
+    assert float(friction[2].calibration.delay) == 2.0
+    np.testing.assert_array_equal(friction[1].calibration.base, [1.0, 1.0])
+    assert friction[[0, 2]].calibration.gain.shape == (2, 1)
 
 
 @pytest.mark.parametrize("base", [None, np.array([0.1, 0.2, 0.3])])
-def test_a_model_file_keeps_the_rig(tmp_path, base):
-    rig = replace(Rig.ideal(1, base), delay=np.array(0.0123), bias=np.array([0.5]))
-    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), rig=rig)
+def test_a_model_file_keeps_the_calibration(tmp_path, base):
+    calibration = replace(Calibration.ideal(1, base), delay=np.array(0.0123), bias=np.array([0.5]))
+    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=calibration)
     save_model(friction, tmp_path / "m.json", LAWS)
-    again = load_model(tmp_path / "m.json", LAWS).rig
+    again = load_model(tmp_path / "m.json", LAWS).calibration
     for name in ("gain", "delay", "bias", "offset"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(rig, name))
+        np.testing.assert_array_equal(getattr(again, name), getattr(calibration, name))
     if base is None:
         assert again.base is None
     else:
         np.testing.assert_array_equal(again.base, base)
 
 
+def test_a_model_file_with_the_old_key_is_still_read(tmp_path):
+    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=Calibration.ideal(1))
+    save_model(friction, tmp_path / "m.json", LAWS)
+    text = (tmp_path / "m.json").read_text()
+    (tmp_path / "m.json").write_text(text.replace('"calibration"', '"rig"'))
+    assert load_model(tmp_path / "m.json", LAWS).calibration is not None
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"delay": None}, "rig.delay must be finite"),
-        ({"gain": [float("nan")]}, "rig.gain must be finite"),
-        ({"extra": 1}, '"rig" must have base, gain, delay, bias, offset'),
+        ({"delay": None}, "calibration.delay must be finite"),
+        ({"gain": [float("nan")]}, "calibration.gain must be finite"),
+        ({"extra": 1}, '"calibration" must have base, gain, delay, bias, offset'),
     ],
 )
-def test_a_damaged_rig_is_refused_in_one_line(tmp_path, change, words):
+def test_a_damaged_calibration_is_refused_in_one_line(tmp_path, change, words):
     import json
 
-    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), rig=Rig.ideal(1))
+    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=Calibration.ideal(1))
     save_model(friction, tmp_path / "m.json", LAWS)
     table = json.loads((tmp_path / "m.json").read_text())
-    table["rig"] |= change
+    table["calibration"] |= change
     (tmp_path / "m.json").write_text(json.dumps(table))
     with pytest.raises(InputError, match=words):
         load_model(tmp_path / "m.json", LAWS)

@@ -16,10 +16,10 @@ from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from markdown_it import MarkdownIt
 
-from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import describe
-from frictionid.comparison.tasks import Task, grounds_of, run_tasks
+from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction.laws import CoulombViscous
@@ -46,21 +46,23 @@ def computed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("computed")
     dataset = tiny.dataset()
     folds = make_folds(dataset.recordings, Split(count=3))
-    contest = Contest(dataset, folds, Protocol((0.1, 0.5), every=0.5), (tiny.dataset(name="new"),))
+    benchmark = Benchmark(
+        dataset, folds, Protocol((0.1, 0.5), every=0.5), (tiny.dataset(name="new"),)
+    )
     parts = {
         "none": Nothing(),
         "coulomb_viscous": LeastSquares(CoulombViscous()),
         "truth": Published(true_friction(dataset.truth)),
     }
     tasks = [
-        Task(contest, name, identifier, recipe, 0)
+        Task(benchmark, name, identifier, recipe, 0)
         for recipe in (STUDY, INTEGRAL)
         for name, identifier in parts.items()
     ]
-    grounds = grounds_of(tasks)
+    prepared_benchmarks = prepare_benchmarks(tasks)
     settings = {"every": 0.5, "folds": {"count": 3, "kind": "recordings"}}
-    describe(folder, "tiny", "", settings, tasks, grounds)
-    run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=1)
+    describe(folder, "tiny", "", settings, tasks, prepared_benchmarks)
+    run_tasks(tasks, prepared_benchmarks, folder / "tasks", LAWS, jobs=1)
     build(folder)
     return folder
 

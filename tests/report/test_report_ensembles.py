@@ -8,7 +8,7 @@ from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from matplotlib.collections import PolyCollection
 
-from frictionid.comparison.cross_validate import Contest, run
+from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.tasks import Task, document
 from frictionid.evaluation import Protocol, Split, make_folds
@@ -25,9 +25,9 @@ DEVIATION = np.sqrt(2.5)  # of -2 .. 2
 
 
 @pytest.fixture(scope="module")
-def contest():
+def benchmark():
     data = tiny.dataset()
-    return Contest(data, make_folds(data.recordings, Split(count=3)), Protocol((0.3,), every=0.5))
+    return Benchmark(data, make_folds(data.recordings, Split(count=3)), Protocol((0.3,), every=0.5))
 
 
 def ensemble(name="wide", offset=0.0, size=0.01):
@@ -46,20 +46,20 @@ def gathered(folder, *tasks, **about):
     return evidence.sections[0], evidence.about["made"]
 
 
-def test_a_task_stores_the_curves_of_members_and_their_mean_is_the_fit(contest):
+def test_a_task_stores_the_curves_of_members_and_their_mean_is_the_fit(benchmark):
     identifier = CompressedNetwork(MLP((4,)), members=3, freedom=(0.3,))
-    result = run(contest, identifier, INTEGRAL)
+    result = run(benchmark, identifier, INTEGRAL)
     assert result.members.shape == (3, 401, 1)
     np.testing.assert_allclose(result.members.mean(axis=0), result.curves[-1], atol=1e-12)
     assert result.members.std(axis=0).max() > 0
-    written = document(Task(contest, "mlp", identifier, INTEGRAL, 0), result, LAWS)
+    written = document(Task(benchmark, "mlp", identifier, INTEGRAL, 0), result, LAWS)
     np.testing.assert_array_equal(written["members"], result.members)
 
 
-def test_what_is_no_ensemble_of_friction_has_no_members(contest):
+def test_what_is_no_ensemble_of_friction_has_no_members(benchmark):
     box = BlackBox(StateNetwork(Network(StateMLP(hidden=(2,)), epochs=1, members=2)))
     for identifier in (LeastSquares(CoulombViscous()), box):
-        result = run(contest, identifier, INTEGRAL)
+        result = run(benchmark, identifier, INTEGRAL)
         assert not len(result.members)
     assert len(members_of(result.overall).theta) == 2  # of accelerations, which are no curves
 

@@ -13,10 +13,10 @@ import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 
-from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import describe
-from frictionid.comparison.tasks import Task, grounds_of, run_tasks
+from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
@@ -78,11 +78,13 @@ def computed(tmp_path_factory):
     folds = make_folds(dataset.recordings, Split(count=2))
     blocks = (FrictionBlock(), InertiaBlock(), DelayBlock())
     recipe = Shooting(blocks=blocks, settings=Settings(windows=(0.33,), iterations=8))
-    contest = Contest(dataset, folds, Protocol((0.25,)))
-    tasks = [Task(contest, "stribeck", LeastSquares(StribeckLaw()), recipe, 0)]
-    grounds = grounds_of(tasks)
-    describe(folder, "s", "", {"folds": {"count": 2, "kind": "recordings"}}, tasks, grounds)
-    run_tasks(tasks, grounds, folder / "tasks", LAWS, jobs=1)
+    benchmark = Benchmark(dataset, folds, Protocol((0.25,)))
+    tasks = [Task(benchmark, "stribeck", LeastSquares(StribeckLaw()), recipe, 0)]
+    prepared_benchmarks = prepare_benchmarks(tasks)
+    describe(
+        folder, "s", "", {"folds": {"count": 2, "kind": "recordings"}}, tasks, prepared_benchmarks
+    )
+    run_tasks(tasks, prepared_benchmarks, folder / "tasks", LAWS, jobs=1)
     build(folder)
     return folder
 

@@ -9,17 +9,17 @@ import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 
-from frictionid.comparison.cross_validate import Contest, ground_of, run
+from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_rig
+from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares, Nothing, SINDy
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
 from frictionid.report.load import folds_told, gather
 from frictionid.report.memory_text import memory_findings
 from frictionid.report.text import matter
-from frictionid.shooting import Corrected, Settings, Shooting
+from frictionid.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.shooting.parameters import BiasBlock, DelayBlock, FrictionBlock
 
 LATE = 0.012  # [s]
@@ -35,81 +35,90 @@ def late_contest(kind="recordings"):
     ]
     data = tiny.dataset(recordings=tuple(early))
     split = Split(count=3, kind=kind)
-    return Contest(data, make_folds(data.recordings, split), Protocol((0.3,), every=0.5))
+    return Benchmark(data, make_folds(data.recordings, split), Protocol((0.3,), every=0.5))
 
 
 @pytest.fixture(scope="module")
 def results():
-    contest = late_contest()
-    corrected = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    ground = ground_of(contest, [INTEGRAL, corrected])
-    plain = run(contest, RUBS, INTEGRAL, 0, ground)
-    return contest, ground, plain, run(contest, RUBS, corrected, 0, ground)
+    benchmark = late_contest()
+    corrected = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    shared = prepare_benchmark(benchmark, [INTEGRAL, corrected])
+    plain = run(benchmark, RUBS, INTEGRAL, 0, shared)
+    return benchmark, shared, plain, run(benchmark, RUBS, corrected, 0, shared)
 
 
 def test_the_delay_is_found_in_each_fold_and_corrects_the_data(results):
-    _, ground, plain, corrected = results
-    rig = ground.rigs["corrected"]
-    assert rig.delay.shape == (4,) and np.ptp(rig.delay) > 0  # each fold has its own
-    np.testing.assert_allclose(rig.delay, LATE, atol=1e-3)
-    assert rig.base is None and not rig.bias.any() and (rig.gain == 1).all()
+    _, shared, plain, corrected = results
+    calibration = shared.calibrations["corrected"]
+    assert (
+        calibration.delay.shape == (4,) and np.ptp(calibration.delay) > 0
+    )  # each fold has its own
+    np.testing.assert_allclose(calibration.delay, LATE, atol=1e-3)
+    assert calibration.base is None and not calibration.bias.any() and (calibration.gain == 1).all()
     for score in (("one_step_integral", "rms"), ("rollout_angle", "median", 0.3)):
         assert corrected.value(*score) < 0.7 * plain.value(*score)
-    assert corrected.friction.rig.delay.shape == (3,) and corrected.overall.rig.delay.shape == ()
+    assert (
+        corrected.friction.calibration.delay.shape == (3,)
+        and corrected.overall.calibration.delay.shape == ()
+    )
 
 
 def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
-    contest, _, _, corrected = results
-    held = [i for i, label in enumerate(contest.folds.labels) if label[0] == 1]
-    recordings = list(contest.dataset.recordings)
+    benchmark, _, _, corrected = results
+    held = [i for i, label in enumerate(benchmark.folds.labels) if label[0] == 1]
+    recordings = list(benchmark.dataset.recordings)
     for i in held:
         recordings[i] = tiny.disturbed(recordings[i], 0.3)
-    other = replace(contest, dataset=replace(contest.dataset, recordings=tuple(recordings)))
-    again = run(other, RUBS, Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",)))
+    other = replace(benchmark, dataset=replace(benchmark.dataset, recordings=tuple(recordings)))
+    again = run(other, RUBS, CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",)))
     # the fold begins where the fit to all data ended, which is another one now
     np.testing.assert_allclose(
-        again.friction.rig.delay[1], corrected.friction.rig.delay[1], atol=1e-4
+        again.friction.calibration.delay[1], corrected.friction.calibration.delay[1], atol=1e-4
     )
-    assert abs(again.friction.rig.delay[0] - corrected.friction.rig.delay[0]) > 1e-4
+    assert abs(again.friction.calibration.delay[0] - corrected.friction.calibration.delay[0]) > 1e-4
 
 
 def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
-    contest = late_contest("shuffled")
-    recipe = Corrected("corrected", STUDY, BY, RUBS, use=("delay",))
-    ground = ground_of(contest, [recipe])
-    assert np.ptp(ground.rigs["corrected"].delay) == 0.0
-    found = run(contest, RUBS, recipe, 0, ground)
-    np.testing.assert_allclose(found.friction.rig.delay, LATE, atol=1e-3)
+    benchmark = late_contest("shuffled")
+    recipe = CalibratedRecipe("corrected", STUDY, BY, RUBS, use=("delay",))
+    shared = prepare_benchmark(benchmark, [recipe])
+    assert np.ptp(shared.calibrations["corrected"].delay) == 0.0
+    found = run(benchmark, RUBS, recipe, 0, shared)
+    np.testing.assert_allclose(found.friction.calibration.delay, LATE, atol=1e-3)
 
 
 def test_no_friction_is_left_as_it_is(results):
-    contest, ground, _, _ = results
-    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    assert run(contest, Nothing(), recipe, 0, ground).friction.rig is None
+    benchmark, shared, _, _ = results
+    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    assert run(benchmark, Nothing(), recipe, 0, shared).friction.calibration is None
 
 
 def test_sindy_may_choose_other_terms_in_each_fold(results):
-    contest, ground, _, _ = results
-    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    benchmark, shared, _, _ = results
+    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
     hasty = SINDy(thresholds=(0.01,), search=False, sure=0.0)  # the recordings hardly decide
-    found = run(contest, hasty, recipe, 0, ground)
+    found = run(benchmark, hasty, recipe, 0, shared)
     terms = [tuple(np.flatnonzero(theta[0])) for theta in found.friction.theta]
     assert len(set(terms)) > 1 and all(terms)
-    np.testing.assert_array_equal(found.friction.rig.delay, ground.rigs["corrected"].delay[:-1])
+    np.testing.assert_array_equal(
+        found.friction.calibration.delay, shared.calibrations["corrected"].delay[:-1]
+    )
     # each fold is what the identifier finds on its own corrected data, whatever the others have
     for fold in range(len(terms)):
-        own = training_of(with_rig(ground.prepared, found.friction[fold].rig), INTEGRAL)
-        weights = ground.weights["integral"][fold : fold + 1]
+        own = training_of(
+            with_calibration(shared.prepared, found.friction[fold].calibration), INTEGRAL
+        )
+        weights = shared.weights["integral"][fold : fold + 1]
         np.testing.assert_array_equal(
             found.friction.theta[fold], hasty.fit(own, weights, 0).theta[0]
         )
 
 
 def test_sindy_finds_the_terms_once_the_clock_is_right(results):
-    contest, ground, _, _ = results
-    recipe = Corrected("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    found = run(contest, SINDy(), recipe, 0, ground)
-    late = run(contest, SINDy(), INTEGRAL, 0, ground)
+    benchmark, shared, _, _ = results
+    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    found = run(benchmark, SINDy(), recipe, 0, shared)
+    late = run(benchmark, SINDy(), INTEGRAL, 0, shared)
     has = [name for name, x in zip(SINDy().library.names, found.overall.theta[0], strict=True) if x]
     assert has[:2] == ["sign", "viscous"] and [name[:5] for name in has[2:]] == ["peak_"]
     score = ("rollout_angle", "median", 0.3)
@@ -118,16 +127,16 @@ def test_sindy_finds_the_terms_once_the_clock_is_right(results):
 
 def test_only_parts_that_are_free_can_correct():
     with pytest.raises(InputError, match="use = 'inertia' must be one of delay"):
-        Corrected("c", INTEGRAL, BY, RUBS, use=("inertia",))
+        CalibratedRecipe("c", INTEGRAL, BY, RUBS, use=("inertia",))
     with pytest.raises(InputError, match="use must name a part"):
-        Corrected("c", INTEGRAL, BY, RUBS, use=())
+        CalibratedRecipe("c", INTEGRAL, BY, RUBS, use=())
     both = Shooting(blocks=(FrictionBlock(), DelayBlock(), BiasBlock()))
-    assert Corrected("c", INTEGRAL, both, RUBS, use=("bias",)).use == ("bias",)
+    assert CalibratedRecipe("c", INTEGRAL, both, RUBS, use=("bias",)).use == ("bias",)
 
 
 # --- Suites ---------------------------------------------------------------------------------------
 
-RECIPE = {"name": "fair", "like": "study", "rig": {"free": ["friction", "delay"]}}
+RECIPE = {"name": "fair", "like": "study", "calibration": {"free": ["friction", "delay"]}}
 
 
 def changed(recipe, **dataset):
@@ -139,8 +148,18 @@ def test_a_suite_names_the_recipe_and_the_rig_that_corrects_it(tmp_path):
     file = tiny.write_suite(tmp_path, changed(RECIPE))
     made_ = {task.recipe.name: task.recipe for task in tasks_of(load_suite(file), file)}
     fair = made_["fair"]
-    assert isinstance(fair, Corrected) and fair.step == STUDY and fair.use == ("delay",)
+    assert isinstance(fair, CalibratedRecipe) and fair.step == STUDY and fair.use == ("delay",)
     assert [block.name for block in fair.by.blocks] == ["friction", "delay"]
+
+
+def test_suites_with_the_old_key_are_still_read(tmp_path):
+    old = {key: value for key, value in RECIPE.items() if key != "calibration"}
+    files = [
+        tiny.write_suite(tmp_path / name, changed(recipe))
+        for name, recipe in (("old", {**old, "rig": RECIPE["calibration"]}), ("new", RECIPE))
+    ]
+    was, now = ([task.recipe for task in tasks_of(load_suite(file), file)] for file in files)
+    assert was == now
 
 
 def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_path):
@@ -151,8 +170,8 @@ def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_p
     file = tiny.write_suite(tmp_path, [("datasets", twice)])
     suite = load_suite(file)
     tasks = tasks_of(suite, file)
-    again = [task for task in tasks if task.contest.dataset.name == "again"]
-    assert {task.recipe.name for task in again} == {"study"} and again[0].contest.folds.count == 4
+    again = [task for task in tasks if task.benchmark.dataset.name == "again"]
+    assert {task.recipe.name for task in again} == {"study"} and again[0].benchmark.folds.count == 4
     assert {t.recipe.name for t in tasks if t not in again} == {"study", "integral"}
     told = {"settings": suite.model_dump(mode="json")}
     assert folds_told(told, "again")["count"] == 4 and folds_told(told, "tiny")["count"] == 3
@@ -160,28 +179,32 @@ def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_p
 
 MISTAKES = {
     "no like": ({**RECIPE, "like": None}, {}, "'fair': the key 'like' is missing"),
-    "no rig": ({**RECIPE, "rig": None}, {}, "'fair': the key 'rig' is missing"),
+    "no calibration": (
+        {**RECIPE, "calibration": None},
+        {},
+        "'fair': the key 'calibration' is missing",
+    ),
     "unknown like": ({**RECIPE, "like": "studi"}, {}, "'studi' is unknown; did you mean 'study'"),
     "like shooting": ({**RECIPE, "like": "shooting"}, {}, "like = 'shooting' must be a one-step"),
-    "own scheme": ({**RECIPE, "scheme": "euler"}, {}, "scheme does not go with rig"),
-    "by": ({**RECIPE, "by": "shooting"}, {}, "by does not go with rig"),
+    "own scheme": ({**RECIPE, "scheme": "euler"}, {}, "scheme does not go with calibration"),
+    "by": ({**RECIPE, "by": "shooting"}, {}, "by does not go with calibration"),
     "unknown key": (
-        {**RECIPE, "rig": {"freee": ["delay"]}},
+        {**RECIPE, "calibration": {"freee": ["delay"]}},
         {},
-        r"recipes\[1\]\.rig: unknown key 'freee'; did you mean 'free'",
+        r"recipes\[1\]\.calibration: unknown key 'freee'; did you mean 'free'",
     ),
     "unknown block": (
-        {**RECIPE, "rig": {"free": ["friction", "dely"]}},
+        {**RECIPE, "calibration": {"free": ["friction", "dely"]}},
         {},
-        "'fair', rig: block 'dely' is unknown; did you mean 'delay'",
+        "'fair', calibration: block 'dely' is unknown; did you mean 'delay'",
     ),
     "unknown friction": (
-        {**RECIPE, "rig": {"friction": "stribek"}},
+        {**RECIPE, "calibration": {"friction": "stribek"}},
         {},
-        "'fair', rig: kind = 'stribek' is unknown; did you mean 'stribeck'",
+        "'fair', calibration: kind = 'stribek' is unknown; did you mean 'stribeck'",
     ),
     "not free": (
-        {**RECIPE, "rig": {"free": ["friction", "delay"], "use": ["inertia"]}},
+        {**RECIPE, "calibration": {"free": ["friction", "delay"], "use": ["inertia"]}},
         {},
         "'fair': use = 'inertia' must be one of delay",
     ),

@@ -7,7 +7,7 @@ import numpy as np
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.mechanics import mechanism_of
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.meaningless_parameters import idle
 from frictionid.shooting.parameters import FrictionBlock, Guess
@@ -20,7 +20,7 @@ PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
 
 def entries_of(friction):
     mechanism = mechanism_of(PENDULUM)
-    return FrictionBlock().entries(Guess(friction, Rig.ideal(1), mechanism))
+    return FrictionBlock().entries(Guess(friction, Calibration.ideal(1), mechanism))
 
 
 def hanging(friction, *weak):

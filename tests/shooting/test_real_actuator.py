@@ -29,7 +29,7 @@ def test_the_resistance_lies_where_published_models_have_it(request, real_data):
     start = LeastSquares(MotorLoad()).fit(problem, 1.0 + 0.0 * problem.dt[None], 0)[0]
     blocks = (FrictionBlock(), ActuatorBlock(fixed=("kt",)))
     found = refine(start, fitted, blocks, SHORT, sample_time=0.01)
-    kt, R = found.rig.motor
+    kt, R = found.calibration.motor
     assert kt == logs.recordings[0].servo.kt and found.covariance.identified[-1]
     published = [friction_of(folder / "bam_xl330" / f"{m}.json").parameters for m in ("m1", "m6")]
     low, high = sorted(kt / m["kt"] * m["R"] for m in published)  # with the same torque per volt

@@ -36,7 +36,7 @@ def fitted(
             continue
         if only not in (None, task.name):
             continue
-        dataset, apart = task.contest.dataset, task.contest.protocol.sample_time
+        dataset, apart = task.benchmark.dataset, task.benchmark.protocol.sample_time
         if which is not None:
             dataset = replace(dataset, recordings=tuple(dataset.recordings[i] for i in which))
         begins = []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from frictionid.cli import main
-from frictionid.comparison.cross_validate import Contest, ground_of, run
+from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.errors import InputError
@@ -43,7 +43,7 @@ def dataset():
 
 DATA = dataset()
 FOLDS = make_folds(DATA.recordings, Split(count=3))
-CONTEST = Contest(DATA, FOLDS, Protocol(horizons=(0.25,)))
+CONTEST = Benchmark(DATA, FOLDS, Protocol(horizons=(0.25,)))
 
 
 @pytest.fixture(scope="module")
@@ -86,9 +86,9 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
 def test_all_data_are_fitted_as_refine_fits_them(result):
     from frictionid.shooting import refine
 
-    ground = ground_of(CONTEST, [BOTH])
+    shared = prepare_benchmark(CONTEST, [BOTH])
     start = LeastSquares(CoulombViscous()).fit(
-        ground.problems["integral"], ground.weights["integral"], 0
+        shared.problems["integral"], shared.weights["integral"], 0
     )[-1]
     alone = refine(start, DATA, BOTH.blocks, BOTH.settings)
     np.testing.assert_array_equal(alone.friction.theta, result.overall.theta)
@@ -143,7 +143,7 @@ def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeyp
     assert called(monkeypatch, *line, *free) == 0
     assert "torque delay" in capsys.readouterr().out
     kept = json.loads((tmp_path / "m.json").read_text())
-    assert kept["rig"]["delay"] == pytest.approx(0.01, abs=1.5e-3)
+    assert kept["calibration"]["delay"] == pytest.approx(0.01, abs=1.5e-3)
 
 
 @pytest.mark.parametrize(
@@ -205,4 +205,4 @@ def test_unknown_parameters_to_fix_are_named(tmp_path):
     tasks = tasks_of(load_suite(tmp_path / "s.toml"), tmp_path / "s.toml")
     own = next(t for t in tasks if t.name == "coulomb_viscous" and t.recipe.name == "ours")
     with pytest.raises(InputError, match="has no parameter 'viscos' to fix"):
-        run(own.contest, own.identifier, own.recipe)
+        run(own.benchmark, own.identifier, own.recipe)

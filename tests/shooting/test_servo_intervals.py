@@ -13,11 +13,11 @@ from frictionid.data.servo import Servo, applied_voltage, servo_torque
 from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
-from frictionid.evaluation.scoring import with_rig
+from frictionid.evaluation.scoring import with_calibration
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.mechanics.calibration import Rig, corrected, stacked
+from frictionid.mechanics.calibration import Calibration, corrected, stacked
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.intervals import track_of
 from frictionid.shooting.linearise import put, values_of
@@ -106,7 +106,7 @@ def found():
 
 
 def test_wrong_motor_constants_are_found_where_the_motor_is_disconnected_for_a_while(found):
-    np.testing.assert_allclose(found.rig.motor, [KT, R], rtol=0.02)
+    np.testing.assert_allclose(found.calibration.motor, [KT, R], rtol=0.02)
     np.testing.assert_allclose(found.friction.theta[0, 0], TRUE[0, 0], rtol=0.03)
     np.testing.assert_allclose(found.friction.theta[0, 1], TRUE[0, 1], rtol=0.15)
     covariance = found.covariance
@@ -127,9 +127,9 @@ def test_what_is_given_back_has_the_law_that_was_given(found):
 
 def test_the_torque_of_the_found_motor_is_judged_and_runs_free(found):
     protocol = Protocol(horizons=(0.25,), whole=True)
-    view = with_rig(prepare(BOTH, protocol), found.rig)
+    view = with_calibration(prepare(BOTH, protocol), found.calibration)
     for servo, recording in zip(view.course.servos, view.dataset.recordings, strict=True):
-        np.testing.assert_array_equal([servo.kt, servo.R], found.rig.motor)
+        np.testing.assert_array_equal([servo.kt, servo.R], found.calibration.motor)
         np.testing.assert_allclose(
             recording.torque.value, servo_torque(servo, recording.angle).value, atol=1e-12
         )
@@ -149,7 +149,7 @@ def test_one_constant_is_found_with_the_other_known(fixed, law):
         (FrictionBlock(), ActuatorBlock(fixed=fixed)),
         SHORT,
     )
-    np.testing.assert_allclose(own.rig.motor, [KT, R], rtol=0.02)
+    np.testing.assert_allclose(own.calibration.motor, [KT, R], rtol=0.02)
     np.testing.assert_allclose(own.friction.theta[0, 0], TRUE[0, 0], rtol=0.05)
     if loss:
         np.testing.assert_allclose(own.friction.theta[0, 2], loss, rtol=0.05)
@@ -161,7 +161,7 @@ def test_a_known_motor_gives_what_its_torque_along_the_measured_motion_gives():
     by_voltage = refine(START, logs, (FrictionBlock(), ActuatorBlock(fixed=("kt", "R"))), SHORT)
     by_torque = refine(START, logs, (FrictionBlock(),), SHORT)
     np.testing.assert_allclose(by_voltage.friction.theta, by_torque.friction.theta, rtol=0.02)
-    np.testing.assert_array_equal(by_voltage.rig.motor, [KT, R])
+    np.testing.assert_array_equal(by_voltage.calibration.motor, [KT, R])
 
 
 @pytest.mark.parametrize("law", [CoulombViscous(), MotorLoad()])
@@ -206,8 +206,8 @@ def test_voltage_falls_at_once_where_the_motor_is_switched_off():
 
 def test_an_angle_offset_moves_the_goal_too():
     data = believed(DRIVEN, KT, R)
-    rig = replace(Rig.ideal(1), offset=np.array([0.3]))
-    before, after = data.recordings[0], corrected(data, rig).recordings[0]
+    calibration = replace(Calibration.ideal(1), offset=np.array([0.3]))
+    before, after = data.recordings[0], corrected(data, calibration).recordings[0]
     time = before.angle.time
     np.testing.assert_allclose(
         after.servo.voltage(time, after.angle.value),
@@ -218,15 +218,15 @@ def test_an_angle_offset_moves_the_goal_too():
 
 
 def test_each_fold_has_its_own_motor():
-    rigs = [replace(Rig.ideal(1), motor=np.array([KT, R]) * k) for k in (1.0, 1.1)]
-    np.testing.assert_array_equal(stacked(rigs)[1].motor, rigs[1].motor)
-    assert stacked([Rig.ideal(1), Rig.ideal(1)]).motor is None
+    calibrations = [replace(Calibration.ideal(1), motor=np.array([KT, R]) * k) for k in (1.0, 1.1)]
+    np.testing.assert_array_equal(stacked(calibrations)[1].motor, calibrations[1].motor)
+    assert stacked([Calibration.ideal(1), Calibration.ideal(1)]).motor is None
 
 
 def test_a_model_file_keeps_the_motor(tmp_path, found):
     save_model(found.friction, tmp_path / "m.json", LAWS)
-    again = load_model(tmp_path / "m.json", LAWS).rig
-    np.testing.assert_array_equal(again.motor, found.rig.motor)
+    again = load_model(tmp_path / "m.json", LAWS).calibration
+    np.testing.assert_array_equal(again.motor, found.calibration.motor)
 
 
 LEFT_OUT = replace(BOTH, recordings=tuple(replace(r, servo=None) for r in BOTH.recordings))

@@ -10,7 +10,7 @@ import pytest
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.intervals import track_of
 from frictionid.shooting.linearise import put, values_of
@@ -66,7 +66,7 @@ def acrobot():
 def test_derivatives_of_all_blocks_are_those_of_central_differences():
     level = [[0.16, 0.15, 0.01, 0.02, 6.0, 0.004], [0.05, 0.04, 0.02, 0.03, 8.0, 0.001]]
     rig = replace(
-        Rig.ideal(2),
+        Calibration.ideal(2),
         gain=np.array([1.0, 1.05]),
         delay=np.asarray(0.007),
         bias=np.array([0.0, 0.01]),

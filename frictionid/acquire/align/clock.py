@@ -23,7 +23,7 @@ from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, states_of, training_problem
 from frictionid.mechanics import plant_of
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.gauss_newton import Shot, settle
 from frictionid.shooting.intervals import Track, track_of
@@ -259,8 +259,8 @@ def _fine(data: Dataset, clock: Clock, coarse: Match, settings: Settings | None)
     states = states_of(data, INTEGRAL.states, None)
     problem = training_problem(data, plant, INTEGRAL, states=states)
     friction = LeastSquares(LAW).fit(problem, np.ones((1, len(problem.r))), 0)[0]
-    rig = Rig.ideal(n, np.asarray(plant.p)[0])
-    guess = Guess(friction, rig, plant.mechanism)
+    calibration = Calibration.ideal(n, np.asarray(plant.p)[0])
+    guess = Guess(friction, calibration, plant.mechanism)
     blocks: tuple[Block, ...] = (FrictionBlock(), InertiaBlock(prior=LOOSE))
     track = track_of(data, states=states)
     middle = float(clock.to_angles(np.array(clock.at)))

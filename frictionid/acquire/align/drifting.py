@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.intervals import Track
 from frictionid.shooting.linearise import Intervals, Lines, intervals_of, parts_of
 from frictionid.shooting.parameters import Block, DelayBlock
@@ -24,8 +24,8 @@ QUARTZ = 5e-4  # standard deviation of the drift that is known beforehand
 
 
 @dataclass(frozen=True)
-class ClockRig(Rig):
-    """A rig whose torque clock drifts: `drift` () [1], positive where it goes too slowly."""
+class ClockCalibration(Calibration):
+    """A calibration with a drifting torque clock: `drift` () [1], positive where it is slow."""
 
     drift: float = 0.0
 
@@ -39,12 +39,12 @@ class DriftBlock:
     enters: str = "torque"
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        drift = guess.rig.drift if isinstance(guess.rig, ClockRig) else 0.0
+        drift = guess.calibration.drift if isinstance(guess.calibration, ClockCalibration) else 0.0
         return (Entry(self.name, "clock drift", "1", drift, -MOST, MOST, self.prior),)
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        own = {f: getattr(guess.rig, f) for f in Rig.__dataclass_fields__}
-        return guess._replace(rig=ClockRig(**own, drift=float(values[0])))
+        own = {f: getattr(guess.calibration, f) for f in Calibration.__dataclass_fields__}
+        return guess._replace(calibration=ClockCalibration(**own, drift=float(values[0])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Drifting(Intervals):
 
     def lines(self, guess: Guess, nodes: Array, rows: Array) -> Lines:
         """Ends and derivatives of some intervals that begin at nodes (K, s)."""
-        drift = guess.rig.drift if isinstance(guess.rig, ClockRig) else 0.0
+        drift = guess.calibration.drift if isinstance(guess.calibration, ClockCalibration) else 0.0
         own = replace(self.inner, track=drifted(self.track, drift, self.middle))
         found = own.lines(guess, nodes, rows)
         places = {e: k for k, e in enumerate(_names(self.inner))}

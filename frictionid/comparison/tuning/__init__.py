@@ -6,8 +6,16 @@ studies        the searches, in a journal on disk that an interrupted one is res
 tuned_suite    the suite with the settings that were chosen
 """
 
-from frictionid.comparison.tuning.studies import Found, Lane, lanes_of, tune
-from frictionid.comparison.tuning.trial import Unit, units_of
+from frictionid.comparison.tuning.studies import Found, StudySpec, study_specs, tune
+from frictionid.comparison.tuning.trial import TuningTask, tuning_tasks
 from frictionid.comparison.tuning.tuned_suite import chosen_suite
 
-__all__ = ["Found", "Lane", "Unit", "chosen_suite", "lanes_of", "tune", "units_of"]
+__all__ = [
+    "Found",
+    "StudySpec",
+    "TuningTask",
+    "chosen_suite",
+    "study_specs",
+    "tune",
+    "tuning_tasks",
+]

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.comparison.cross_validate import Contest
+from frictionid.comparison.cross_validate import Benchmark
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
 
 
-def training_contest(contest: Contest, fold: int | None, inner: Split) -> Contest:
-    """A contest among the recordings that train a fold, all of them for None; held-out ones test.
+def training_benchmark(benchmark: Benchmark, fold: int | None, inner: Split) -> Benchmark:
+    """A benchmark among the recordings that train a fold, all of them for None; held-out ones test.
 
     The truth of simulated data stays behind: nothing is tuned to it.
 
@@ -25,50 +25,50 @@ def training_contest(contest: Contest, fold: int | None, inner: Split) -> Contes
     InputError
         For shuffled folds, where every held-out sample has neighbours in the training set.
     """
-    dataset = contest.dataset
+    dataset = benchmark.dataset
     whole = replace(dataset, truth=None, recordings=tuple(map(_untold, dataset.recordings)))
     if fold is None:
-        return _contest(whole, contest, inner, ())
-    if not contest.folds.contiguous:
+        return _contest(whole, benchmark, inner, ())
+    if not benchmark.folds.contiguous:
         raise InputError(
             "tuning is nested in the training folds, which shuffled samples do not part: set "
             'folds.kind = "recordings" or "blocks", or tune.nested = false'
         )
-    shortest = contest.protocol.history + min(contest.protocol.horizons)
-    seen = _some(whole, _training(contest, fold), shortest)
+    shortest = benchmark.protocol.history + min(benchmark.protocol.horizons)
+    seen = _some(whole, _training(benchmark, fold), shortest)
     if seen is None:
         raise InputError(
             f"data set {dataset.name!r}: fold {fold} leaves no {shortest:g} s of motion in one "
             "piece to tune on: use fewer folds"
         )
-    unseen = _some(whole, _held_out(contest, fold), shortest)
+    unseen = _some(whole, _held_out(benchmark, fold), shortest)
     tests = () if unseen is None else (replace(unseen, name=f"{dataset.name}, held out"),)
-    return _contest(seen, contest, inner, tests)
+    return _contest(seen, benchmark, inner, tests)
 
 
 def _contest(
-    dataset: Dataset, contest: Contest, inner: Split, tests: tuple[Dataset, ...]
-) -> Contest:
+    dataset: Dataset, benchmark: Benchmark, inner: Split, tests: tuple[Dataset, ...]
+) -> Benchmark:
     few = len(dataset.recordings) < inner.count
     split = replace(inner, kind="blocks") if few else inner
-    return Contest(dataset, make_folds(dataset.recordings, split), contest.protocol, tests)
+    return Benchmark(dataset, make_folds(dataset.recordings, split), benchmark.protocol, tests)
 
 
 def _untold(recording: Recording) -> Recording:
     return replace(recording, truth=None)
 
 
-def _training(contest: Contest, fold: int) -> list[Array]:
+def _training(benchmark: Benchmark, fold: int) -> list[Array]:
     """Whether each interval of each recording trains a fold."""
     out = []
-    for i, time in enumerate(contest.folds.times):
+    for i, time in enumerate(benchmark.folds.times):
         rows = np.full(len(time) - 1, i)
-        out.append(contest.folds.training(rows, time[:-1], np.diff(time))[fold] > 0)
+        out.append(benchmark.folds.training(rows, time[:-1], np.diff(time))[fold] > 0)
     return out
 
 
-def _held_out(contest: Contest, fold: int) -> list[Array]:
-    return [label[:-1] == fold for label in contest.folds.labels]
+def _held_out(benchmark: Benchmark, fold: int) -> list[Array]:
+    return [label[:-1] == fold for label in benchmark.folds.labels]
 
 
 def _some(dataset: Dataset, use: list[Array], shortest: float) -> Dataset | None:

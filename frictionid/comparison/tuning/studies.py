@@ -15,11 +15,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.comparison.cross_validate import Contest, Ground, ground_of
+from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
 from frictionid.comparison.search_space import Space, Tuning, text_of
 from frictionid.comparison.tasks import side_by_side
-from frictionid.comparison.tuning.nested_folds import training_contest
-from frictionid.comparison.tuning.trial import Judged, Unit, judged, protocol_for
+from frictionid.comparison.tuning.nested_folds import training_benchmark
+from frictionid.comparison.tuning.trial import Judged, TuningTask, judged, protocol_for
 from frictionid.errors import InputError
 from frictionid.evaluation import Split
 
@@ -42,7 +42,7 @@ class Found(NamedTuple):
     held_out, held_out_own : scores of the chosen and of the suite's settings on the held-out fold
     """
 
-    unit: Unit
+    unit: TuningTask
     sampler: str
     fold: int | None
     trials: tuple[Trial, ...]
@@ -56,10 +56,10 @@ class Found(NamedTuple):
         return min(self.trials, key=lambda t: math.inf if math.isnan(t.value) else t.value)
 
 
-class Lane(NamedTuple):
+class StudySpec(NamedTuple):
     """A study to be made: a unit with a sampler, nested in a fold or on all data."""
 
-    unit: Unit
+    unit: TuningTask
     sampler: str
     fold: int | None
 
@@ -73,16 +73,18 @@ class Lane(NamedTuple):
 class Studies:
     """The studies of some units in a folder's journal."""
 
-    def __init__(self, units: Sequence[Unit], tuning: Tuning, folder: Path, resume: bool) -> None:
+    def __init__(
+        self, units: Sequence[TuningTask], tuning: Tuning, folder: Path, resume: bool
+    ) -> None:
         import optuna
         from optuna.storages import JournalStorage
         from optuna.storages.journal import JournalFileBackend
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.tuning = tuning
-        self.lanes = lanes_of(units, tuning)
-        self._contests: dict[tuple[str, int | None], Contest] = {}
-        self._grounds: dict[tuple[str, int | None, str], Ground] = {}
+        self.specs = study_specs(units, tuning)
+        self._contests: dict[tuple[str, int | None], Benchmark] = {}
+        self._grounds: dict[tuple[str, int | None, str], PreparedBenchmark] = {}
         path = folder / JOURNAL
         if not resume:
             path.unlink(missing_ok=True)
@@ -95,60 +97,60 @@ class Studies:
             ) from None
         except (ValueError, KeyError):
             raise InputError(f"{path}: is no journal: tune anew without --resume") from None
-        self.studies = [self._study(lane) for lane in self.lanes]
+        self.studies = [self._study(spec) for spec in self.specs]
 
-    def contest(self, unit: Unit, fold: int | None) -> Contest:
+    def benchmark(self, unit: TuningTask, fold: int | None) -> Benchmark:
         """What a study may see of a unit's data."""
-        key = unit.contest.dataset.name, fold
+        key = unit.benchmark.dataset.name, fold
         if key not in self._contests:
-            protocol = protocol_for(self.tuning.objective, unit.contest.protocol)
-            whole = replace(unit.contest, protocol=protocol)
-            gap = unit.contest.folds.gap or Split().gap
+            protocol = protocol_for(self.tuning.objective, unit.benchmark.protocol)
+            whole = replace(unit.benchmark, protocol=protocol)
+            gap = unit.benchmark.folds.gap or Split().gap
             inner = Split(self.tuning.folds, "recordings", gap, self.tuning.seed)
-            self._contests[key] = training_contest(whole, fold, inner)
+            self._contests[key] = training_benchmark(whole, fold, inner)
         return self._contests[key]
 
-    def ground(self, unit: Unit, fold: int | None) -> Ground:
+    def shared(self, unit: TuningTask, fold: int | None) -> PreparedBenchmark:
         """What all trials of a unit share."""
-        key = unit.contest.dataset.name, fold, unit.recipe.name
+        key = unit.benchmark.dataset.name, fold, unit.recipe.name
         if key not in self._grounds:
-            self._grounds[key] = ground_of(self.contest(unit, fold), [unit.recipe])
+            self._grounds[key] = prepare_benchmark(self.benchmark(unit, fold), [unit.recipe])
         return self._grounds[key]
 
-    def _study(self, lane: Lane) -> Any:
-        """The study of a lane, as the journal has it, or anew where data or settings differ."""
+    def _study(self, spec: StudySpec) -> Any:
+        """The study of a spec, as the journal has it, or anew where data or settings differ."""
         import optuna
 
-        digest = self._digest(lane)
+        digest = self._digest(spec)
         names = optuna.get_all_study_names(self.storage)
-        if lane.name in names:
-            study = optuna.load_study(study_name=lane.name, storage=self.storage)
+        if spec.name in names:
+            study = optuna.load_study(study_name=spec.name, storage=self.storage)
             if study.user_attrs.get("digest") == digest:
                 _forget_unfinished(study)
                 return study
-            optuna.delete_study(study_name=lane.name, storage=self.storage)
-        study = optuna.create_study(study_name=lane.name, storage=self.storage)
+            optuna.delete_study(study_name=spec.name, storage=self.storage)
+        study = optuna.create_study(study_name=spec.name, storage=self.storage)
         study.set_user_attr("digest", digest)
-        own = lane.unit.own
-        if all(k in own and space.holds(own[k]) for k, space in lane.unit.search.items()):
-            study.enqueue_trial(_told(lane.unit.search, own), user_attrs={"own": True})
+        own = spec.unit.own
+        if all(k in own and space.holds(own[k]) for k, space in spec.unit.search.items()):
+            study.enqueue_trial(_told(spec.unit.search, own), user_attrs={"own": True})
         return study
 
-    def _digest(self, lane: Lane) -> str:
+    def _digest(self, spec: StudySpec) -> str:
         """SHA-256 of all that a study depends on."""
-        plain = {key: space.ends[0] for key, space in lane.unit.search.items()}
-        task = lane.unit.task(self.contest(lane.unit, lane.fold), plain)
-        spaces = {key: space.words for key, space in lane.unit.search.items()}
-        words = json.dumps([spaces, lane.unit.own, self.tuning.objective.words, self.tuning.seed])
-        return hashlib.sha256(f"{task.digest} {words} {lane.sampler}".encode()).hexdigest()
+        plain = {key: space.ends[0] for key, space in spec.unit.search.items()}
+        task = spec.unit.task(self.benchmark(spec.unit, spec.fold), plain)
+        spaces = {key: space.words for key, space in spec.unit.search.items()}
+        words = json.dumps([spaces, spec.unit.own, self.tuning.objective.words, self.tuning.seed])
+        return hashlib.sha256(f"{task.digest} {words} {spec.sampler}".encode()).hexdigest()
 
     def asked(self, place: int) -> tuple[Any, dict[str, Any]]:
         """The next trial of a study, and its settings."""
-        lane, study = self.lanes[place], self.studies[place]
+        spec, study = self.specs[place], self.studies[place]
         # anew for each trial: what it proposes does not depend on interruptions
-        study.sampler = _sampler(lane.sampler, _seed(self.tuning.seed, len(_finished(study))))
-        trial = study.ask(_distributions(lane.unit.search))
-        return trial, _settings(lane.unit.search, trial.params)
+        study.sampler = _sampler(spec.sampler, _seed(self.tuning.seed, len(_finished(study))))
+        trial = study.ask(_distributions(spec.unit.search))
+        return trial, _settings(spec.unit.search, trial.params)
 
     def finish(self, place: int, trial: Any, found: Judged) -> None:
         """Write a trial's score, or why it has none."""
@@ -160,23 +162,23 @@ class Studies:
 
     def found(self, place: int) -> Found:
         """What a study has found so far."""
-        lane, study = self.lanes[place], self.studies[place]
+        spec, study = self.specs[place], self.studies[place]
         trials, own = [], math.nan
         for t in _finished(study):
             value = math.nan if t.value is None else float(t.value)
-            settings = _settings(lane.unit.search, t.params)
+            settings = _settings(spec.unit.search, t.params)
             trials.append(Trial(settings, value, str(t.user_attrs.get("error", ""))))
             own = value if t.user_attrs.get("own") else own
         if all(math.isnan(t.value) for t in trials):
             reason = trials[0].error if trials else "it has no trials"
-            raise InputError(f"{lane.name}: no trial has a score: {reason}")
+            raise InputError(f"{spec.name}: no trial has a score: {reason}")
         held = study.user_attrs.get("held_out") or {}
         scores = [math.nan if held.get(k) is None else held[k] for k in ("chosen", "own")]
-        return Found(lane.unit, lane.sampler, lane.fold, tuple(trials), own, *scores)
+        return Found(spec.unit, spec.sampler, spec.fold, tuple(trials), own, *scores)
 
 
 def tune(
-    units: Sequence[Unit],
+    units: Sequence[TuningTask],
     tuning: Tuning,
     folder: Path,
     *,
@@ -194,7 +196,7 @@ def tune(
     studies, tell = Studies(units, tuning, folder, resume), done or (lambda _: None)
     for place, study in enumerate(studies.studies):
         for _ in range(min(len(_finished(study)), tuning.trials)):
-            tell(studies.lanes[place].name)
+            tell(studies.specs[place].name)
     while places := [p for p, s in enumerate(studies.studies) if _left(s, tuning)]:
         asked = [studies.asked(place) for place in places]
         calls = [
@@ -203,16 +205,16 @@ def tune(
         ]
         for i, found in side_by_side(judged, calls, jobs):
             studies.finish(places[i], asked[i][0], found)
-            tell(studies.lanes[places[i]].name)
+            tell(studies.specs[places[i]].name)
     _hold_out(studies, jobs)
-    return [studies.found(place) for place in range(len(studies.lanes))]
+    return [studies.found(place) for place in range(len(studies.specs))]
 
 
 def _hold_out(studies: Studies, jobs: int) -> None:
     """Score, on each fold, what was chosen without it, beside the suite's own settings."""
     wanted: list[tuple[int, str, dict[str, Any]]] = []
-    for place, lane in enumerate(studies.lanes):
-        if lane.fold is None or "held_out" in studies.studies[place].user_attrs:
+    for place, spec in enumerate(studies.specs):
+        if spec.fold is None or "held_out" in studies.studies[place].user_attrs:
             continue
         wanted.append((place, "chosen", dict(studies.found(place).best.settings)))
         wanted.append((place, "own", {}))
@@ -230,20 +232,23 @@ def _call(
     studies: Studies, place: int, settings: Mapping[str, Any], tests: bool
 ) -> tuple[Any, ...]:
     """Arguments of `judged`; recordings held out from tuning are there for `tests` only."""
-    lane = studies.lanes[place]
-    contest, ground = studies.contest(lane.unit, lane.fold), studies.ground(lane.unit, lane.fold)
+    spec = studies.specs[place]
+    benchmark, shared = (
+        studies.benchmark(spec.unit, spec.fold),
+        studies.shared(spec.unit, spec.fold),
+    )
     if not tests:
-        contest, ground = replace(contest, tests=()), ground._replace(tests=())
-    return lane.unit.task(contest, settings), ground, studies.tuning.objective
+        benchmark, shared = replace(benchmark, tests=()), shared._replace(tests=())
+    return spec.unit.task(benchmark, settings), shared, studies.tuning.objective
 
 
-def lanes_of(units: Sequence[Unit], tuning: Tuning) -> list[Lane]:
+def study_specs(units: Sequence[TuningTask], tuning: Tuning) -> list[StudySpec]:
     """Studies to be made: of each unit with each sampler, on all data and, nested, in each fold."""
     return [
-        Lane(unit, sampler, fold)
+        StudySpec(unit, sampler, fold)
         for unit in units
         for sampler in tuning.samplers
-        for fold in (None, *(range(unit.contest.folds.count) if tuning.nested else ()))
+        for fold in (None, *(range(unit.benchmark.folds.count) if tuning.nested else ()))
     ]
 
 

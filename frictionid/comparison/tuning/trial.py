@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.comparison.cross_validate import Contest, Ground, Way, run
+from frictionid.comparison.cross_validate import Benchmark, Method, PreparedBenchmark, run
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space
 from frictionid.comparison.suite import (
     IdentifierEntry,
     Suite,
-    contest_of,
+    benchmark_of,
     identifier_of,
     recipes_of,
     used_of,
@@ -30,13 +30,13 @@ NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is as
 
 
 @dataclass(frozen=True, eq=False)
-class Unit:
+class TuningTask:
     """An identifier with settings to search, by a recipe on a data set with its folds."""
 
-    contest: Contest
+    benchmark: Benchmark
     name: str
     entry: IdentifierEntry
-    recipe: Way
+    recipe: Method
     seed: int
     folder: Path
 
@@ -48,7 +48,7 @@ class Unit:
     @property
     def title(self) -> str:
         """What names the unit in studies and tables."""
-        return f"{self.contest.dataset.name}: {self.name}, {self.recipe.name}"
+        return f"{self.benchmark.dataset.name}: {self.name}, {self.recipe.name}"
 
     @property
     def own(self) -> dict[str, Any]:
@@ -62,14 +62,14 @@ class Unit:
         plain = {k: list(v) if isinstance(v, tuple) else v for k, v in both.items()}
         return {key: plain[key] for key in self.search if plain.get(key) is not None}
 
-    def task(self, contest: Contest, settings: Mapping[str, Any]) -> Task:
+    def task(self, benchmark: Benchmark, settings: Mapping[str, Any]) -> Task:
         """The task of one trial, on what tuning may see of the data."""
         entry = with_settings(self.entry, {**(self.entry.model_extra or {}), **settings})
         _, identifier, _ = identifier_of(entry, self.folder, [self.recipe])
-        return Task(contest, self.name, identifier, self.recipe, self.seed)
+        return Task(benchmark, self.name, identifier, self.recipe, self.seed)
 
 
-def units_of(suite: Suite, file: Path, data: Path | None = None) -> list[Unit]:
+def tuning_tasks(suite: Suite, file: Path, data: Path | None = None) -> list[TuningTask]:
     """What a suite has to tune: its identifiers with a `search` table, all spaces checked.
 
     Raises
@@ -83,7 +83,7 @@ def units_of(suite: Suite, file: Path, data: Path | None = None) -> list[Unit]:
         raise InputError(f"{file}: {error}") from None
 
 
-def _units(suite: Suite, folder: Path, data: Path | None) -> list[Unit]:
+def _units(suite: Suite, folder: Path, data: Path | None) -> list[TuningTask]:
     entries = [entry for entry in suite.identifiers if entry.search]
     if not entries:
         raise InputError(
@@ -93,15 +93,15 @@ def _units(suite: Suite, folder: Path, data: Path | None) -> list[Unit]:
     recipes = recipes_of(suite.recipes)
     for entry in entries:
         _check(entry, folder, recipes)
-    parts = [contest_of(suite, entry, folder, data) for entry in suite.datasets]
-    contests = [replace(contest, tests=()) for contest in parts]
+    parts = [benchmark_of(suite, entry, folder, data) for entry in suite.datasets]
+    benchmarks = [replace(benchmark, tests=()) for benchmark in parts]
     units = []
-    for contest, told in zip(contests, suite.datasets, strict=True):
+    for benchmark, told in zip(benchmarks, suite.datasets, strict=True):
         for recipe in used_of(told, recipes):
             for entry in entries:
                 name, _, only = identifier_of(with_settings(entry, _plain(entry)), folder, recipes)
                 if only is None or recipe.name in only:
-                    units.append(Unit(contest, name, entry, recipe, suite.seeds[0], folder))
+                    units.append(TuningTask(benchmark, name, entry, recipe, suite.seeds[0], folder))
     distinct([unit.title for unit in units], "identifiers to tune")
     return units
 
@@ -115,7 +115,7 @@ def _plain(entry: IdentifierEntry) -> dict[str, Any]:
     return {**{key: space.ends[0] for key, space in (entry.search or {}).items()}, **given}
 
 
-def _check(entry: IdentifierEntry, folder: Path, recipes: Sequence[Way]) -> None:
+def _check(entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]) -> None:
     plain = _plain(entry)
     for key, space in (entry.search or {}).items():
         for value in space.ends:
@@ -133,10 +133,10 @@ class Judged(NamedTuple):
     error: str = ""
 
 
-def judged(task: Task, ground: Ground, objective: Objective) -> Judged:
+def judged(task: Task, shared: PreparedBenchmark, objective: Objective) -> Judged:
     """Scores of a task, an identifier that finds no numbers has none."""
     try:
-        result = run(task.contest, task.identifier, task.recipe, task.seed, ground)
+        result = run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
         value = result.value(*objective.key)
     except InputError as error:
         return Judged(math.nan, math.nan, str(error))

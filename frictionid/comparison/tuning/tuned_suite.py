@@ -33,7 +33,7 @@ def chosen_suite(
     import tomli_w
 
     document = tomllib.loads(file.read_text(encoding="utf-8"))
-    own = found[0].unit.contest.dataset.name
+    own = found[0].unit.benchmark.dataset.name
     document["name"] = f"{document['name']}-tuned"
     document.pop("tune", None)
     document["datasets"] = [

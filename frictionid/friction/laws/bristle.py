@@ -2,7 +2,7 @@
 
 dz/dt = w - |w| z / bend
 
-with `bend` [rad] what they are bent by in steady sliding [CanudasDeWit1995].
+with `bend` [rad] their deflection in steady sliding [CanudasDeWit1995].
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 from frictionid.arrays import Array, namespace
 
 
-def bent(z: Array, w: Array, bend: Array, dt: Array) -> Array:
+def bristle_state(z: Array, w: Array, bend: Array, dt: Array) -> Array:
     """Bend z after dt at the velocity w, exactly; it neither overshoots nor limits the step.
 
     >>> import numpy as np
-    >>> bent(np.array([0.0]), np.array([1.0]), np.array([0.01]), np.array([0.01])).round(5)
+    >>> bristle_state(np.array([0.0]), np.array([1.0]), np.array([0.01]), np.array([0.01])).round(5)
     array([0.00632])
     """
     xp = namespace(z, w, bend)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.levels import LEVEL, directions, sided
+from frictionid.friction.laws.levels import LEVEL, by_direction, directions
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
@@ -86,4 +86,4 @@ class AsymmetricCoulombViscous:
         return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return sided(x.w, theta[..., 0], theta[..., 1])
+        return by_direction(x.w, theta[..., 0], theta[..., 1])

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.bristle import bent
+from frictionid.friction.laws.bristle import bristle_state
 from frictionid.friction.laws.levels import LEVEL
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
@@ -44,7 +44,7 @@ class Dahl:
         return theta[..., 0] * memory[0] / theta[..., 2] + theta[..., 1] * x.w
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return (bent(memory[0], x.w, theta[..., 2], dt),)
+        return (bristle_state(memory[0], x.w, theta[..., 2], dt),)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.levels import LEVEL, VELOCITY, level, sided_level
+from frictionid.friction.laws.levels import LEVEL, VELOCITY, level, level_by_direction
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 _LAG = (1e-3, 1.0)  # [s]; what is faster than a millisecond is no memory
@@ -91,13 +91,13 @@ class AsymmetricFilmLag:
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
-        return sided_level(theta, memory[0], x.w) * sign + theta[..., 5] * x.w
+        return level_by_direction(theta, memory[0], x.w) * sign + theta[..., 5] * x.w
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return (_followed(memory[0], x.w, theta[..., 6], dt),)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return sided_level(theta, memory[0], x.w)
+        return level_by_direction(theta, memory[0], x.w)
 
 
 def _steady(theta: Array, x: Inputs) -> Array:

@@ -20,7 +20,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Law
 from frictionid.friction.laws.layers import drawn
-from frictionid.friction.laws.levels import LEVEL, Range, sided
+from frictionid.friction.laws.levels import LEVEL, Range, by_direction
 
 HEAD = ("torque", "reach", "tail")  # how the parameters begin: scales of torque, of speed, and tail
 UNITS = ("N m", "rad/s", "1")
@@ -87,7 +87,7 @@ def side_of(w: Array) -> Array:
     array([-1., -1.,  1.])
     """
     one = 1.0 + 0.0 * w
-    return sided(w, one, -one)
+    return by_direction(w, one, -one)
 
 
 def fine(share: Array) -> Array:

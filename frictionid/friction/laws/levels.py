@@ -13,11 +13,11 @@ VELOCITY: Range = (0.3, 30.0)
 VELOCITIES = (0.4, 0.7, 1.2, 2.0, 3.5, 6.5, 11.0, 20.0)
 
 
-def dip(speed: Array, velocity: Array) -> Array:
+def stribeck_factor(speed: Array, velocity: Array) -> Array:
     """exp(-(speed/velocity)^2): what is left of a peak at a speed.
 
     >>> import numpy as np
-    >>> dip(np.array([0.0, 2.0]), np.array(2.0)).round(3)
+    >>> stribeck_factor(np.array([0.0, 2.0]), np.array(2.0)).round(3)
     array([1.   , 0.368])
     """
     return namespace(speed, velocity).exp(-((speed / velocity) ** 2))
@@ -25,23 +25,25 @@ def dip(speed: Array, velocity: Array) -> Array:
 
 def level(theta: Array, speed: Array) -> Array:
     """Level at a speed >= 0 [N m]; theta begins with coulomb, peak, stribeck_velocity."""
-    return theta[..., 0] + theta[..., 1] * dip(speed, theta[..., 2])
+    return theta[..., 0] + theta[..., 1] * stribeck_factor(speed, theta[..., 2])
 
 
-def sided_level(theta: Array, speed: Array, w: Array) -> Array:
+def level_by_direction(theta: Array, speed: Array, w: Array) -> Array:
     """Level at a speed in the direction of w [N m], of the positive side only where w > 0.
 
     theta begins with coulomb and peak for each side, as in `AsymmetricStribeck`.
     """
-    left = dip(speed, theta[..., 4])
-    return sided(w, theta[..., 0] + theta[..., 2] * left, theta[..., 1] + theta[..., 3] * left)
+    left = stribeck_factor(speed, theta[..., 4])
+    return by_direction(
+        w, theta[..., 0] + theta[..., 2] * left, theta[..., 1] + theta[..., 3] * left
+    )
 
 
-def sided(w: Array, positive: Array, negative: Array) -> Array:
+def by_direction(w: Array, positive: Array, negative: Array) -> Array:
     """Entries of `positive` where w > 0, of `negative` elsewhere.
 
     >>> import numpy as np
-    >>> sided(np.array([-1.0, 0.0, 1.0]), np.array(5.0), np.array(3.0))
+    >>> by_direction(np.array([-1.0, 0.0, 1.0]), np.array(5.0), np.array(3.0))
     array([3., 3., 5.])
     """
     return namespace(w, positive, negative).where(w > 0, positive, negative)
@@ -55,4 +57,4 @@ def directions(w: Array, values: Array) -> tuple[Array, Array]:
     (array([0., 3.]), array([2., 0.]))
     """
     zero = 0.0 * values
-    return sided(w, values, zero), sided(w, zero, values)
+    return by_direction(w, values, zero), by_direction(w, zero, values)

@@ -19,7 +19,7 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.levels import LEVEL, dip
+from frictionid.friction.laws.levels import LEVEL, stribeck_factor
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 _FREE = (-math.inf, math.inf)
@@ -231,7 +231,7 @@ def _powers(law: Library) -> list[Candidate]:
 def _peaks(law: Library) -> list[Candidate]:
     def one(ws: float) -> Candidate:
         def value(x: Inputs) -> Array:
-            return dip(x.w, ws) * smooth_sign(x.w, law.width, law.shape)
+            return stribeck_factor(x.w, ws) * smooth_sign(x.w, law.width, law.shape)
 
         formula = f"exp(-(w/{ws:g})^2) s(w)"
         name = f"peak_{ws:g}"
@@ -268,15 +268,15 @@ def _loads(law: Library) -> list[Candidate]:
 def _offsets(law: Library) -> list[Candidate]:
     """The even twin of each level, of each peak and of w: what both directions differ by."""
 
-    def sided(x: Inputs) -> Array:
+    def by_direction(x: Inputs) -> Array:
         return namespace(x.w).where(x.w > 0, _one(x), -_one(x))
 
     def one(twin: Candidate) -> Candidate:
         def value(x: Inputs) -> Array:
-            return sided(x) * twin.value(x)
+            return by_direction(x) * twin.value(x)
 
         formula = f"sgn(w) {twin.formula}"
-        level = None if twin.level is None else sided
+        level = None if twin.level is None else by_direction
         name, family = f"offset_{twin.name}", f"offset_{twin.family}"
         return Candidate(name, twin.unit, family, formula, _FREE, value, level, twin.fast)
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.levels import LEVEL, VELOCITIES, VELOCITY, dip, level
+from frictionid.friction.laws.levels import LEVEL, VELOCITIES, VELOCITY, level, stribeck_factor
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
@@ -92,7 +92,7 @@ class LoadDependentStribeck:
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
         ws = theta[..., 2]
-        left = dip(x.w, ws)
+        left = stribeck_factor(x.w, ws)
         zero = 0.0 * left
         sign = smooth_sign(x.w, self.width, self.shape) + zero
         by_ws = theta[..., 1] * sign * left * (2.0 * x.w**2 / ws**3)

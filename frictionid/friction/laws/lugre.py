@@ -19,9 +19,15 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.bristle import bent, rate
+from frictionid.friction.laws.bristle import bristle_state, rate
 from frictionid.friction.laws.dahl import PRESLIDING, PRESLIDINGS
-from frictionid.friction.laws.levels import LEVEL, VELOCITY, dip, level, sided_level
+from frictionid.friction.laws.levels import (
+    LEVEL,
+    VELOCITY,
+    level,
+    level_by_direction,
+    stribeck_factor,
+)
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 _FADING = (0.01, 10.0)  # [rad/s]
@@ -77,7 +83,7 @@ class LuGre:
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         bend = _bend(theta[..., 4], *_levels(theta, x.w))
-        return (bent(memory[0], x.w, bend, dt),)
+        return (bristle_state(memory[0], x.w, bend, dt),)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)
@@ -130,7 +136,7 @@ class AsymmetricLuGre:
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         bend = _bend(theta[..., 6], *_sided_levels(theta, x.w))
-        return (bent(memory[0], x.w, bend, dt),)
+        return (bristle_state(memory[0], x.w, bend, dt),)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)
@@ -143,7 +149,7 @@ def _levels(theta: Array, w: Array) -> tuple[Array, Array]:
 
 def _sided_levels(theta: Array, w: Array) -> tuple[Array, Array]:
     both = theta[..., 0] + theta[..., 1] + theta[..., 2] + theta[..., 3]
-    return sided_level(theta, w, w), both / 2
+    return level_by_direction(theta, w, w), both / 2
 
 
 def _bend(presliding: Array, here: Array, top: Array) -> Array:
@@ -161,7 +167,7 @@ def _torque(theta: Array, w: Array, z: Array, here: Array, top: Array, slow: flo
     resolved, and data that do not tell the damping would lead there.
     """
     xp = namespace(theta, w)
-    fading = theta[..., 2] * dip(w, theta[..., 3])
+    fading = theta[..., 2] * stribeck_factor(w, theta[..., 3])
     damping = xp.minimum(fading, 4.0 * here / xp.maximum(xp.abs(w), slow + 0.0 * w))
     bending = rate(z, w, _bend(theta[..., 1], here, top))
     return top / theta[..., 1] * z + damping * bending + theta[..., 0] * w

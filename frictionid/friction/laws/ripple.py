@@ -2,8 +2,8 @@
 
 Tf = (1 + sum_k cos_k cos(k gear q) + sin_k sin(k gear q)) level(w) sgn(w) + Fv w
 
-Teeth that mesh, a shaft that is bent and a bearing that is out of round press more at some angles
-than at others [Armstrong1994].
+Meshing teeth, a bent shaft and a bearing out of round press more at some angles than at others
+[Armstrong1994].
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.levels import LEVEL, sided
+from frictionid.friction.laws.levels import LEVEL, by_direction
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -125,19 +125,21 @@ class AsymmetricSpline:
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         half, side = theta.shape[-1] // 2, self._side
         positive = side.torque(theta[..., :half], x, memory)
-        return sided(x.w, positive, side.torque(theta[..., half:], x, memory))
+        return by_direction(x.w, positive, side.torque(theta[..., half:], x, memory))
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         half, side = theta.shape[-1] // 2, self._side
         up, down = (side.gradient(part, x) for part in (theta[..., :half], theta[..., half:]))
         w, zero = x.w[..., None], 0.0 * up
-        return namespace(up).concat([sided(w, up, zero), sided(w, zero, down)], axis=-1)
+        return namespace(up).concat(
+            [by_direction(w, up, zero), by_direction(w, zero, down)], axis=-1
+        )
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return sided(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
+        return by_direction(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
 
 
 def _check(knots: Sequence[Any], degree: Any, width: float, shape: str) -> None:

@@ -14,11 +14,11 @@ from frictionid.friction.laws.levels import (
     LEVEL,
     VELOCITIES,
     VELOCITY,
-    dip,
+    by_direction,
     directions,
     level,
-    sided,
-    sided_level,
+    level_by_direction,
+    stribeck_factor,
 )
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
@@ -55,7 +55,7 @@ class Stribeck:
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
         ws = theta[..., 2]
-        left = dip(x.w, ws)
+        left = stribeck_factor(x.w, ws)
         sign = smooth_sign(x.w, self.width, self.shape)
         by_ws = theta[..., 1] * sign * left * (2.0 * x.w**2 / ws**3)
         zero = 0.0 * by_ws
@@ -102,13 +102,13 @@ class AsymmetricStribeck:
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
-        return sided_level(theta, x.w, x.w) * sign + theta[..., 5] * x.w
+        return level_by_direction(theta, x.w, x.w) * sign + theta[..., 5] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         xp = namespace(theta, x.w)
         ws = theta[..., 4]
         up, down = directions(x.w, smooth_sign(x.w, self.width, self.shape))
-        left = dip(x.w, ws)
+        left = stribeck_factor(x.w, ws)
         by_ws = (theta[..., 2] * up + theta[..., 3] * down) * left * (2.0 * x.w**2 / ws**3)
         zero = 0.0 * by_ws
         columns = [up + zero, down + zero, up * left, down * left, by_ws, x.w + zero]
@@ -119,4 +119,4 @@ class AsymmetricStribeck:
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         positive, negative = theta[..., 0] + theta[..., 2], theta[..., 1] + theta[..., 3]
-        return sided(x.w, positive, negative)
+        return by_direction(x.w, positive, negative)

@@ -11,7 +11,7 @@ from typing import ClassVar
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.levels import LEVEL, directions, sided
+from frictionid.friction.laws.levels import LEVEL, by_direction, directions
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
@@ -94,7 +94,7 @@ class Table:
         return self._value(theta, x, 0)
 
     def _value(self, theta: Array, x: Inputs, i: int) -> Array:
-        return sided(x.w, theta[..., i], theta[..., len(self.speeds) + i])
+        return by_direction(x.w, theta[..., i], theta[..., len(self.speeds) + i])
 
     def _climbed(self, x: Inputs) -> Iterator[Array]:
         """Part (..., n) of each step between speeds that lies below |w|."""

@@ -172,7 +172,7 @@ class WindowMLP:
         if not self.presliding:
             past = [within(w / reach) for w in memory]
             return stacked([*own, *(side * w if self.odd else w for w in past)])
-        # in the direction of the motion: bristles that are still bent the other way drive it
+        # in the direction of the motion: bristles still bent the other way drive it
         newest = side * side_of(memory[0]) * fine(namespace(x.w).abs(memory[0]) / reach)
         ways = [side * (x.q - q) / self.presliding for q in memory[1:]]
         return stacked([*own, newest, *(way / (1.0 + namespace(way).abs(way)) for way in ways)])

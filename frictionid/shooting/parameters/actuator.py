@@ -18,7 +18,7 @@ _LEAST = 0.05  # of where a constant begins: it stays positive
 
 @dataclass(frozen=True)
 class ActuatorBlock:
-    """Torque constant kt and resistance R of the motors, but for those that are `fixed`.
+    """Torque constant kt and friction_torque R of the motors, but for those that are `fixed`.
 
     With this block motor torque is no input: u = kt (V - kt w)/R of the recorded voltage V and the
     *predicted* velocity w while the motor is connected, and nothing while it is not. The back-EMF
@@ -42,7 +42,7 @@ class ActuatorBlock:
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
         relative = checked(self.prior, self.name)
-        values = np.asarray(guess.rig.motor, dtype=float)
+        values = np.asarray(guess.calibration.motor, dtype=float)
         return tuple(
             Entry(
                 block=self.name,
@@ -57,7 +57,7 @@ class ActuatorBlock:
         )
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        motor = np.array(guess.rig.motor, dtype=float)
+        motor = np.array(guess.calibration.motor, dtype=float)
         for entry, value in zip(entries, values, strict=True):
             motor[MOTOR.index(entry.name)] = value
-        return guess._replace(rig=replace(guess.rig, motor=motor))
+        return guess._replace(calibration=replace(guess.calibration, motor=motor))

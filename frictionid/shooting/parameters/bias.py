@@ -32,7 +32,7 @@ class BiasBlock:
                 block=self.name,
                 name=f"torque bias of {d.joints[j]}",
                 unit=d.torque_unit,
-                value=float(guess.rig.bias[j]),
+                value=float(guess.calibration.bias[j]),
                 prior=sd,
                 place=(j,),
             )
@@ -40,7 +40,7 @@ class BiasBlock:
         )
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        return guess._replace(rig=with_joints(guess.rig, "bias", entries, values))
+        return guess._replace(calibration=with_joints(guess.calibration, "bias", entries, values))
 
     def slope(self, guess: Guess, entries: Sequence[Entry], logged: Array, later: Array) -> Array:
         eye = np.eye(guess.mechanism.n)

@@ -35,7 +35,7 @@ class DelayBlock:
             block=self.name,
             name="torque delay",
             unit="s",
-            value=float(guess.rig.delay),
+            value=float(guess.calibration.delay),
             low=-self.most,
             high=self.most,
             prior=sd,
@@ -43,7 +43,9 @@ class DelayBlock:
         return (entry,)
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        return guess._replace(rig=replace(guess.rig, delay=np.asarray(float(values[0]))))
+        return guess._replace(
+            calibration=replace(guess.calibration, delay=np.asarray(float(values[0])))
+        )
 
     def slope(self, guess: Guess, entries: Sequence[Entry], logged: Array, later: Array) -> Array:
-        return (guess.rig.gain * later)[None]
+        return (guess.calibration.gain * later)[None]

@@ -32,7 +32,7 @@ class GainBlock:
                 block=self.name,
                 name=f"torque gain of {joints[j]}",
                 unit="1",
-                value=float(guess.rig.gain[j]),
+                value=float(guess.calibration.gain[j]),
                 low=0.0,
                 prior=sd,
                 place=(j,),
@@ -41,7 +41,7 @@ class GainBlock:
         )
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        return guess._replace(rig=with_joints(guess.rig, "gain", entries, values))
+        return guess._replace(calibration=with_joints(guess.calibration, "gain", entries, values))
 
     def slope(self, guess: Guess, entries: Sequence[Entry], logged: Array, later: Array) -> Array:
         eye = np.eye(guess.mechanism.n)

@@ -30,7 +30,7 @@ class InertiaBlock:
     enters: str = "base"
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        base, d = np.asarray(guess.rig.base), guess.mechanism.description
+        base, d = np.asarray(guess.calibration.base), guess.mechanism.description
         names = guess.mechanism.base_names
         for name in self.fixed:
             if name not in names:
@@ -53,11 +53,11 @@ class InertiaBlock:
         )
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        new = np.array(guess.rig.base, dtype=float)
+        new = np.array(guess.calibration.base, dtype=float)
         for entry, value in zip(entries, values, strict=True):
             new[entry.place] = value
-        base = inside(guess.mechanism, np.asarray(guess.rig.base), new)
-        return guess._replace(rig=replace(guess.rig, base=base))
+        base = inside(guess.mechanism, np.asarray(guess.calibration.base), new)
+        return guess._replace(calibration=replace(guess.calibration, base=base))
 
 
 def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:

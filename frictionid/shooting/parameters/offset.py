@@ -30,7 +30,7 @@ class OffsetBlock:
                 block=self.name,
                 name=f"angle offset of {d.joints[j]}",
                 unit=d.angle_unit,
-                value=float(guess.rig.offset[j]),
+                value=float(guess.calibration.offset[j]),
                 prior=sd,
                 place=(j,),
             )
@@ -38,4 +38,4 @@ class OffsetBlock:
         )
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        return guess._replace(rig=with_joints(guess.rig, "offset", entries, values))
+        return guess._replace(calibration=with_joints(guess.calibration, "offset", entries, values))

@@ -12,14 +12,14 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.calibration import Rig
+from frictionid.mechanics.calibration import Calibration
 
 
 class Guess(NamedTuple):
-    """Where a fit stands: friction (theta (n, P)), rig (without batch axes) and mechanism."""
+    """Current values of a fit: friction (theta (n, P)), calibration (no batch axes), mechanism."""
 
     friction: Friction
-    rig: Rig
+    calibration: Calibration
     mechanism: Mechanism
 
 
@@ -91,9 +91,11 @@ def checked(prior: float | None, name: str) -> float:
     return float(prior)
 
 
-def with_joints(rig: Rig, field: str, entries: Sequence[Entry], values: Array) -> Rig:
-    """The rig with some joints' values of a field replaced."""
-    new = np.array(getattr(rig, field), dtype=float)
+def with_joints(
+    calibration: Calibration, field: str, entries: Sequence[Entry], values: Array
+) -> Calibration:
+    """The calibration with some joints' values of a field replaced."""
+    new = np.array(getattr(calibration, field), dtype=float)
     for entry, value in zip(entries, values, strict=True):
         new[entry.place[0]] = value
-    return replace(rig, **{field: new})
+    return replace(calibration, **{field: new})

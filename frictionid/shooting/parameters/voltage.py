@@ -19,11 +19,11 @@ class VoltageBlock:
     enters: str = "torque"
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        return (Entry(self.name, "kt/R", "N m/V", float(guess.rig.gain[0])),)
+        return (Entry(self.name, "kt/R", "N m/V", float(guess.calibration.gain[0])),)
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
         gain = np.full(guess.mechanism.n, float(values[0]))
-        return guess._replace(rig=replace(guess.rig, gain=gain))
+        return guess._replace(calibration=replace(guess.calibration, gain=gain))
 
     def slope(self, guess: Guess, entries: Sequence[Entry], logged: Array, later: Array) -> Array:
         return logged[None]

@@ -7,13 +7,13 @@ from fixtures.exact_problems import everything, explained_by
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Dahl, LuGre
 from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import practice_problem
+from frictionid.identifiers.synthetic_problem import synthetic_problem
 
 THETA = np.array([[0.1, 0.02, 0.01]])
 
 
 def test_it_is_lugre_friction_without_peak_and_damping():
-    nodes = practice_problem(1).nodes
+    nodes = synthetic_problem(1).nodes
     lugre = np.array([[0.1, 0.0, 1.0, 0.02, 0.01, 0.0, 0.1]])
     expected = along(Friction(LuGre(), lugre), nodes)
     np.testing.assert_allclose(along(Friction(Dahl(), THETA), nodes), expected, rtol=1e-12)

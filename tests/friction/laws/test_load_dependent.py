@@ -8,7 +8,7 @@ from frictionid.dynamics.step import State, acceleration, inputs
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws import CoulombViscous, LoadDependent, LoadDependentStribeck, Stribeck
 from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import practice_problem
+from frictionid.identifiers.synthetic_problem import synthetic_problem
 from frictionid.mechanics import Plant, pendulum
 
 THETA = np.array([[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]])
@@ -65,7 +65,7 @@ def test_the_load_is_that_of_the_mechanism():
 @pytest.mark.parametrize("n", [1, 2])
 def test_truth_in_truth_out(law, theta, n):
     problem = explained_by(law, theta[:n])
-    assert np.ptp(practice_problem(n).nodes.inputs.load, axis=0).min() > 1.0
+    assert np.ptp(synthetic_problem(n).nodes.inputs.load, axis=0).min() > 1.0
     found = LeastSquares(law).fit(problem, everything(problem), 0)
     np.testing.assert_allclose(found.theta[0], theta[:n], rtol=1e-6)
 

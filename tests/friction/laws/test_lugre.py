@@ -15,7 +15,7 @@ from frictionid.friction.laws import (
     Stribeck,
 )
 from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import practice_problem
+from frictionid.identifiers.synthetic_problem import synthetic_problem
 from frictionid.mechanics import Plant, pendulum
 
 # coulomb, peak, stribeck_velocity, viscous, presliding, damping, damping_velocity
@@ -124,7 +124,7 @@ def test_at_constant_speed_it_is_stribeck_friction(law, theta, plain):
 
 
 def test_with_little_presliding_it_is_coulomb_friction_along_a_motion():
-    nodes = practice_problem(1).nodes
+    nodes = synthetic_problem(1).nodes
     expected = along(Friction(CoulombViscous(), THETA[:, [0, 3]]), nodes)
     sliding = np.abs(nodes.inputs.w[:, 0]) > 0.2
     off = []
@@ -155,7 +155,7 @@ def test_turning_the_axis_round_swaps_the_directions():
 
 def test_friction_of_size_zero_is_none():
     theta = np.array([[0.0, 0.0, 1.0, 0.0, 0.01, 0.5, 0.1]])
-    nodes = practice_problem(1).nodes
+    nodes = synthetic_problem(1).nodes
     np.testing.assert_array_equal(along(Friction(LuGre(), theta), nodes), 0.0 * nodes.inputs.w)
 
 

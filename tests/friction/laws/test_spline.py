@@ -11,7 +11,7 @@ from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck
 from frictionid.friction.model_files import load_model, model_document, read_model, save_model
 from frictionid.identifiers import LeastSquares, Linear
-from frictionid.identifiers.synthetic_problem import practice_problem
+from frictionid.identifiers.synthetic_problem import synthetic_problem
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 DEGREES = pytest.mark.parametrize("degree", [1, 2, 3])
@@ -96,7 +96,7 @@ def test_it_finds_stribeck_friction_without_knowing_it():
 
 
 def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
-    problem = practice_problem(1)
+    problem = synthetic_problem(1)
     fastest = np.abs(problem.nodes.inputs.w).max()
     law = Spline((0.5, 1.0, 2.0, 4.0, 6.0, 50.0, 90.0, 200.0), 1)
     found = LeastSquares(law).fit(problem, everything(problem), 0)[0]
