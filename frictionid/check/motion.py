@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.kalman import likeliest, pad, smoothed
+from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.states import States
@@ -51,12 +51,12 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     0.002
     """
     angles = [_averaged(recording.angle) for recording in recordings]
-    series = pad(angles)
-    rho = likeliest(series)
-    mean = smoothed(series, rho)
+    series = padded_series(angles)
+    rho = likeliest_jerk_ratio(series)
+    mean = rts_smoother(series, rho)
     return tuple(
         _motion(angle, mean[: len(angle.time), own], rho[own])
-        for angle, own in zip(angles, series.rows, strict=True)
+        for angle, own in zip(angles, series.columns, strict=True)
     )
 
 

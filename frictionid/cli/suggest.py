@@ -47,7 +47,7 @@ def suggest(
     machine = mechanism_of(table)
     most = excitation.limits_of(limits, machine)
     experiment = excitation.Experiment(
-        Plant.of(machine, parameters_of(table, {})),
+        Plant.from_parameters(machine, parameters_of(table, {})),
         excitation.guessed(friction, most),
         most,
         length=length,

@@ -39,7 +39,7 @@ from frictionid.friction import Friction
 from frictionid.identifiers import BlackBox, Identifier, Nothing, Published
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics import Plant, plant_of, unit_plant
+from frictionid.mechanics import Plant, plant_of, unit_inertia_plant
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import CalibratedRecipe, Refined, Shooting, refine_folds
 from frictionid.shooting.calibrated_recipe import (
@@ -298,7 +298,7 @@ def _problem(identifier: Identifier, recipe: Recipe, shared: PreparedBenchmark) 
 def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[Plant, Recipe]:
     """Plant and recipe by which an identifier sees a data set: black boxes see no physics."""
     if isinstance(identifier, BlackBox):
-        return unit_plant(dataset), replace(recipe, rest=0.0)
+        return unit_inertia_plant(dataset), replace(recipe, rest=0.0)
     return plant_of(dataset), recipe
 
 

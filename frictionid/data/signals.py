@@ -137,10 +137,11 @@ def taken(signal: Signal, rows: ArrayLike) -> Signal:
     return Signal(time, value, signal.hold, sigma)
 
 
-def unevenness(signal: Signal) -> Array:
-    """Noise of each sample relative to its column's usual one, shape (T, n).
+def relative_noise(signal: Signal) -> Array:
+    """Standard deviation of each sample relative to the median of its column, shape (T, n).
 
-    >>> unevenness(Signal(np.arange(3.0), np.zeros((3, 1)), sigma=np.array([[1.0], [1.0], [3.0]])))
+    >>> sigma = np.array([[1.0], [1.0], [3.0]])
+    >>> relative_noise(Signal(np.arange(3.0), np.zeros((3, 1)), sigma=sigma))
     array([[1.],
            [1.],
            [3.]])

@@ -13,7 +13,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.kalman import Series, followed, likeliest, pad, smoothed
+from frictionid.data.kalman import (
+    Series,
+    causal_states,
+    likeliest_jerk_ratio,
+    padded_series,
+    rts_smoother,
+)
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 
@@ -113,12 +119,12 @@ class RTS:
     support: int = 6
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
-        series = pad(angles)
-        return _states(angles, series, smoothed(series, likeliest(series)))
+        series = padded_series(angles)
+        return _states(angles, series, rts_smoother(series, likeliest_jerk_ratio(series)))
 
 
 @dataclass(frozen=True)
-class Causal:
+class KalmanFilter:
     """The filter of `RTS`: each state depends on samples up to its own time only.
 
     So does the noise ratio it is filtered with, the likeliest so far. Rollouts start from it.
@@ -127,8 +133,8 @@ class Causal:
     support: int = 0
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
-        series = pad(angles)
-        return _states(angles, series, followed(series))
+        series = padded_series(angles)
+        return _states(angles, series, causal_states(series))
 
 
 def thin(states: States, sample_time: float) -> States:
@@ -149,7 +155,7 @@ def thin(states: States, sample_time: float) -> States:
 
 def _states(angles: Sequence[Signal], series: Series, mean: Array) -> tuple[States, ...]:
     out = []
-    for angle, rows in zip(angles, series.rows, strict=True):
+    for angle, rows in zip(angles, series.columns, strict=True):
         motion = mean[: len(angle.time), rows]
         out.append(States(angle.time, motion[..., 0], motion[..., 1]))
     return tuple(out)

@@ -63,7 +63,7 @@ def rollout(
     --------
     >>> from frictionid.friction.laws import CoulombViscous
     >>> from frictionid.mechanics import pendulum
-    >>> plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    >>> plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     >>> tf = Friction(CoulombViscous(), np.array([[0.01, 0.0]]))
     >>> start = State(np.array([1.0]), np.array([0.0]))
     >>> motion = rollout(plant, tf, start, np.zeros((600, 1)), np.full(600, 1 / 60))

@@ -67,7 +67,7 @@ def step(
     >>> import numpy as np
     >>> from frictionid.friction.laws import CoulombViscous
     >>> from frictionid.mechanics import pendulum
-    >>> plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    >>> plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
     >>> raised = State(np.array([0.4]), np.array([0.0]))       # gravity 0.076, break-away 0.1 N m
     >>> step(plant, tf, raised, np.zeros(1), np.array([1.0]), 200).q

@@ -76,7 +76,7 @@ def _powered(recording: Recording, kt: float, R: float) -> Recording:
 def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0.0) -> Trajectory:
     """All recordings from `begin` [s] after their first sample to their end.
 
-    The states (`Causal`, for a fair prediction) give the start, the recordings all else.
+    The states (`KalmanFilter`, for a fair prediction) give the start, the recordings all else.
     """
     first = [int(np.searchsorted(s.time, s.time[0] + begin - 1e-9)) for s in states]
     times = [s.time[k:] for s, k in zip(states, first, strict=True)]

@@ -71,7 +71,7 @@ class PrecedingSamples(NamedTuple):
 def preceding_samples(
     dataset: Dataset, states: Sequence[States], starts: InitialStates
 ) -> PrecedingSamples:
-    """What is known before each start: up to 20 samples, with filtered states (`Causal`)."""
+    """What is known before each start: up to 20 samples, with filtered states (`KalmanFilter`)."""
     track = track_of(dataset, states=tuple(states))
     sizes = np.array([len(s.time) for s in states])
     place = np.full(int(sizes.sum()), -1)

@@ -52,7 +52,7 @@ def make_initial_states(
     """Starts each `every` seconds in every recording, from `begin` on, as long as a horizon fits.
 
     A horizon is reached at the sample nearest to it. `states` must be known from samples up to each
-    time only (`Causal`) for a fair prediction.
+    time only (`KalmanFilter`) for a fair prediction.
 
     Raises
     ------

@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.states import Causal, States
+from frictionid.data.states import KalmanFilter, States
 from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
@@ -46,8 +46,8 @@ from frictionid.identifiers.formulation import (
     training_problem,
 )
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics import Plant, plant_of, unit_plant
-from frictionid.mechanics.calibration import Calibration, calibrated_plant, corrected
+from frictionid.mechanics import Plant, plant_of, unit_inertia_plant
+from frictionid.mechanics.calibration import Calibration, calibrated_dataset, calibrated_plant
 
 
 class Observed(NamedTuple):
@@ -91,7 +91,7 @@ def prepare(
         Where the recordings are too short for the protocol, or a parameter is unknown.
     """
     apart = protocol.sample_time
-    estimators = (STUDY.states, INTEGRAL.states, Causal())
+    estimators = (STUDY.states, INTEGRAL.states, KalmanFilter())
     plant = plant_of(dataset, parameters)
     return _prepared(
         powered(dataset, plant),
@@ -111,9 +111,9 @@ def under(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:
 
 
 def without_physics(prepared: Prepared) -> Prepared:
-    """The same data for models that say all of the acceleration themselves, see `unit_plant`."""
+    """The same data for models of all of the acceleration, see `unit_inertia_plant`."""
     dataset = prepared.dataset
-    return _prepared(dataset, prepared.protocol, prepared.observed, unit_plant(dataset))
+    return _prepared(dataset, prepared.protocol, prepared.observed, unit_inertia_plant(dataset))
 
 
 def prepared_for(prepared: Prepared, friction: Friction) -> Prepared:
@@ -130,7 +130,10 @@ def with_calibration(prepared: Prepared, calibration: Calibration | None) -> Pre
     dataset, protocol = prepared.dataset, prepared.protocol
     observed = Observed(*(_shifted(own, calibration.offset) for own in prepared.observed))
     return _prepared(
-        corrected(dataset, calibration), protocol, observed, calibrated_plant(dataset, calibration)
+        calibrated_dataset(dataset, calibration),
+        protocol,
+        observed,
+        calibrated_plant(dataset, calibration),
     )
 
 

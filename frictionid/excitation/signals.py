@@ -34,7 +34,8 @@ class Waves:
     >>> from frictionid.excitation.limits import limits_of
     >>> from frictionid.mechanics import Plant, pendulum
     >>> limits = limits_of("torque=0.5,velocity=9,angle=2", pendulum())
-    >>> e = Experiment(Plant.of(pendulum(), {}), guessed("", limits), limits, length=1.0)
+    >>> plant = Plant.from_parameters(pendulum(), {})
+    >>> e = Experiment(plant, guessed("", limits), limits, length=1.0)
     >>> waves = Waves(e)
     >>> x = np.random.default_rng(0).uniform(size=(3, waves.size))
     >>> waves.torque(x).shape, bool(abs(waves.torque(x)).max() <= 0.5), waves.start(x).shape

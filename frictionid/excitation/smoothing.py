@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array, lil_array
 
 from frictionid.arrays import Array
-from frictionid.data.kalman import Series, likeliest, smoothed
+from frictionid.data.kalman import even_series, likeliest_jerk_ratio, rts_smoother
 
 _SUPPORT = 60  # samples; a smoothed state depends on those farther away by less than 1e-6
 _DECADES = 4  # parts of a decade to which jerk ratios are rounded
@@ -21,20 +21,14 @@ def jerk_ratio(q: Array, noise: Array, dt: float) -> Array:
     to a quarter.
     """
     value = (q + noise).reshape(len(q), -1)
-    series = Series(
-        np.full(value.shape, dt), value, np.ones(value.shape), np.ones(value.shape, dtype=bool), ()
-    )
-    decades = np.log10(likeliest(series))
+    decades = np.log10(likeliest_jerk_ratio(even_series(value, dt)))
     return (np.round(_DECADES * decades) / _DECADES).reshape(q.shape[1:])
 
 
 def seen(q: Array, decades: Array, dt: float) -> tuple[Array, Array]:
     """Angles and velocities that the smoother makes of noise-free angles q (T, ...)."""
     flat = q.reshape(len(q), -1)
-    series = Series(
-        np.full(flat.shape, dt), flat, np.ones(flat.shape), np.ones(flat.shape, dtype=bool), ()
-    )
-    out = smoothed(series, 10.0 ** decades.ravel())
+    out = rts_smoother(even_series(flat, dt), 10.0 ** decades.ravel())
     return out[:, :, 0].reshape(q.shape), out[:, :, 1].reshape(q.shape)
 
 
@@ -48,11 +42,7 @@ def gains(samples: int, dt: float, decade: float) -> tuple[csr_array, csr_array]
     (True, True)
     """
     size = min(samples, 2 * _SUPPORT + 1)
-    shape = (size, size)
-    series = Series(
-        np.full(shape, dt), np.eye(size), np.ones(shape), np.ones(shape, dtype=bool), ()
-    )
-    response = smoothed(series, np.full(size, 10.0**decade))
+    response = rts_smoother(even_series(np.eye(size), dt), np.full(size, 10.0**decade))
     return _banded(response[:, :, 0], samples), _banded(response[:, :, 1], samples)
 
 

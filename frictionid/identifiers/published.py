@@ -10,7 +10,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics.calibration import stacked
+from frictionid.mechanics.calibration import stack_calibrations
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Published:
                 f"{problem.r.shape[-1]} joints: give one friction with as many joints as the data"
             )
         own, count = self.friction.calibration, len(weights)
-        calibration = None if own is None else stacked([own] * count)
+        calibration = None if own is None else stack_calibrations([own] * count)
         return replace(
             self.friction, theta=np.repeat(theta[None], count, axis=0), calibration=calibration
         )

@@ -42,7 +42,9 @@ def synthetic_problem(joints: int, noise: float = _NOISE) -> Problem:
     rng = np.random.default_rng(0)
     mechanism = pendulum() if joints == 1 else double_pendulum((True, True))
     parameters = _PENDULUM if joints == 1 else mechanism.defaults
-    plant = Plant.of(mechanism, {k: np.full(_RECORDINGS, v) for k, v in parameters.items()})
+    plant = Plant.from_parameters(
+        mechanism, {k: np.full(_RECORDINGS, v) for k, v in parameters.items()}
+    )
     states = [_motion(rng, joints) for _ in range(_RECORDINGS)]
     recordings = [
         Recording(f"{i}", Signal(s.time, s.q), Signal(s.time, np.cos(3 * s.q)))

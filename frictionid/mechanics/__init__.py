@@ -5,10 +5,10 @@ from frictionid.mechanics.description import Base, Body, Description, Parameter
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.lagrange import Mechanism, Partials, Terms
 from frictionid.mechanics.linear_axis import linear_axis
+from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of
 from frictionid.mechanics.pendulum import pendulum
-from frictionid.mechanics.plant import Plant, plant_of, unit_plant
-from frictionid.mechanics.table import mechanism_of, parameters_of
-from frictionid.mechanics.unit_inertia import unit
+from frictionid.mechanics.plant import Plant, plant_of, unit_inertia_plant
+from frictionid.mechanics.unit_inertia import unit_inertia
 
 __all__ = [
     "Base",
@@ -26,6 +26,6 @@ __all__ = [
     "parameters_of",
     "pendulum",
     "plant_of",
-    "unit",
-    "unit_plant",
+    "unit_inertia",
+    "unit_inertia_plant",
 ]

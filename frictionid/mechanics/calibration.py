@@ -53,7 +53,7 @@ class Calibration:
         return Calibration(base, gain, delay, bias, offset, motor)
 
 
-def stacked(calibrations: list[Calibration]) -> Calibration:
+def stack_calibrations(calibrations: list[Calibration]) -> Calibration:
     """One calibration with a new leading batch axis."""
     parts = {name: np.stack([getattr(r, name) for r in calibrations]) for name in _SENSORS}
     return Calibration(
@@ -94,7 +94,7 @@ def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
     return replace(plant, p=plant.p + (calibration.base - usual))
 
 
-def corrected(dataset: Dataset, calibration: Calibration) -> Dataset:
+def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
     """The data set as ideal sensors would have recorded it."""
     driven = np.array(mechanism_of(dataset.mechanism).description.driven, dtype=float)
     recordings = tuple(_corrected(r, calibration, driven) for r in dataset.recordings)

@@ -11,8 +11,8 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.data.recordings import Dataset
 from frictionid.mechanics.lagrange import Mechanism, Terms
-from frictionid.mechanics.table import mechanism_of, parameters_of
-from frictionid.mechanics.unit_inertia import unit
+from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of
+from frictionid.mechanics.unit_inertia import unit_inertia
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Plant:
     shape (..., nb). Index a plant to pick from the batch.
 
     >>> from frictionid.mechanics import pendulum
-    >>> Plant.of(pendulum(), {"mass": np.array([0.5, 1.0])})[1].p
+    >>> Plant.from_parameters(pendulum(), {"mass": np.array([0.5, 1.0])})[1].p
     array([1.  , 9.81])
     """
 
@@ -32,7 +32,7 @@ class Plant:
     p: Array
 
     @staticmethod
-    def of(mechanism: Mechanism, parameters: Mapping[str, Any]) -> Plant:
+    def from_parameters(mechanism: Mechanism, parameters: Mapping[str, Any]) -> Plant:
         """Plant of physical parameters, missing ones at their defaults; SI units."""
         values = {**mechanism.defaults, **parameters}
         xp = namespace(*values.values())
@@ -77,13 +77,15 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     """
     table: Mapping[str, Any] = dataset.mechanism
     mechanism = mechanism_of(table)
-    told = {**table, "parameters": {**table.get("parameters", {}), **(parameters or {})}}
-    each = [parameters_of(told, recording.parameters) for recording in dataset.recordings]
-    return Plant.of(mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults})
+    nominal = {**table, "parameters": {**table.get("parameters", {}), **(parameters or {})}}
+    each = [parameters_of(nominal, recording.parameters) for recording in dataset.recordings]
+    return Plant.from_parameters(
+        mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults}
+    )
 
 
-def unit_plant(dataset: Dataset) -> Plant:
-    """Plant without physics, see `unit`, with one batch entry for each recording of a data set."""
-    told = mechanism_of(dataset.mechanism).description
-    mechanism = unit(len(told.joints), told.angle_unit)
-    return Plant.of(mechanism, {"inertia": np.ones(len(dataset.recordings))})
+def unit_inertia_plant(dataset: Dataset) -> Plant:
+    """Plant of unit inertias, see `unit_inertia`, with one batch entry for each recording."""
+    nominal = mechanism_of(dataset.mechanism).description
+    mechanism = unit_inertia(len(nominal.joints), nominal.angle_unit)
+    return Plant.from_parameters(mechanism, {"inertia": np.ones(len(dataset.recordings))})

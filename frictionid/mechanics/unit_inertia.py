@@ -16,13 +16,13 @@ from frictionid.mechanics.lagrange import Mechanism
 
 
 @cache
-def unit(joints: int = 1, angle_unit: str = "rad") -> Mechanism:
+def unit_inertia(joints: int = 1, angle_unit: str = "rad") -> Mechanism:
     """M = I, h = 0 and B = 0: friction is a negative acceleration [rad/s^2], or [m/s^2].
 
     It has the inertia of one as its only base parameter.
 
     >>> import numpy as np
-    >>> machine = unit(2)
+    >>> machine = unit_inertia(2)
     >>> M, h = machine.dynamics(np.ones(1), np.array([0.3, -1.0]), np.array([5.0, 2.0]))
     >>> bool((M == np.eye(2)).all() and (h == 0).all() and (machine.B == 0).all())
     True

@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import sample, unevenness
+from frictionid.data.signals import relative_noise, sample
 from frictionid.data.states import RTS, States
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import states_of
@@ -77,7 +77,9 @@ def track_of(
         dt = np.diff(s.time)
         whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
         measured = sample(recording.angle, s.time)
-        trust = 1.0 / sample(recording.angle._replace(value=unevenness(recording.angle)), s.time)
+        trust = 1.0 / sample(
+            recording.angle._replace(value=relative_noise(recording.angle)), s.time
+        )
         joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
         columns = (
             s.time[:-1],

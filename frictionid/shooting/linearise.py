@@ -13,7 +13,7 @@ from frictionid.data.signals import sample
 from frictionid.dynamics.step import State, step_size_of
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.mechanics import Plant
-from frictionid.mechanics.calibration import calibrated_plant, corrected
+from frictionid.mechanics.calibration import calibrated_dataset, calibrated_plant
 from frictionid.shooting.intervals import Track, pushes
 from frictionid.shooting.law_derivatives import Free, Seen, seen_by
 from frictionid.shooting.parameters.parameter_block import Block, Entry, Guess
@@ -125,7 +125,9 @@ class Intervals:
             return ()
         sizes = [len(s.time) for s in track.states]
         first = np.concatenate([[0], np.cumsum(sizes)])
-        ideal = corrected(track.dataset, guess.calibration) if self.seen.u else track.dataset
+        ideal = (
+            calibrated_dataset(track.dataset, guess.calibration) if self.seen.u else track.dataset
+        )
         pairs = zip(ideal.recordings, track.states, strict=True)
         u = np.concatenate([sample(r.torque, s.time) for r, s in pairs])
         time, q, w = (np.concatenate(column) for column in zip(*track.states, strict=True))

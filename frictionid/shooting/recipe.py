@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
-from frictionid.mechanics.calibration import stacked
+from frictionid.mechanics.calibration import stack_calibrations
 from frictionid.shooting.gauss_newton import settle
 from frictionid.shooting.intervals import Track
 from frictionid.shooting.linearise import values_of
@@ -95,4 +95,4 @@ def _one(
 def _together(frictions: Sequence[Friction]) -> Friction:
     theta = namespace(frictions[-1].theta).stack([f.theta for f in frictions])
     calibrations = [f.calibration for f in frictions if f.calibration is not None]
-    return replace(frictions[-1], theta=theta, calibration=stacked(calibrations))
+    return replace(frictions[-1], theta=theta, calibration=stack_calibrations(calibrations))

@@ -101,7 +101,7 @@ class Rig:
     citation: str = ""
 
     def __post_init__(self) -> None:
-        mechanism = told_mechanism(self)
+        mechanism = nominal_mechanism(self)
         parameters_of(self.mechanism, self.true_parameters)
         _check("substeps", self.substeps, self.substeps >= 1)
         _check("seed", self.seed, self.seed >= 0)
@@ -120,14 +120,14 @@ class Rig:
             _check_run(run, mechanism)
 
 
-def told_mechanism(rig: Rig) -> Mechanism:
+def nominal_mechanism(rig: Rig) -> Mechanism:
     """Mechanism of the rig, for the true as well as for the told parameters."""
     return mechanism_of(rig.mechanism)
 
 
 def world_of(rig: Rig) -> World:
     """What moves: mechanism with its true parameters, and true friction."""
-    mechanism = told_mechanism(rig)
+    mechanism = nominal_mechanism(rig)
     p: Array = mechanism.base(parameters_of(rig.mechanism, rig.true_parameters))
     return World(mechanism, p, rig.friction)
 

@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.data.recordings import Dataset, Motion, Recording
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.simulate.integrate import motion
-from frictionid.simulate.rig import Rig, Run, told_mechanism, world_of
+from frictionid.simulate.rig import Rig, Run, nominal_mechanism, world_of
 
 ORIGIN = "simulated by frictionid simulate"
 # The drive takes commands in steps of 1e-6 N m, so that the tables hold exactly what was felt.
@@ -57,8 +57,8 @@ def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
     """Logged torque of all joints, held between its samples."""
     count = int(np.floor(end * rig.drive.rate + 1e-9)) + 1
     time = np.arange(count) / rig.drive.rate
-    driven = np.flatnonzero(told_mechanism(rig).description.driven)
-    value = np.zeros((count, told_mechanism(rig).n))
+    driven = np.flatnonzero(nominal_mechanism(rig).description.driven)
+    value = np.zeros((count, nominal_mechanism(rig).n))
     generator = _generator(seed, run, "torque")
     for joint, torque in zip(driven, run.torques, strict=False):
         value[:, joint] = torque.values(time, generator)

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from frictionid.data.kalman import filtered, likeliest, pad, smoothed
+from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.signals import Signal
-from frictionid.data.states import RTS, Backward, Causal, SavitzkyGolay
+from frictionid.data.states import RTS, Backward, KalmanFilter, SavitzkyGolay
 from frictionid.errors import InputError
 
 ESTIMATORS = {
     "backward": Backward(),
     "savgol": SavitzkyGolay(),
     "rts": RTS(),
-    "causal": Causal(),
+    "causal": KalmanFilter(),
 }
 
 
@@ -85,7 +85,7 @@ def test_the_smoother_is_the_dense_least_squares_solution(stamps, rho):
     time = clock(stamps)
     value = wave(time, np.random.default_rng(2))
     expected = most_probable(time, value, rho)
-    found = smoothed(pad([one(time, value)]), np.array([rho]))[:, 0]
+    found = rts_smoother(padded_series([one(time, value)]), np.array([rho]))[:, 0]
     error = np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0)
     assert error[0] < ROUNDING[rho] and error[1] < ROUNDING[rho]
     assert error[2] < 50 * ROUNDING[rho]
@@ -96,10 +96,10 @@ def test_the_filter_is_the_smoother_of_the_samples_so_far(stamps):
     time = clock(stamps)
     value = wave(time, np.random.default_rng(3))
     rho = np.array([1e9])
-    mean = filtered(pad([one(time, value)]), rho).mean[:, 0]
+    mean = kalman_filter(padded_series([one(time, value)]), rho).mean[:, 0]
     for stop in (4, 10, 31, 60):
-        so_far = pad([one(time[:stop], value[:stop])])
-        np.testing.assert_array_equal(mean[stop - 1], smoothed(so_far, rho)[-1, 0])
+        so_far = padded_series([one(time[:stop], value[:stop])])
+        np.testing.assert_array_equal(mean[stop - 1], rts_smoother(so_far, rho)[-1, 0])
         expected = most_probable(time[:stop], value[:stop], rho[0])[-1]
         np.testing.assert_allclose(mean[stop - 1, :2], expected[:2], rtol=1e-6, atol=1e-6)
 
@@ -109,18 +109,20 @@ def test_the_filter_ignores_what_comes_later_and_the_smoother_does_not():
     value = wave(time, np.random.default_rng(4))
     other = value.copy()
     other[31:] += 1.0
-    a, b = (pad([one(time, y)]) for y in (value, other))
+    a, b = (padded_series([one(time, y)]) for y in (value, other))
     before = slice(0, 31)
-    np.testing.assert_array_equal(filtered(a, rho).mean[before], filtered(b, rho).mean[before])
-    assert np.abs(smoothed(a, rho) - smoothed(b, rho))[30, 0, 1] > 1.0
+    np.testing.assert_array_equal(
+        kalman_filter(a, rho).mean[before], kalman_filter(b, rho).mean[before]
+    )
+    assert np.abs(rts_smoother(a, rho) - rts_smoother(b, rho))[30, 0, 1] > 1.0
 
 
 def test_the_public_estimators_use_the_likeliest_ratio():
     time = even()
     angle = one(time, wave(time, np.random.default_rng(5)))
-    series = pad([angle])
-    rho = likeliest(series)
-    np.testing.assert_array_equal(RTS()([angle])[0].w, smoothed(series, rho)[..., 1])
+    series = padded_series([angle])
+    rho = likeliest_jerk_ratio(series)
+    np.testing.assert_array_equal(RTS()([angle])[0].w, rts_smoother(series, rho)[..., 1])
 
 
 def test_the_causal_estimator_sees_nothing_of_what_comes_later():
@@ -129,7 +131,7 @@ def test_the_causal_estimator_sees_nothing_of_what_comes_later():
     angle = one(time, wave(time, rng))
     for stop in (3, 10, 31):
         noisy = angle.value + 0.3 * (time >= time[stop])[:, None] * rng.normal(size=(len(time), 1))
-        before, other = (Causal()([angle._replace(value=v)])[0] for v in (angle.value, noisy))
+        before, other = (KalmanFilter()([angle._replace(value=v)])[0] for v in (angle.value, noisy))
         np.testing.assert_array_equal(before.w[:stop], other.w[:stop])
         np.testing.assert_array_equal(before.q[:stop], other.q[:stop])
         assert np.abs(before.w - other.w)[stop:].max() > 0.1
@@ -138,11 +140,11 @@ def test_the_causal_estimator_sees_nothing_of_what_comes_later():
 def test_the_causal_estimator_ends_with_the_ratio_that_all_samples_make_likeliest():
     time = even()
     angle = one(time, wave(time, np.random.default_rng(5)))
-    series = pad([angle])
-    rho = likeliest(series)
+    series = padded_series([angle])
+    rho = likeliest_jerk_ratio(series)
     # it tries whole decades, so it ends within half a decade
-    low, high = (filtered(series, rho * 10.0**shift).mean[-1, 0, 1] for shift in (-0.6, 0.6))
-    assert min(low, high) <= Causal()([angle])[0].w[-1, 0] <= max(low, high)
+    low, high = (kalman_filter(series, rho * 10.0**shift).mean[-1, 0, 1] for shift in (-0.6, 0.6))
+    assert min(low, high) <= KalmanFilter()([angle])[0].w[-1, 0] <= max(low, high)
 
 
 @pytest.mark.parametrize("exponent", [5.0, 8.0, 10.0])
@@ -156,7 +158,7 @@ def test_the_likeliest_ratio_is_that_of_the_model_which_drew_the_data(exponent):
         x[k] = x[k - 1] @ F.T + shocks[k]
     sigma = 1.6e-3  # the ratio is all that matters, not the size of the noise
     angle = Signal(even(T), sigma * (x[..., 0] + rng.normal(size=(T, S))))
-    found = np.log10(likeliest(pad([angle])))
+    found = np.log10(likeliest_jerk_ratio(padded_series([angle])))
     assert abs(np.median(found) - exponent) < 0.15
     assert np.abs(found - exponent).max() < 1.5
 
@@ -169,7 +171,7 @@ def test_a_wave_without_noise_is_recovered_and_ever_better_on_faster_clocks():
 
     inner = slice(20, -20)
     smooth = [errors(RTS(), rate)[inner].max() for rate in (30, 60, 120)]
-    causal = [errors(Causal(), rate)[inner].max() for rate in (30, 60, 120)]
+    causal = [errors(KalmanFilter(), rate)[inner].max() for rate in (30, 60, 120)]
     assert smooth[1] < 1e-5 and causal[1] < 0.01
     assert errors(RTS(), 60).max() < 0.01  # at the ends it is a filter
     for coarse, fine in (smooth[:2], smooth[1:], causal[:2], causal[1:]):
@@ -223,7 +225,7 @@ EXACT = [
     (SavitzkyGolay(), 3),
     (SavitzkyGolay(window=11, order=5), 5),
     (RTS(), 2),
-    (Causal(), 2),
+    (KalmanFilter(), 2),
 ]
 
 
@@ -234,7 +236,7 @@ def test_motions_that_the_model_contains_are_exact(estimator, degree, stamps):
     motion = np.polynomial.Polynomial(np.random.default_rng(10).normal(size=degree + 1))
     states = estimator([one(time, motion(time))])[0]
     # the causal filter needs three samples for three unknowns
-    settled = slice(3 if isinstance(estimator, Causal) else 0, None)
+    settled = slice(3 if isinstance(estimator, KalmanFilter) else 0, None)
     expected = motion.deriv()(states.time)[settled]
     np.testing.assert_allclose(states.w[settled, 0], expected, rtol=0, atol=1e-7)
     np.testing.assert_allclose(states.q[settled, 0], motion(states.time)[settled], atol=1e-8)
@@ -254,7 +256,7 @@ def test_two_samples_are_enough_for_all_but_savgol():
     short = Signal(np.array([0.0, 0.02]), np.array([[1.0], [1.1]]))
     assert Backward()([short])[0].w[0, 0] == pytest.approx(5.0)
     assert RTS()([short])[0].w.mean() == pytest.approx(5.0, rel=1e-3)
-    assert np.isfinite(Causal()([short])[0].w).all()
+    assert np.isfinite(KalmanFilter()([short])[0].w).all()
 
 
 # ---------------------------------------------------------------- backward differences, polynomials

@@ -5,7 +5,7 @@ import pytest
 
 from frictionid import InputError, load_dataset
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal, cut, unevenness
+from frictionid.data.signals import Signal, cut, relative_noise
 from frictionid.data.states import RTS
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
@@ -83,7 +83,7 @@ def test_a_part_of_a_signal_keeps_its_deviations():
     signal = Signal(np.arange(4.0), np.ones((4, 1)), sigma=np.array([[1.0], [2.0], [4.0], [8.0]]))
     part = cut(signal, 1.0, 2.0)
     assert part.sigma.tolist() == [[2.0], [4.0]]
-    np.testing.assert_allclose(unevenness(part).ravel(), [2 / 3, 4 / 3])
+    np.testing.assert_allclose(relative_noise(part).ravel(), [2 / 3, 4 / 3])
 
 
 TOML = """

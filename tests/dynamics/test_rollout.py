@@ -26,7 +26,7 @@ from frictionid.simulate.integrate import motion as simulated
 from frictionid.simulate.modes import World
 
 METHODS = ("rk4", "euler", "semi_implicit")
-PLANT = Plant.of(double_pendulum(), {})
+PLANT = Plant.from_parameters(double_pendulum(), {})
 STRIBECK = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
 FILM = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
 SAMPLED = Friction(Sampled(), np.array([[0.02], [0.01]]))
@@ -66,7 +66,7 @@ def test_a_rollout_is_one_step_after_the_other():
 
 
 def test_held_torques_on_an_uneven_clock_are_followed_exactly():
-    plant = Plant.of(pendulum(), {"mass": 0.5, "length": 0.2})
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.2})
     friction = Friction(CoulombViscous(), np.array([[0.0, 0.05]]))
     rng = np.random.default_rng(3)
     dt, u = rng.uniform(0.01, 0.1, 20), rng.normal(size=(20, 1))
@@ -97,7 +97,7 @@ def test_an_interval_cut_in_two_gives_the_same_motion():
 
 
 def test_finer_substeps_change_a_second_by_little():
-    plant = Plant.of(acrobot(), {})
+    plant = Plant.from_parameters(acrobot(), {})
     rng = np.random.default_rng(5)
     friction = Friction(Stribeck(), np.array([[0.165, 0.0, 1.0, 0.01], [0.055, 0.03, 1.5, 0.003]]))
     start = State(rng.uniform(-2, 2, (30, 2)), rng.uniform(-6, 6, (30, 2)))
@@ -112,7 +112,7 @@ def test_finer_substeps_change_a_second_by_little():
 
 
 def test_a_second_is_that_of_the_simulator_with_its_real_stick():
-    plant, rng = Plant.of(acrobot(), {}), np.random.default_rng(20)
+    plant, rng = Plant.from_parameters(acrobot(), {}), np.random.default_rng(20)
     theta = np.array([[0.165, 0.165, 0.0, 0.0, 1.0, 0.01], [0.055, 0.06, 0.03, 0.05, 1.5, 0.003]])
     start = State(rng.uniform(-2, 2, (16, 2)), rng.uniform(-6, 6, (16, 2)))
     u = np.zeros((60, 16, 2))
@@ -175,7 +175,7 @@ def test_stacked_folds_are_each_fold_alone(name):
 def test_every_start_may_have_its_own_plant_and_friction():
     rng = np.random.default_rng(11)
     start, u = starts(rng)
-    plants = Plant.of(double_pendulum(), {"m2": rng.uniform(0.3, 0.6, 7)})
+    plants = Plant.from_parameters(double_pendulum(), {"m2": rng.uniform(0.3, 0.6, 7)})
     own = Friction(Stribeck(), STRIBECK.theta * rng.uniform(0.8, 1.2, (7, 1, 1)))
     together = rollout(plants, own, start, u, EVEN)
     for k in range(7):
@@ -293,19 +293,23 @@ def test_tensors_give_the_same_motion(name, method):
 
 
 def test_gradients_flow_to_friction_and_plant():
-    plant = Plant.of(double_pendulum(), {"m2": 0.45})
+    plant = Plant.from_parameters(double_pendulum(), {"m2": 0.45})
     theta, dt = np.array([[0.02, 0.02], [0.01, 0.01]]), np.full(12, 1 / 60)
     start = State(np.array([0.5, 1.0]), np.array([6.0, -8.0]))  # fast: no joint comes to rest
     u = np.zeros((12, 2))
 
     def end(theta, m2):
         return rollout(
-            Plant.of(plant.mechanism, {"m2": m2}), Friction(CoulombViscous(), theta), start, u, dt
+            Plant.from_parameters(plant.mechanism, {"m2": m2}),
+            Friction(CoulombViscous(), theta),
+            start,
+            u,
+            dt,
         ).q[-1]
 
     leaf, m2 = tensor(theta).requires_grad_(), tensor(0.45).requires_grad_()
     begin = State(tensor(start.q), tensor(start.w))
-    machine = Plant.of(plant.mechanism, {"m2": m2})
+    machine = Plant.from_parameters(plant.mechanism, {"m2": m2})
     motion = rollout(machine, Friction(CoulombViscous(), leaf), begin, tensor(u), tensor(dt))
     motion.q[-1].sum().backward()
     for index in np.ndindex(2, 2):

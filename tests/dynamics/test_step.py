@@ -39,15 +39,29 @@ def viscous(*levels):
 WIDE = Friction(CoulombViscous(width=3.0), np.array([[0.1, 0.01], [0.05, 0.01]]))
 CASES = {
     "pendulum": Case(
-        Plant.of(pendulum(), {"mass": 0.5, "length": 0.2}), viscous(0.02), (1.0,), (4.0,), (0.1,)
+        Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.2}),
+        viscous(0.02),
+        (1.0,),
+        (4.0,),
+        (0.1,),
     ),
     "double": Case(
-        Plant.of(double_pendulum(), {}), viscous(0.02, 0.01), (1.0, -0.5), (5.0, -4.0), (0.3, -0.1)
+        Plant.from_parameters(double_pendulum(), {}),
+        viscous(0.02, 0.01),
+        (1.0, -0.5),
+        (5.0, -4.0),
+        (0.3, -0.1),
     ),
     "acrobot": Case(
-        Plant.of(acrobot(), {}), viscous(0.01, 0.003), (0.5, 1.0), (6.0, 3.0), (0.0, 0.1)
+        Plant.from_parameters(acrobot(), {}),
+        viscous(0.01, 0.003),
+        (0.5, 1.0),
+        (6.0, 3.0),
+        (0.0, 0.1),
     ),
-    "wide sign": Case(Plant.of(double_pendulum(), {}), WIDE, (0.3, 0.2), (5.0, -5.0), (0.5, -0.1)),
+    "wide sign": Case(
+        Plant.from_parameters(double_pendulum(), {}), WIDE, (0.3, 0.2), (5.0, -5.0), (0.5, -0.1)
+    ),
 }
 DURATION = 0.3
 
@@ -174,7 +188,7 @@ def test_a_batch_is_each_motion_alone(method):
 def test_frictions_plants_and_durations_may_each_have_a_batch():
     rng = np.random.default_rng(2)
     state, u = random_batch(rng, 5)
-    plant = Plant.of(double_pendulum(), {"m2": rng.uniform(0.3, 0.6, 5)})
+    plant = Plant.from_parameters(double_pendulum(), {"m2": rng.uniform(0.3, 0.6, 5)})
     many = Friction(Stribeck(), STICKY.theta * rng.uniform(0.5, 1.5, (3, 1, 1, 1)))
     dt = rng.uniform(0.01, 0.05, (5, 1))
     together = step(plant, many, state, u, dt, 30)
@@ -236,7 +250,7 @@ def test_memory_makes_the_step_one_of_second_order():
 
 
 def test_the_film_of_a_joint_at_rest_settles_while_the_joint_stays():
-    plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     friction = Friction(FilmLag(), np.array([[0.1, 0.05, 1.0, 0.0, 0.3]]))
     begin = State(np.array([0.4]), np.array([0.0]), (np.array([2.0]),))
     end = step(plant, friction, begin, np.zeros(1), np.array([0.6]), 50)
@@ -280,14 +294,14 @@ class Pressed(Squeezed):
 @pytest.mark.parametrize(("law", "size"), [(Squeezed(), 1.0), (Pressed(), 0.2)])
 def test_the_substeps_follow_friction_that_grows_with_load_or_motor_torque(law, size):
     mass, length = 1.0, 0.2
-    plant = Plant.of(pendulum(), {"mass": mass, "length": length})
+    plant = Plant.from_parameters(pendulum(), {"mass": mass, "length": length})
     friction = Friction(law, np.array([[0.0, 3.0]]))
     most = 3.0 * mass * 9.81 * size / (mass * length**2)  # held still against gravity
     assert most <= stiffness(plant, friction) * 1.01 < 1.3 * most
 
 
 def test_the_substeps_follow_the_fastest_rate():
-    plant = Plant.of(pendulum(), {"mass": 1.0, "length": 0.1})  # 0.01 kg m^2
+    plant = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1})  # 0.01 kg m^2
     steep = Friction(CoulombViscous(width=0.001), np.array([[0.1, 0.0]]))
     assert stiffness(plant, steep) == pytest.approx(0.1 / 0.001 / 0.01, rel=1e-3)
     assert substeps(plant, steep, 1 / 60) == int(np.ceil(stiffness(plant, steep) / 60 / 2))
@@ -307,7 +321,7 @@ def test_the_rate_of_coupled_joints_is_the_worst_over_all_positions():
 
 
 def test_a_batch_takes_the_substeps_of_its_worst():
-    plant = Plant.of(pendulum(), {"mass": np.array([1.0, 0.2]), "length": 0.1})
+    plant = Plant.from_parameters(pendulum(), {"mass": np.array([1.0, 0.2]), "length": 0.1})
     many = Friction(CoulombViscous(), np.array([[[0.1, 0.0]], [[0.4, 0.0]], [[0.2, 0.0]]]))
     counts = [substeps(plant[k], many[f], 0.1) for k in range(2) for f in range(3)]
     assert substeps(plant, many, 0.1) == max(counts) > min(counts)
@@ -315,7 +329,7 @@ def test_a_batch_takes_the_substeps_of_its_worst():
 
 @pytest.mark.parametrize("width", [0.02, 0.001, 0.0001])
 def test_the_default_count_is_stable_where_a_third_of_it_is_not(width):
-    plant = Plant.of(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
+    plant = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
     # viscous friction of the law's slope, without any level that could hold the joint
     friction = viscous(0.1 / width)
     begin, duration = State(np.zeros(1), np.ones(1)), np.array([200 / stiffness(plant, friction)])

@@ -15,9 +15,9 @@ from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribec
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 
 # 0.01 kg m^2 without gravity: a rotor on which torques are loads
-ROTOR = Plant.of(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
+ROTOR = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
 INERTIA = 0.01
-DOUBLE = Plant.of(double_pendulum(), {})
+DOUBLE = Plant.from_parameters(double_pendulum(), {})
 # break-away 0.1 for positive and 0.06 for negative velocities, sliding levels 0.07 and 0.05
 UNEQUAL = Friction(AsymmetricStribeck(), np.array([[0.07, 0.05, 0.03, 0.01, 1.0, 0.0]]))
 
@@ -47,7 +47,7 @@ def test_a_load_below_break_away_moves_nothing_and_one_above_does():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_gravity_is_a_load_like_any_other(side):
-    plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     angles = side * np.arcsin(np.array([0.9999, 1.0001]) * 0.1 / (0.1 * 9.81 * 0.2))[:, None]
     begin = State(angles, np.zeros((2, 1)))
     end = step(plant, coulomb(0.1), begin, np.zeros(1), np.array([10.0]), 2500)
@@ -134,7 +134,7 @@ def slide_and_stick(plant, level, q, w):
 
 
 def test_a_pendulum_comes_to_rest_where_set_valued_friction_lets_it():
-    plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     rng = np.random.default_rng(1)
     q, w = rng.uniform(-2.5, 2.5, (8, 1)), rng.uniform(-8, 8, (8, 1))
     exact = [slide_and_stick(plant, 0.02, a, b) for a, b in zip(q[:, 0], w[:, 0], strict=True)]
@@ -261,7 +261,7 @@ def compound(q2, p):
     lever = np.hypot(first + second * np.cos(q2), second * np.sin(q2))
     mass = p["m1"] + p["m2"]
     parameters = {"mass": mass, "length": lever / mass, "inertia": inertia - lever**2 / mass}
-    return Plant.of(pendulum(), parameters), turned
+    return Plant.from_parameters(pendulum(), parameters), turned
 
 
 def test_a_stuck_joint_is_no_joint():
@@ -320,12 +320,12 @@ def test_stopping_keeps_the_momentum_of_free_joints_and_never_adds_energy():
 # ---------------------------------------------------------------- energy
 
 MACHINES = {
-    "pendulum": (Plant.of(pendulum(), {"mass": 0.1, "length": 0.2}), coulomb(0.01)),
+    "pendulum": (Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2}), coulomb(0.01)),
     "double": (
         DOUBLE,
         Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.01], [0.05, 0.04, 0.7, 0.0]])),
     ),
-    "acrobot": (Plant.of(acrobot(), {}), coulomb(0.165, 0.055)),
+    "acrobot": (Plant.from_parameters(acrobot(), {}), coulomb(0.165, 0.055)),
 }
 
 

@@ -13,7 +13,7 @@ from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import Signal
-from frictionid.data.states import Causal, States
+from frictionid.data.states import KalmanFilter, States
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State
 from frictionid.errors import InputError
@@ -334,7 +334,7 @@ def test_a_comparison_scores_free_runs_where_it_is_asked(logs):
 
 def test_folds_that_hold_out_no_whole_recording_are_refused():
     data = torque_driven()
-    trajectory = make_trajectory(data, Causal()([r.angle for r in data.recordings]))
+    trajectory = make_trajectory(data, KalmanFilter()([r.angle for r in data.recordings]))
     blocks = make_folds(torque_driven_recordings(), Split(count=40, kind="blocks", gap=0.0))
     with pytest.raises(InputError, match='whole = true: no fold.*folds.kind = "recordings"'):
         trajectory_folds(trajectory, blocks)

@@ -9,7 +9,7 @@ import pytest
 
 from frictionid.comparison.suite import friction_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.states import Causal
+from frictionid.data.states import KalmanFilter
 from frictionid.evaluation import (
     Split,
     free_run,
@@ -62,7 +62,7 @@ def runs(logs, models):
 
 
 def course_of(data):
-    return make_trajectory(data, Causal()([r.angle for r in data.recordings]))
+    return make_trajectory(data, KalmanFilter()([r.angle for r in data.recordings]))
 
 
 def errors(q, trajectory):

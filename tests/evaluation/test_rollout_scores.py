@@ -18,7 +18,7 @@ from fixtures.tiny_pendulums import (
 
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.data.states import Causal, States
+from frictionid.data.states import KalmanFilter, States
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     Protocol,
@@ -42,7 +42,7 @@ HORIZONS = (0.1, 0.3)
 
 
 def starts_of(data, states=None, horizons=HORIZONS, every=0.25, begin=0.15):
-    states = states or Causal()([r.angle for r in data.recordings])
+    states = states or KalmanFilter()([r.angle for r in data.recordings])
     return make_initial_states(data, states, plant_of(data), horizons, every=every, begin=begin)
 
 
@@ -212,7 +212,7 @@ def test_a_short_recording_beside_long_ones_is_left_out():
 def test_a_start_belongs_to_the_fold_that_holds_out_its_whole_horizon(kind):
     data = dataset()
     folds = make_folds(data.recordings, Split(count=5, kind=kind))
-    states = Causal()([r.angle for r in data.recordings])
+    states = KalmanFilter()([r.angle for r in data.recordings])
     starts = starts_of(data, states)
     found = initial_state_folds(starts, folds, states)
     for h, s in np.ndindex(found.shape):

@@ -21,7 +21,7 @@ from frictionid.evaluation import (
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import plant_of
-from frictionid.mechanics.calibration import Calibration, stacked
+from frictionid.mechanics.calibration import Calibration, stack_calibrations
 
 PROTOCOL = Protocol(horizons=(0.5,), true_starts=True)
 
@@ -52,8 +52,8 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
     late = replace(calibration, delay=np.array(0.05))
     for calibrations, same in (
         (None, True),
-        (stacked([calibration] * 3), True),
-        (stacked([calibration, late, late]), False),
+        (stack_calibrations([calibration] * 3), True),
+        (stack_calibrations([calibration, late, late]), False),
     ):
         rows, _ = judge_folds(
             replace(friction, calibration=calibrations), true_friction(TRUTH), prepared, folds

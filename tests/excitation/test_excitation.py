@@ -10,7 +10,7 @@ import pytest
 from fixtures.pendulum_experiment import on_pendulum
 
 from frictionid.arrays import Array
-from frictionid.data.kalman import Series, smoothed
+from frictionid.data.kalman import Series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.states import States
@@ -63,7 +63,9 @@ def on_acrobot() -> Advice:
     machine = acrobot()
     limits = limits_of("torque=0.14, velocity=20, angle=3.1", machine)
     friction = guessed(f"coulomb={list(COULOMB)}, viscous={list(VISCOUS)}", limits)
-    experiment = Experiment(Plant.of(machine, {}), friction, limits, length=3.0, recordings=3)
+    experiment = Experiment(
+        Plant.from_parameters(machine, {}), friction, limits, length=3.0, recordings=3
+    )
     return advise(Waves(experiment), Search(pool=96, generations=2, children=48))
 
 
@@ -215,7 +217,7 @@ def test_the_smoothers_gains_are_those_of_the_whole_recording() -> None:
         np.ones((samples, 3), dtype=bool),
         (),
     )
-    whole = smoothed(series, np.full(3, 10.0**decade))
+    whole = rts_smoother(series, np.full(3, 10.0**decade))
     angle, velocity = gains(samples, dt, decade)
     assert np.allclose(angle @ noise, whole[:, :, 0], atol=1e-6)
     assert np.allclose(velocity @ noise, whole[:, :, 1], atol=1e-4)

@@ -19,7 +19,7 @@ from frictionid.identifiers import BlackBox, Network, StateNetwork, check_identi
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import sliding
 from frictionid.identifiers.synthetic_problem import synthetic_problem
-from frictionid.mechanics import unit_plant
+from frictionid.mechanics import unit_inertia_plant
 
 SMALL = StateLSTM(hidden=(4,), cells=2)
 BOX = IDENTIFIERS["blackbox_lstm"](hidden=[16], epochs=60, batch=64)
@@ -31,7 +31,7 @@ def learned() -> Friction:
 
 
 def test_the_acceleration_of_a_pendulum_is_learned() -> None:
-    nodes = training_problem(pendulum(), unit_plant(pendulum()), INTEGRAL).nodes
+    nodes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).nodes
     true = acceleration(*nodes.inputs[:3])
     error = -along(learned(), nodes) - true
     assert np.sqrt(np.mean(error**2)) < 0.2 * np.sqrt(np.mean(true**2))
@@ -41,7 +41,7 @@ def test_it_predicts_what_was_held_out() -> None:
     folds = make_folds(pendulum().recordings, Split(count=2))
     protocol = Protocol((0.25,), every=0.5)
     (result,) = compare(pendulum(), {"box": BOX}, folds, protocol=protocol).values()
-    changes = training_problem(pendulum(), unit_plant(pendulum()), INTEGRAL).r
+    changes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).r
     left = result.value("one_step_integral", "rms")
     assert left < 0.5 * np.sqrt(np.mean(changes**2))
     assert result.value("rollout_angle", "median", 0.25) < 0.2

@@ -26,7 +26,7 @@ LAG = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0
 def plant_of(count, **parameters):
     """Plant with one entry for each recording."""
     own = {name: np.broadcast_to(value, count) for name, value in parameters.items()}
-    return Plant.of(MACHINE, {"m1": np.full(count, 0.5), **own})
+    return Plant.from_parameters(MACHINE, {"m1": np.full(count, 0.5), **own})
 
 
 @pytest.fixture(params=PROBLEMS)
@@ -51,7 +51,7 @@ def true_motion(dt, duration=0.6):
     knots = np.arange(0, duration + 0.05, 0.1)
     rng = np.random.default_rng(1)
     torque = Signal(knots, 0.4 * rng.normal(size=(len(knots), 2)), "linear")
-    plant = Plant.of(MACHINE, {})
+    plant = Plant.from_parameters(MACHINE, {})
 
     def rate(t, y):
         M, h = plant.dynamics(y[:2], y[2:])
@@ -96,7 +96,9 @@ def test_at_60_hz_the_integral_is_exact_to_a_thousandth_of_eulers_residual():
 
 def test_constant_acceleration_is_exact_under_both_rules(build):
     machine = pendulum()
-    plant = Plant.of(machine, {"mass": np.array([2.0]), "length": 0.5, "g": 0.0})  # 0.5 kg m^2
+    plant = Plant.from_parameters(
+        machine, {"mass": np.array([2.0]), "length": 0.5, "g": 0.0}
+    )  # 0.5 kg m^2
     time = np.array([0.0, 0.1, 0.15, 0.4])
     w = (1.0 + 0.6 * time)[:, None]
     q = (1.0 * time + 0.3 * time**2)[:, None]
@@ -150,7 +152,7 @@ def test_the_integral_residual_is_the_momentum_balance():
 
 def test_joints_without_motor_feel_no_torque(build):
     recording, states = made_up(np.random.default_rng(5))
-    plant = Plant.of(acrobot(), {"m4": np.zeros(1)})
+    plant = Plant.from_parameters(acrobot(), {"m4": np.zeros(1)})
     value = recording.torque.value * [100.0, 1.0]
     loud = Recording("r", recording.angle, recording.torque._replace(value=value))
     a, b = (build(plant, [r], [states]) for r in (recording, loud))

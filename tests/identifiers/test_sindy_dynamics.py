@@ -63,7 +63,7 @@ def test_what_it_finds_predicts_as_the_truth_does() -> None:
     box = found()
     start, u = State(np.array([0.8]), np.array([0.0])), np.full((120, 1), 0.3)
     dt = np.full(120, 1 / 120)
-    q = rollout(Plant.of(unit(1), {}), box, start, u, dt).q[:, 0]
+    q = rollout(Plant.from_parameters(unit(1), {}), box, start, u, dt).q[:, 0]
     angle, speed, part = 0.8, 0.0, 1 / 12000
     for _ in range(12000):  # Euler's rule, a hundred times finer
         torque = 0.3 - MASS * 9.81 * LENGTH * np.sin(angle) - VISCOUS * speed

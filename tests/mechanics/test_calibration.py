@@ -15,7 +15,12 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics import mechanism_of, plant_of
-from frictionid.mechanics.calibration import Calibration, calibrated_plant, corrected, stacked
+from frictionid.mechanics.calibration import (
+    Calibration,
+    calibrated_dataset,
+    calibrated_plant,
+    stack_calibrations,
+)
 
 ACROBOT = {"kind": "acrobot", "parameters": {"m4": 0.084}}
 
@@ -36,7 +41,7 @@ def test_a_corrected_torque_acts_later_stronger_and_beside_its_zero(hold):
         gain=np.array([3.0, 1.1]),
         bias=np.array([9.0, 0.02]),
     )
-    felt = corrected(dataset(torque), calibration).recordings[0].torque
+    felt = calibrated_dataset(dataset(torque), calibration).recordings[0].torque
     edges = np.linspace(0.1, 0.8, 40)
     expected = 1.1 * averages(torque, edges - 0.013)[:, 1] + 0.02
     np.testing.assert_allclose(averages(felt, edges)[:, 1], expected, atol=1e-12)
@@ -45,7 +50,7 @@ def test_a_corrected_torque_acts_later_stronger_and_beside_its_zero(hold):
 
 def test_an_ideal_calibration_corrects_nothing():
     data = dataset(Signal(np.arange(60) / 60, np.ones((60, 2)) * [0.0, 0.3]))
-    same = corrected(data, Calibration.ideal(2)).recordings[0]
+    same = calibrated_dataset(data, Calibration.ideal(2)).recordings[0]
     np.testing.assert_array_equal(same.torque.value, data.recordings[0].torque.value)
     np.testing.assert_array_equal(same.angle.value, data.recordings[0].angle.value)
 
@@ -54,7 +59,7 @@ def test_corrected_angles_have_lost_the_offset():
     data = dataset(Signal(np.arange(60) / 60, np.zeros((60, 2))))
     calibration = replace(Calibration.ideal(2), offset=np.array([0.1, -0.2]))
     np.testing.assert_allclose(
-        corrected(data, calibration).recordings[0].angle.value, [[0.9, 1.2]] * 50
+        calibrated_dataset(data, calibration).recordings[0].angle.value, [[0.9, 1.2]] * 50
     )
 
 
@@ -81,7 +86,9 @@ def test_an_index_into_friction_picks_its_calibration_too():
     calibrations = [
         replace(Calibration.ideal(1, np.ones(2) * k), delay=np.array(k)) for k in range(3)
     ]
-    friction = Friction(CoulombViscous(), np.zeros((3, 1, 2)), calibration=stacked(calibrations))
+    friction = Friction(
+        CoulombViscous(), np.zeros((3, 1, 2)), calibration=stack_calibrations(calibrations)
+    )
     assert friction[2].calibration is not None
     assert float(friction[2].calibration.delay) == 2.0
     np.testing.assert_array_equal(friction[1].calibration.base, [1.0, 1.0])

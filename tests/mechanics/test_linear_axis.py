@@ -31,7 +31,7 @@ def test_the_guide_carries_the_weight():
 
 def test_a_sliding_carriage_stops_where_friction_says():
     """v^2 = 2 (Fc/M) s under Coulomb friction alone."""
-    plant = Plant.of(linear_axis(), {"mass": 4.0})
+    plant = Plant.from_parameters(linear_axis(), {"mass": 4.0})
     friction = Friction(CoulombViscous(width=1e-3), np.array([[8.0, 0.0]]))
     start = State(np.zeros(1), np.array([0.3]))
     motion = rollout(plant, friction, start, np.zeros((200, 1)), np.full(200, 1e-3))

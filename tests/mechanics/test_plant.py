@@ -28,7 +28,7 @@ def dataset(parameters, overrides):
 def test_plant_passes_its_parameters_to_the_mechanism(name):
     mechanism, rng = MECHANISMS[name], np.random.default_rng(1)
     v = physical(mechanism, rng, (20,))
-    plant, p = Plant.of(mechanism, v), mechanism.base(v)
+    plant, p = Plant.from_parameters(mechanism, v), mechanism.base(v)
     q, w = states(mechanism, rng, (20,))
     u = rng.normal(size=q.shape)
     close(plant.p, p)
@@ -42,7 +42,7 @@ def test_plant_passes_its_parameters_to_the_mechanism(name):
 def test_an_index_picks_rows_of_everything():
     mechanism, rng = acrobot(), np.random.default_rng(2)
     v = physical(mechanism, rng, (4,))
-    plant = Plant.of(mechanism, v | {"g": 9.81})
+    plant = Plant.from_parameters(mechanism, v | {"g": 9.81})
     rows = np.array([2, 0, 2])
     q, w = states(mechanism, rng, (3,))
     picked, expected = plant[rows], {k: np.broadcast_to(x, 4)[rows] for k, x in v.items()}
@@ -57,12 +57,12 @@ def test_an_index_picks_rows_of_everything():
 
 def test_plant_refuses_an_unknown_parameter():
     with pytest.raises(InputError, match="pendulum has no parameter 'masse'"):
-        Plant.of(pendulum(), {"masse": 1.0})
+        Plant.from_parameters(pendulum(), {"masse": 1.0})
 
 
 def test_gradients_pass_through_a_plant_of_tensors():
     mass = torch.tensor([0.5, 1.0], dtype=torch.float64, requires_grad=True)
-    plant = Plant.of(pendulum(), {"mass": mass, "length": 2.0})
+    plant = Plant.from_parameters(pendulum(), {"mass": mass, "length": 2.0})
     hanging = torch.zeros((2, 1), dtype=torch.float64)
     total = plant.p[:, 0].sum() + plant.load(hanging, hanging, hanging).sum()
     (slope,) = torch.autograd.grad(total, mass)

@@ -17,7 +17,7 @@ from frictionid.evaluation.scoring import with_calibration
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.mechanics.calibration import Calibration, corrected, stacked
+from frictionid.mechanics.calibration import Calibration, calibrated_dataset, stack_calibrations
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.intervals import track_of
 from frictionid.shooting.linearise import put, values_of
@@ -207,7 +207,7 @@ def test_voltage_falls_at_once_where_the_motor_is_switched_off():
 def test_an_angle_offset_moves_the_goal_too():
     data = believed(DRIVEN, KT, R)
     calibration = replace(Calibration.ideal(1), offset=np.array([0.3]))
-    before, after = data.recordings[0], corrected(data, calibration).recordings[0]
+    before, after = data.recordings[0], calibrated_dataset(data, calibration).recordings[0]
     time = before.angle.time
     np.testing.assert_allclose(
         after.servo.voltage(time, after.angle.value),
@@ -219,8 +219,8 @@ def test_an_angle_offset_moves_the_goal_too():
 
 def test_each_fold_has_its_own_motor():
     calibrations = [replace(Calibration.ideal(1), motor=np.array([KT, R]) * k) for k in (1.0, 1.1)]
-    np.testing.assert_array_equal(stacked(calibrations)[1].motor, calibrations[1].motor)
-    assert stacked([Calibration.ideal(1), Calibration.ideal(1)]).motor is None
+    np.testing.assert_array_equal(stack_calibrations(calibrations)[1].motor, calibrations[1].motor)
+    assert stack_calibrations([Calibration.ideal(1), Calibration.ideal(1)]).motor is None
 
 
 def test_a_model_file_keeps_the_motor(tmp_path, found):

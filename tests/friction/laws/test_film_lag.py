@@ -84,7 +84,7 @@ def test_the_longer_a_joint_stands_the_more_holds_it():
 
 
 def test_a_joint_that_has_just_moved_fast_slips_under_a_load_that_holds_it_later():
-    plant = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     friction = Friction(FilmLag(), THETA)
     u, steps = np.full((60, 1), 0.13), np.full(60, 1 / 60)  # between the levels 0.10 and 0.16
     for film, slips in ((20.0, True), (0.0, False)):

@@ -49,7 +49,7 @@ def test_without_a_peak_the_richer_law_is_the_plainer_one():
 
 def test_the_load_is_that_of_the_mechanism():
     """A pendulum that turns fast pulls at its bearing with m l w^2 and its weight."""
-    plant = Plant.of(pendulum(), {"mass": 0.5, "length": 0.3})
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.3})
     friction = Friction(LoadDependent(), np.array([[0.0, 0.01, 0.0]]))
     state = State(np.zeros(1), np.array([10.0]))
     pull = 0.5 * (0.3 * 10.0**2 + 9.81)

@@ -27,7 +27,7 @@ BOTH_WAYS = np.array(
     ]
 )
 STIFFNESS = 0.16 / 0.01
-PLANT = Plant.of(pendulum(), {"mass": 0.1, "length": 0.2})
+PLANT = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
 
 
 def at(*w):
