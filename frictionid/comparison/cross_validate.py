@@ -36,7 +36,7 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.hysteresis import Loop, Loops, loops_of, remembers
 from frictionid.friction import Friction
-from frictionid.identifiers import BlackBox, Identifier, Nothing, Published
+from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.identifiers.residual import Problem
 from frictionid.mechanics import Plant, plant_of, unit_inertia_plant
@@ -206,13 +206,12 @@ def run(
     problem, weights = _problem(identifier, step, shared), shared.weights[step.name]
     ready = time.perf_counter()
     unit = shared.prepared.plant.mechanism.description.angle_unit
-    given = isinstance(identifier, Nothing | Published)
     found = None
-    if isinstance(recipe, CalibratedRecipe) and not given:
+    if isinstance(recipe, CalibratedRecipe) and not identifier.fixed:
         fitted, problem = _fit_calibrated(identifier, recipe, shared, seed, unit)
     else:
         fitted = fit(identifier, problem, weights, seed, unit)
-    if isinstance(recipe, Shooting) and not given:
+    if isinstance(recipe, Shooting) and not identifier.fixed:
         assert shared.track is not None and shared.training is not None
         fitted, found = refine_folds(fitted, shared.track, recipe, shared.training)
     fitted = with_provenance(fitted, equations(fitted[-1], problem, weights[-1], found))
@@ -290,14 +289,14 @@ def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Lo
 
 def _problem(identifier: Identifier, recipe: Recipe, shared: PreparedBenchmark) -> Problem:
     """The problem that an identifier fits: one of unit inertia, all of it, without physics."""
-    if isinstance(identifier, BlackBox):
+    if not identifier.uses_mechanism:
         return training_of(without_physics(shared.prepared), replace(recipe, rest=0.0))
     return shared.problems[recipe.name]
 
 
 def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[Plant, Recipe]:
     """Plant and recipe by which an identifier sees a data set: black boxes see no physics."""
-    if isinstance(identifier, BlackBox):
+    if not identifier.uses_mechanism:
         return unit_inertia_plant(dataset), replace(recipe, rest=0.0)
     return plant_of(dataset), recipe
 
@@ -310,7 +309,7 @@ def check_refinable(identifier: Identifier, recipe: Method) -> None:
     InputError
         Saying what to do.
     """
-    if isinstance(recipe, Shooting | CalibratedRecipe) and isinstance(identifier, BlackBox):
+    if isinstance(recipe, Shooting | CalibratedRecipe) and not identifier.uses_mechanism:
         raise InputError(
             f"recipe {recipe.name!r}: shooting needs the physics that a black box lacks: give it "
             'recipes = ["integral"], or another one-step recipe'
@@ -356,7 +355,8 @@ def compare(
 
         dataset = frictionid.load_dataset("my_rig")
         folds = make_folds(dataset.recordings, Split(count=10))
-        results = compare(dataset, {"none": Nothing(), "stribeck": LeastSquares(Stribeck())}, folds)
+        models = {"none": Frictionless(), "stribeck": LeastSquares(Stribeck())}
+        results = compare(dataset, models, folds)
     """
     benchmark = Benchmark(dataset, folds, protocol or Protocol())
     shared = prepare_benchmark(benchmark, recipes)

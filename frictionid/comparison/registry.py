@@ -45,10 +45,10 @@ from frictionid.friction.laws import (
 )
 from frictionid.friction.model_files import load_model
 from frictionid.identifiers import (
+    Frictionless,
     Identifier,
     LeastSquares,
     Linear,
-    Nothing,
     Published,
     Regressor,
     SINDy,
@@ -105,7 +105,7 @@ LAWS: Mapping[str, type] = {
 
 def none() -> Identifier:
     """No friction."""
-    return Nothing()
+    return Frictionless()
 
 
 def coulomb_viscous(

@@ -320,8 +320,11 @@ def _own(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Id
         made = found(**settings)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: {error}") from None
-    if not callable(getattr(made, "fit", None)):
-        raise InputError(f"{where}: {kind!r} has no method fit(problem, weights, seed)")
+    if not isinstance(made, Identifier):
+        raise InputError(
+            f"{where}: {kind!r} is no identifier: derive it from "
+            "frictionid.identifiers.Identifier, with a method fit(problem, weights, seed)"
+        )
     return made
 
 

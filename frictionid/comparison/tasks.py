@@ -40,7 +40,7 @@ from frictionid.comparison.cross_validate import (
 from frictionid.errors import InputError
 from frictionid.files import read_json, remove_unfinished, write_json
 from frictionid.friction.model_files import model_document
-from frictionid.identifiers import Identifier, Nothing, Published, is_seeded
+from frictionid.identifiers import Identifier
 from frictionid.shooting import CalibratedRecipe, Shooting, document_of
 
 FORMAT = 1  # of the result files
@@ -242,10 +242,10 @@ def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
     """
     groups: dict[Any, list[Task]] = {}
     for task in tasks:
-        given = isinstance(task.identifier, Nothing | Published)
+        fixed = task.identifier.fixed
         key: Any = task.file
-        if given or not is_seeded(task.identifier):
-            key = (id(task.benchmark), id(task.identifier), None if given else task.recipe.name)
+        if fixed or not task.identifier.seeded:
+            key = (id(task.benchmark), id(task.identifier), None if fixed else task.recipe.name)
         groups.setdefault(key, []).append(task)
     return list(groups.values())
 

@@ -1,13 +1,14 @@
 """How the numbers of friction are found: one identifier per file, all behind one contract."""
 
 from frictionid.identifiers.black_box import BlackBox
-from frictionid.identifiers.check_identifier import Identifier, check_identifier, is_seeded
+from frictionid.identifiers.check_identifier import check_identifier
+from frictionid.identifiers.frictionless import Frictionless
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.linear import Linear
 from frictionid.identifiers.networks.compressed import CompressedNetwork
 from frictionid.identifiers.networks.network import Network
 from frictionid.identifiers.networks.state_network import StateNetwork
-from frictionid.identifiers.nothing import Nothing
 from frictionid.identifiers.published import Published
 from frictionid.identifiers.regressor import Regressor
 from frictionid.identifiers.sindy import SINDy
@@ -16,16 +17,15 @@ from frictionid.identifiers.sparse_dynamics import SparseDynamics
 __all__ = [
     "BlackBox",
     "CompressedNetwork",
+    "Frictionless",
     "Identifier",
     "LeastSquares",
     "Linear",
     "Network",
-    "Nothing",
     "Published",
     "Regressor",
     "SINDy",
     "SparseDynamics",
     "StateNetwork",
     "check_identifier",
-    "is_seeded",
 ]

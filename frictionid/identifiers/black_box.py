@@ -8,15 +8,16 @@ folds and rollouts as friction is.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
-from frictionid.identifiers.check_identifier import Identifier, is_seeded
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 
 
 @dataclass(frozen=True)
-class BlackBox:
+class BlackBox(Identifier):
     """Identifier that gets a problem of unit inertia, in which rows at rest count like all others.
 
     inner : finds a law that is the negative acceleration
@@ -30,11 +31,12 @@ class BlackBox:
     """
 
     inner: Identifier
+    uses_mechanism: ClassVar[bool] = False
 
     @property
     def seeded(self) -> bool:
         """Whether a seed changes what the inner identifier finds."""
-        return is_seeded(self.inner)
+        return self.inner.seeded
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         return replace(self.inner.fit(problem, weights, seed), mechanism="unit")

@@ -1,45 +1,19 @@
-"""What an identifier is: one method, from a one-step problem to friction; and its check."""
+"""Checks that an identifier keeps to the protocol of `Identifier`, for one's own as for ours."""
 
 from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction, along
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-
-
-class Identifier(Protocol):
-    """Finds friction in a problem; an instance holds settings only, frozen.
-
-    One whose numbers no seed changes may say `seeded = False`: it is fitted once for all seeds.
-    """
-
-    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        """Friction whose theta has the batch axis of the weights, shape (F, n, P).
-
-        Row k counts in fold f with weights[f, k] >= 0, shape (F, K): all folds are fitted at once,
-        and a fold's result does not depend on the others, nor on the size of its weights. The same
-        seed gives the same numbers.
-        """
-        ...
-
-
-def is_seeded(identifier: Identifier) -> bool:
-    """Whether a seed may change what an identifier finds; so of each that does not say otherwise.
-
-    >>> from frictionid.identifiers import LeastSquares, Network
-    >>> from frictionid.friction.laws import MLP, CoulombViscous
-    >>> is_seeded(LeastSquares(CoulombViscous())), is_seeded(Network(MLP()))
-    (False, True)
-    """
-    return bool(getattr(identifier, "seeded", True))
 
 
 def check_identifier(
@@ -156,7 +130,7 @@ class _Check(NamedTuple):
 
     def seeds(self, friction: Friction) -> None:
         """What is said to depend on no seed does not."""
-        if not is_seeded(self.identifier):
+        if not self.identifier.seeded:
             other = self.identifier.fit(self.problem, self.training, 1)
             same = np.array_equal(self.torque(other), self.torque(friction))
             self.require(same, "with seeded = False another seed must give the same numbers")

@@ -18,6 +18,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Law
 from frictionid.identifiers.box_qp import bounded
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import best_initial_guess
 from frictionid.identifiers.linearised import Rows
 from frictionid.identifiers.residual import Problem
@@ -30,7 +31,7 @@ _ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class LeastSquares:
+class LeastSquares(Identifier):
     """Fits the parameters of a law.
 
     It begins at those of the law's `initial` values, for each joint its own, that promise the

@@ -11,6 +11,7 @@ from frictionid.arrays import Array
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.grams import check_linear, columns, grams
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import check_rows
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.linearised import Rows
@@ -23,7 +24,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Linear:
+class Linear(Identifier):
     """Fits a linear law within its bounds, as `LeastSquares` does, from one Gram matrix per fold.
 
     A fold whose solution leaves the range in which the law is linear (a level below zero counts as

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.mechanics.calibration import stack_calibrations
 
 
 @dataclass(frozen=True)
-class Published:
+class Published(Identifier):
     """Identifier `published`: a given friction, the same in every fold.
 
     Mechanism parameters and a calibration of its own replace those of the data set.
     """
 
     friction: Friction
+    seeded: ClassVar[bool] = False
+    fixed: ClassVar[bool] = True
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         theta = self.friction.theta

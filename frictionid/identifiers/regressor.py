@@ -18,6 +18,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws.sklearn_law import Predicted, features
 from frictionid.friction.laws.table import Table
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import relative
 
@@ -51,7 +52,7 @@ class Taught(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Regressor:
+class Regressor(Identifier):
     """Fits a scikit-learn regressor to the torques of each joint, a copy for each fold.
 
     inputs : what it sees: the joint's velocity "w"; "q" and "u" on request

@@ -22,6 +22,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws.library import Library
 from frictionid.identifiers.grams import clusters, columns, grams
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import relative
 from frictionid.identifiers.sparse_support import Rules, chosen, lawful, least, plain, searched
@@ -34,7 +35,7 @@ _UNCHECKED: dict[str, Any] = {"assume_finite": True, "skip_parameter_validation"
 
 
 @dataclass(frozen=True)
-class SINDy:
+class SINDy(Identifier):
     """Finds which candidates of a library friction has, and their coefficients.
 
     For each of the `thresholds` (of coefficients, relative to their columns' and the residual's

@@ -18,6 +18,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws.state_library import StateLibrary
 from frictionid.identifiers.grams import clusters, grams
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import relative
 from frictionid.identifiers.sparse_support import Found, chosen, least
@@ -27,7 +28,7 @@ _NOTHING = 1e-9  # of the largest column, below which a column is none
 
 
 @dataclass(frozen=True)
-class SparseDynamics:
+class SparseDynamics(Identifier):
     """Finds the monomials of (q, w, u) of all joints that acceleration consists of.
 
     degree, turning, width : of the monomials, see `StateLibrary`

@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
-from frictionid.identifiers import LeastSquares, Nothing, Published
+from frictionid.identifiers import Frictionless, Identifier, LeastSquares, Published
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
 
 PROTOCOL = Protocol(horizons=(0.1, 0.3))
@@ -82,9 +82,10 @@ def test_the_held_out_are_the_same_for_all_identifiers_and_recipes():
 OWN = """
 from dataclasses import dataclass
 from frictionid.comparison.registry import coulomb_viscous
+from frictionid.identifiers import Identifier
 
 @dataclass(frozen=True)
-class Seeded:
+class Seeded(Identifier):
     def fit(self, problem, weights, seed):
         found = coulomb_viscous().fit(problem, weights, seed)
         return type(found)(found.law, found.theta * (1 + 0.01 * seed))
@@ -124,7 +125,7 @@ def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
     calls = []
 
     @dataclass(frozen=True)
-    class Counted(Nothing):
+    class Counted(Frictionless):
         def fit(self, problem, weights, seed):
             calls.append(seed)
             return super().fit(problem, weights, seed)
@@ -152,7 +153,7 @@ def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
 def test_the_table_of_a_few_lines_of_python():
     data = dataset()
     folds = make_folds(data.recordings, Split(count=3))
-    identifiers = {"none": Nothing(), "stribeck": LeastSquares(Stribeck())}
+    identifiers = {"none": Frictionless(), "stribeck": LeastSquares(Stribeck())}
     results = compare(data, identifiers, folds, RECIPES, PROTOCOL)
     assert set(results) == {(i, r.name) for i in identifiers for r in RECIPES}
     best = results["stribeck", "integral"]
@@ -265,7 +266,7 @@ def test_recordings_may_differ_in_length():
 
 def made(theta):
     @dataclass(frozen=True)
-    class Made:
+    class Made(Identifier):
         def fit(self, problem, weights, seed):
             return Friction(CoulombViscous(), theta(len(weights)))
 

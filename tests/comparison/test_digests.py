@@ -9,7 +9,7 @@ from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction.laws import CoulombViscous, Stribeck
-from frictionid.identifiers import LeastSquares, Nothing
+from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
 
 
@@ -29,7 +29,7 @@ def task(identifier=None, recipe=INTEGRAL, seed=0, data=None, tests=(), split=No
     data = data or dataset()
     folds = make_folds(data.recordings, split or Split(count=3))
     benchmark = Benchmark(data, folds, Protocol(**protocol), tests)
-    return Task(benchmark, "x", identifier or Nothing(), recipe, seed)
+    return Task(benchmark, "x", identifier or Frictionless(), recipe, seed)
 
 
 def test_equal_tasks_have_equal_digests():

@@ -16,7 +16,7 @@ from frictionid.evaluation import Protocol, Split
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model
-from frictionid.identifiers import LeastSquares, Nothing, Published
+from frictionid.identifiers import Frictionless, LeastSquares, Published
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
 
 
@@ -39,16 +39,16 @@ def place(tmp_path_factory):
 
 OWN = """
 from dataclasses import dataclass
-from frictionid.identifiers import Nothing
+from frictionid.identifiers import Frictionless, Identifier
 
 @dataclass(frozen=True)
-class Mine:
+class Mine(Identifier):
     level: float = 1.0
     def __post_init__(self):
         if self.level < 0:
             raise ValueError(f"level = {self.level} must not be negative")
     def fit(self, problem, weights, seed):
-        return Nothing().fit(problem, weights, seed)
+        return Frictionless().fit(problem, weights, seed)
 
 class Idle:
     pass
@@ -93,7 +93,7 @@ def test_a_suite_is_the_constructor_calls_of_its_parts(place):
     file = write_toml(place / "suite.toml", document)
     made = tasks_of(load_suite(file), file)
     local = Recipe("local", SavitzkyGolay(5, 2), "integral", 0.1)
-    none, mine = Nothing(), LeastSquares(AsymmetricStribeck(0.05))
+    none, mine = Frictionless(), LeastSquares(AsymmetricStribeck(0.05))
     rubs = LeastSquares(CoulombViscous(shape="arctan"))
     expected = [("none", none, STUDY)]
     for recipe in (STUDY, local):
@@ -116,7 +116,7 @@ def test_defaults_are_those_of_the_parts(place):
     assert [recipe.name for recipe in found.recipes] == ["integral"] and found.seeds == [0]
     assert identifier_named("stribeck", {}) == LeastSquares(Stribeck())
     assert identifier_named("coulomb_viscous", {}) == LeastSquares(CoulombViscous())
-    assert identifier_named("none", {}) == Nothing()
+    assert identifier_named("none", {}) == Frictionless()
     assert INTEGRAL.states == RTS()
 
 

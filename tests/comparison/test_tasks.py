@@ -26,17 +26,21 @@ import os
 from dataclasses import dataclass
 from time import sleep
 from frictionid.comparison.registry import coulomb_viscous
+from frictionid.identifiers import Identifier
 
 @dataclass(frozen=True)
-class Slow:
+class Slow(Identifier):
     patient: bool = True
     def fit(self, problem, weights, seed):
         sleep(float(os.environ.get("PATIENCE", 0)) * self.patient)
         return coulomb_viscous().fit(problem, weights, seed)
 
 @dataclass(frozen=True)
-class Counted:
-    seeded: bool
+class Counted(Identifier):
+    draws: bool
+    @property
+    def seeded(self):
+        return self.draws
     def fit(self, problem, weights, seed):
         with open(os.environ["CALLS"], "a") as file:
             print(seed, file=file)
@@ -216,7 +220,7 @@ def test_without_resume_everything_is_made_anew(place):
 @pytest.mark.parametrize("seeded", [False, True])
 def test_what_draws_nothing_is_fitted_once_for_all_seeds(place, seeded, tmp_path, monkeypatch):
     recipes = [{"name": "study"}, {"name": "integral"}]
-    own = {"kind": "slow_part:Counted", "seeded": seeded}
+    own = {"kind": "slow_part:Counted", "draws": seeded}
     changes = [("recipes", recipes), ("seeds", [0, 1, 2]), ("identifiers", [own])]
     file = write_suite(place, changes, "seeds.toml")
     monkeypatch.setenv("CALLS", str(tmp_path / "calls"))

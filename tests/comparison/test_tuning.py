@@ -27,11 +27,11 @@ from frictionid.report.tuning import score_table, settings_tables, write_outcome
 OWN = """
 from dataclasses import dataclass, replace
 from frictionid.errors import InputError
-from frictionid.identifiers import LeastSquares
+from frictionid.identifiers import Identifier, LeastSquares
 from frictionid.friction.laws import CoulombViscous
 
 @dataclass(frozen=True)
-class Scaled:
+class Scaled(Identifier):
     "Friction that was found, times a factor: best is one."
     factor: float = 0.5
     mood: str = "good"

@@ -34,7 +34,7 @@ from frictionid.evaluation import (
 )
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
-from frictionid.identifiers import LeastSquares, Nothing
+from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL
 from frictionid.mechanics import plant_of
 from frictionid.mechanics.calibration import Calibration
@@ -324,12 +324,12 @@ def test_a_comparison_scores_free_runs_where_it_is_asked(logs):
     data, _ = logs
     folds = make_folds(data.recordings, Split(count=4))
     asked = Benchmark(data, folds, Protocol((0.3,), history=0.0, whole=True))
-    identifiers = Nothing(), LeastSquares(MotorLoad())
+    identifiers = Frictionless(), LeastSquares(MotorLoad())
     none, fitted = (run(asked, i, INTEGRAL).value("free_run", "mean") for i in identifiers)
     assert fitted < 0.2 * none
     silent = Benchmark(data, folds, Protocol((0.3,), history=0.0))
     with pytest.raises(InputError, match="no score 'free_run'"):
-        run(silent, Nothing(), INTEGRAL).value("free_run", "mean")
+        run(silent, Frictionless(), INTEGRAL).value("free_run", "mean")
 
 
 def test_folds_that_hold_out_no_whole_recording_are_refused():

@@ -20,9 +20,10 @@ from frictionid.friction.laws import (
 )
 from frictionid.identifiers import (
     CompressedNetwork,
+    Frictionless,
+    Identifier,
     LeastSquares,
     Network,
-    Nothing,
     Published,
     check_identifier,
 )
@@ -43,7 +44,7 @@ class Film(FilmLag):
 
 
 @dataclass(frozen=True)
-class Mean:
+class Mean(Identifier):
     """A user's own: the viscous friction that is best for all joints together."""
 
     share: float = 1.0
@@ -58,7 +59,7 @@ class Mean:
 
 
 OURS = [
-    Nothing(),
+    Frictionless(),
     *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), AsymmetricStribeck())),
     *(LeastSquares(law) for law in (NoFriction(), Sampled())),
     LeastSquares(Stribeck(), robust=2.0),
@@ -126,7 +127,7 @@ INNER = LeastSquares(CoulombViscous())
 
 
 @dataclass(frozen=True)
-class Ill:
+class Ill(Identifier):
     """An identifier to break: what a subclass changes is all that is wrong."""
 
     def fit(self, problem, weights, seed):
@@ -186,7 +187,7 @@ class Wasting(Ill):
 
 
 @dataclass
-class Learning:
+class Learning(Identifier):
     calls: int = 0
 
     def fit(self, problem, weights, seed):
@@ -194,7 +195,7 @@ class Learning:
         return INNER.fit(problem, weights, seed)
 
 
-class Nameless:
+class Nameless(Identifier):
     def fit(self, problem, weights, seed):
         return INNER.fit(problem, weights, seed)
 
@@ -258,7 +259,7 @@ class Local(Ill):
 
 
 @dataclass(frozen=True)
-class Drawing:
+class Drawing(Identifier):
     """Says that no seed changes what it finds, and draws."""
 
     seeded = False

@@ -10,14 +10,14 @@ from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, NoFriction
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares, Nothing
+from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_it_predicts_the_motion_without_friction(n):
     problem = synthetic_problem(n)
-    friction = Nothing().fit(problem, synthetic_weights(problem), 0)
+    friction = Frictionless().fit(problem, synthetic_weights(problem), 0)
     assert friction.theta.shape == (3, n, 0)
     torque = along(friction, problem.nodes)
     np.testing.assert_array_equal(torque, np.zeros((3, *problem.nodes.inputs.w.shape)))
@@ -32,14 +32,14 @@ def test_it_is_exact_on_motion_without_friction_and_there_others_find_none():
 
 
 def test_it_neither_holds_a_joint_nor_has_a_curve():
-    friction = Nothing().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
+    friction = Frictionless().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
     np.testing.assert_array_equal(friction.curve(np.array([-3.0, 3.0])), np.zeros((2, 2)))
     x = synthetic_problem(2).nodes.inputs
     np.testing.assert_array_equal(friction.law.limit(friction.theta, x, ()), np.zeros(x.w.shape))
 
 
 def test_it_prints_and_keeps_itself(tmp_path):
-    friction = Nothing().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
+    friction = Frictionless().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
     assert str(friction) == "NoFriction()"
     save_model(friction, tmp_path / "none.json", LAWS)
     again = load_model(tmp_path / "none.json", LAWS)
@@ -48,6 +48,6 @@ def test_it_prints_and_keeps_itself(tmp_path):
 
 
 def test_it_has_no_settings():
-    assert identifier_named("none", {}) == Nothing()
+    assert identifier_named("none", {}) == Frictionless()
     with pytest.raises(InputError, match="'width'"):
         identifier_named("none", {"width": 0.1})

@@ -19,7 +19,7 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.files import read_json
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import check_law
-from frictionid.identifiers import Identifier, Nothing, check_identifier
+from frictionid.identifiers import Frictionless, Identifier, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
 from frictionid.mechanics import plant_of
 
@@ -63,7 +63,7 @@ def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own: Identifier) -
     dataset = tiny.dataset()
     folds = make_folds(dataset.recordings, Split(count=3))
     protocol = Protocol(horizons=(0.1, 0.3))
-    results = compare(dataset, {"none": Nothing(), "own": own}, folds, protocol=protocol)
+    results = compare(dataset, {"none": Frictionless(), "own": own}, folds, protocol=protocol)
     theirs, ours = (results[name, "integral"] for name in ("none", "own"))
     assert ours.friction.theta.shape == (3, 1, 2)
     far = [r.value("rollout_angle", "median", 0.3) for r in (ours, theirs)]

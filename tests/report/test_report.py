@@ -23,7 +23,7 @@ from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares, Nothing, Published
+from frictionid.identifiers import Frictionless, LeastSquares, Published
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
 from frictionid.report import build, show, write
 from frictionid.report.load import gather
@@ -50,7 +50,7 @@ def computed(tmp_path_factory):
         dataset, folds, Protocol((0.1, 0.5), every=0.5), (tiny.dataset(name="new"),)
     )
     parts = {
-        "none": Nothing(),
+        "none": Frictionless(),
         "coulomb_viscous": LeastSquares(CoulombViscous()),
         "truth": Published(true_friction(dataset.truth)),
     }

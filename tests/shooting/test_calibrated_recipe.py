@@ -14,7 +14,7 @@ from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares, Nothing, SINDy
+from frictionid.identifiers import Frictionless, LeastSquares, SINDy
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
 from frictionid.report.load import folds_told, gather
 from frictionid.report.memory_text import memory_findings
@@ -90,7 +90,7 @@ def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
 def test_no_friction_is_left_as_it_is(results):
     benchmark, shared, _, _ = results
     recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    assert run(benchmark, Nothing(), recipe, 0, shared).friction.calibration is None
+    assert run(benchmark, Frictionless(), recipe, 0, shared).friction.calibration is None
 
 
 def test_sindy_may_choose_other_terms_in_each_fold(results):

@@ -14,7 +14,7 @@ from frictionid.comparison.suite import friction_of, load_suite, tasks_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, judge, prepare, under
 from frictionid.friction import Friction
-from frictionid.identifiers import Nothing, Published
+from frictionid.identifiers import Frictionless, Published
 from frictionid.identifiers.formulation import STUDY, training_problem
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Refined, Shooting, refine
@@ -22,7 +22,7 @@ from frictionid.shooting import Refined, Shooting, refine
 pytestmark = pytest.mark.real
 
 COMPARISONS = ROOT / "comparisons"
-Given = Nothing | Published
+Given = Frictionless | Published
 
 
 def fitted(

@@ -15,7 +15,7 @@ from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares, Nothing
+from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.shooting import Settings, Shooting
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate, write
@@ -96,7 +96,7 @@ def test_all_data_are_fitted_as_refine_fits_them(result):
 
 
 def test_given_friction_stays_as_it_is():
-    nothing = run(CONTEST, Nothing(), BOTH)
+    nothing = run(CONTEST, Frictionless(), BOTH)
     assert nothing.refined is None and nothing.friction.rig is None
 
 

@@ -18,6 +18,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws.ensemble import together
 from frictionid.friction.laws.learned import is_learned
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.networks.compressed_problem import Compressed, compressed, node_speeds
 from frictionid.identifiers.networks.early_stopping import check_share, held_out
 from frictionid.identifiers.networks.ensemble_seeds import member_seeds
@@ -31,7 +32,7 @@ _RIDGE = 1e-9  # of the curvature of the torques
 
 
 @dataclass(frozen=True)
-class CompressedNetwork:
+class CompressedNetwork(Identifier):
     """Fits a network of its own joint's velocity, such as `MLP()`.
 
     nodes : speeds in each direction at which the data are compressed

@@ -20,6 +20,7 @@ from frictionid.friction import Friction
 from frictionid.friction.laws.ensemble import together
 from frictionid.friction.laws.learned import is_learned
 from frictionid.friction.laws.mlp import MLP
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.networks.adam import Adam
 from frictionid.identifiers.networks.batches import batches, side_by_side
 from frictionid.identifiers.networks.compiled import check_compiler, compiled
@@ -33,7 +34,7 @@ _LONGEST = 1.0  # gradient of a cost that is one without friction
 
 
 @dataclass(frozen=True)
-class Network:
+class Network(Identifier):
     """Trains the weights of a law: `MLP`, `WindowMLP`, `LSTM`, or a module of PyTorch.
 
     epochs : how often the rows are gone through, at most; a fold ends where `patience` of them have

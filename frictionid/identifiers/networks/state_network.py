@@ -10,6 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.friction.laws.ensemble import together
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.networks.early_stopping import held_out
 from frictionid.identifiers.networks.ensemble_seeds import member_seeds
 from frictionid.identifiers.networks.network import Network, check_device
@@ -21,7 +22,7 @@ _LEAST = 1e-3  # of the largest speed or torque of any joint
 
 
 @dataclass(frozen=True)
-class StateNetwork:
+class StateNetwork(Identifier):
     """Trains a `StateMLP` or a `StateLSTM`, as `training` trains a network of friction.
 
     Its law's joints are those of the problem, its sample time that of the samples.

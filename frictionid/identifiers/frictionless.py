@@ -1,20 +1,25 @@
-"""The baseline that fits nothing."""
+"""The baseline without friction."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.friction.laws import NoFriction
+from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 
 
 @dataclass(frozen=True)
-class Nothing:
+class Frictionless(Identifier):
     """Identifier `none`: friction is zero."""
+
+    seeded: ClassVar[bool] = False
+    fixed: ClassVar[bool] = True
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         return Friction(NoFriction(), np.zeros((len(weights), problem.r.shape[-1], 0)))
