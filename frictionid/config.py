@@ -4,9 +4,19 @@ import difflib
 import inspect
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar, TypeVar
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Annotated, Any, ClassVar, TypeVar, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator, validate_call
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+    model_validator,
+    validate_call,
+)
 
 from frictionid.errors import InputError
 
@@ -134,3 +144,52 @@ def distinct(names: Sequence[str], what: str) -> None:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f"two {what} are called {twice[0]!r}: give one of them another name")
+
+
+# Types of settings, for the fields of dataclasses that `check_settings` validates.
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Count = Annotated[int, Field(ge=1)]
+
+
+def check_settings(settings: Any) -> None:
+    """Validate the fields of a dataclass by their annotated types, in its `__post_init__`.
+
+    A list for a field that is a tuple becomes one; nothing else is converted.
+
+    Raises
+    ------
+    InputError
+        At the first field whose value does not fit.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Training:
+    ...     rate: Positive = 0.1
+    ...     def __post_init__(self) -> None:
+    ...         check_settings(self)
+    >>> Training(rate=0.0)
+    Traceback (most recent call last):
+    frictionid.errors.InputError: rate: it should be greater than 0, not 0.0
+    """
+    model = _model_of(settings.__class__)
+    for name in model.model_fields:
+        value = getattr(settings, name)
+        if isinstance(value, list):
+            object.__setattr__(settings, name, tuple(value))
+    try:
+        model.model_validate({name: getattr(settings, name) for name in model.model_fields})
+    except ValidationError as invalid:
+        raise InputError(mistake(invalid)) from None
+
+
+@cache
+def _model_of(settings: type) -> type[BaseModel]:
+    """Model of the fields of a dataclass; those that hold a dataclass have checked themselves."""
+    types = get_type_hints(settings, include_extras=True)
+    kinds = {field.name: types[field.name] for field in fields(settings)}
+    known: Any = {k: (Any if is_dataclass(kind) else kind, ...) for k, kind in kinds.items()}
+    config = ConfigDict(arbitrary_types_allowed=True, **STRICT)
+    return create_model(settings.__name__, __config__=config, **known)

@@ -1,0 +1,52 @@
+"""Fields of dataclasses are validated by their annotated types when they are constructed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+from frictionid.config import Count, NotNegative, Positive, check_settings
+from frictionid.errors import InputError
+
+
+@dataclass(frozen=True)
+class Settings:
+    law: Any = None
+    sizes: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.5,)
+    epochs: Count = 3
+    ridge: NotNegative = 0.0
+    device: Literal["cpu", "cuda"] = "cpu"
+    robust: Positive | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+def test_settings_of_the_declared_types_are_kept_and_lists_become_tuples():
+    own = Settings(law=object, sizes=[0.1, 2], ridge=np.float64(1.0), robust=3.0)
+    assert own.sizes == (0.1, 2) and own.robust == 3.0
+    assert Settings(epochs=1) == Settings(epochs=1)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"sizes": ()}, "sizes: "),
+        ({"sizes": (0.1, -2.0)}, r"sizes\[1\]: it should be greater than 0, not -2.0"),
+        ({"sizes": 3.0}, "sizes: it should be a valid"),
+        ({"epochs": 0}, "epochs: it should be greater than or equal to 1, not 0"),
+        ({"epochs": 2.0}, "epochs: it should be a valid integer, not 2.0"),
+        ({"epochs": True}, "epochs: it should be a valid integer, not True"),
+        ({"ridge": float("inf")}, "ridge: it should be a finite number"),
+        ({"device": "gpu"}, "device: it should be 'cpu' or 'cuda', not 'gpu'"),
+        ({"robust": 0.0}, "robust: it should be greater than 0"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_refused_in_one_line(wrong, message):
+    with pytest.raises(InputError, match=message) as raised:
+        Settings(**wrong)
+    assert "\n" not in str(raised.value)
