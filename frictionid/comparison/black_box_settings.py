@@ -20,7 +20,7 @@ def sindy_dynamics(
     width: Positive = SparseDynamics.width,
     thresholds: Annotated[list[Positive], Field(min_length=1)] | None = None,
     ridge: Annotated[float, Field(ge=0)] = SparseDynamics.ridge,
-    sure: Annotated[float, Field(ge=0)] = SparseDynamics.sure,
+    sure: Annotated[float, Field(ge=0)] = SparseDynamics.n_standard_errors,
 ) -> Identifier:
     """Acceleration as a sparse sum of monomials of q, w and u, without any physics."""
     limits = tuple(thresholds or SparseDynamics.thresholds)

@@ -170,7 +170,7 @@ def sindy(
     optimizer: Literal["stlsq", "sr3"] = "stlsq",
     thresholds: Annotated[list[Positive], Field(min_length=1)] | None = None,
     sets: bool = True,
-    sure: Annotated[float, Field(ge=0)] = SINDy.sure,
+    sure: Annotated[float, Field(ge=0)] = SINDy.n_standard_errors,
     ensemble: Annotated[int, Field(ge=0)] = 0,
     width: Positive = 0.02,
     shape: Shape = "tanh",

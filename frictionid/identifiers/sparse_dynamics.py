@@ -1,30 +1,32 @@
 """Sparse dynamics without physics: acceleration as few of many monomials [Brunton2016].
 
-pysindy's STLSQ proposes which monomials a joint's acceleration has, one support for each threshold;
-recordings that are left out decide between them. It works on Gram matrices, one for each recording.
+pysindy's STLSQ proposes an active set of monomials for each threshold and joint; recordings that
+are held out decide between them. All of it works on Gram matrices, one for each recording.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array
+from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws.state_library import StateLibrary
+from frictionid.identifiers.active_sets import ActiveSet, best_fits, selected, unit_columns
 from frictionid.identifiers.grams import clusters, grams
 from frictionid.identifiers.identifier import Identifier
+from frictionid.identifiers.pysindy_proposals import proposed_coefficients
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import relative
-from frictionid.identifiers.sparse_support import Found, chosen, least
+from frictionid.identifiers.sindy import Fraction
 
-_DIGITS = 9
-_NOTHING = 1e-9  # of the largest column, below which a column is none
+_NO_COLUMN = 1e-9  # of the longest column
 
 
 @dataclass(frozen=True)
@@ -32,35 +34,29 @@ class SparseDynamics(Identifier):
     """Finds the monomials of (q, w, u) of all joints that acceleration consists of.
 
     degree, turning, width : of the monomials, see `StateLibrary`
-    thresholds : of coefficients, relative to their columns' and the acceleration's size
-    ridge : added to the diagonal of the normal equations, of columns of length one
-    sure : the smallest support is taken that predicts left-out recordings as well as the best one,
-        within so many standard errors
+    thresholds : of coefficients, relative to the sizes of their columns and of the acceleration
+    ridge : added to the diagonal of the normal equations, for columns of length one
+    n_standard_errors : the smallest active set is taken that predicts held-out recordings as well
+        as the best one, within so many standard errors
 
     Raises
     ------
     InputError
-        For settings that mean nothing, and rows of joints at rest that are left open.
+        For settings out of range, and for problems whose rows of joints at rest are masked.
     """
 
-    degree: int = StateLibrary.degree
+    degree: Count = StateLibrary.degree
     turning: bool = True
-    width: float = StateLibrary.width
-    thresholds: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)
-    ridge: float = 1e-6
-    sure: float = 1.0
+    width: Positive = StateLibrary.width
+    thresholds: Annotated[tuple[Fraction, ...], Field(min_length=1)] = (0.003, 0.01, 0.03, 0.1)
+    ridge: NotNegative = 1e-6
+    n_standard_errors: NotNegative = 1.0
     seeded: ClassVar[bool] = False
+    renamed: ClassVar[Mapping[str, str]] = {"sure": "n_standard_errors"}
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "thresholds", tuple(self.thresholds))
+        check_settings(self)
         StateLibrary(1, self.degree, self.turning, self.width)
-        if not self.thresholds or not all(0 < t < 1 for t in self.thresholds):
-            raise InputError(
-                f"sindy_dynamics: thresholds = {list(self.thresholds)} must be between 0 and 1"
-            )
-        for name in ("ridge", "sure"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"sindy_dynamics: {name} = {getattr(self, name)} must be positive")
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         n = problem.r.shape[-1]
@@ -71,45 +67,35 @@ class SparseDynamics(Identifier):
         labels = clusters(problem)
         for f, G in enumerate(grams(A[:, None], relative(weights, problem), labels)):
             for j in range(n):
-                pick = np.r_[:P, P + j]
-                theta[f, j] = self._joint(G[:, pick[:, None], pick])
+                own = np.r_[:P, P + j]
+                theta[f, j] = self._joint(G[:, own[:, None], own])
         return Friction(law, theta)
 
     def _joint(self, G: Array) -> Array:
-        """Coefficients (P,) by Gram matrices (C, P + 1, P + 1), zero where there is no term."""
-        size = np.sqrt(np.einsum("cii->i", G))
-        usable = size[:-1] > _NOTHING * size[:-1].max()
-        out = np.zeros(len(usable))
-        if size[-1] == 0:
-            return out
-        scale = np.where(size > 0, size, 1.0)
-        G = G / scale / scale[:, None]
+        """Coefficients (P,) by Gram matrices (C, P + 1, P + 1), zero outside the active set."""
+        G, length = unit_columns(G)
+        theta = np.zeros(len(length) - 1)
+        if length[-1] == 0:
+            return theta
         T = G.sum(0)
-        proposed = {tuple(np.flatnonzero(c).tolist()) for c in self._proposed(T, usable)}
-        found = [Found(float(least(T, np.array([s]))[0][0]), s) for s in proposed if s]
-        found.sort(key=lambda one: (len(one.support), one.support))
-        support = np.array(chosen(G, [Found(float(T[-1, -1]), ()), *found], self.sure), dtype=int)
-        if support.size:
-            out[support] = least(T, support[None])[1][0] * scale[-1] / scale[support]
-        return out
+        proposals = self._proposals(T, length[:-1] > _NO_COLUMN * length[:-1].max())
+        sets = [ActiveSet(float(best_fits(T, np.array([s]))[0][0]), s) for s in proposals if s]
+        sets.sort(key=lambda one: (len(one.columns), one.columns))
+        empty = ActiveSet(float(T[-1, -1]), ())
+        active = np.array(selected(G, [empty, *sets], self.n_standard_errors), dtype=int)
+        if active.size:
+            theta[active] = best_fits(T, active[None])[1][0] * length[-1] / length[active]
+        return theta
 
-    def _proposed(self, T: Array, usable: Array) -> Iterator[Array]:
-        """Coefficients (P,) that STLSQ finds for each threshold."""
+    def _proposals(self, T: Array, usable: Array) -> set[tuple[int, ...]]:
+        """Active sets that STLSQ proposes for the thresholds, of the usable columns (P,)."""
         from pysindy import STLSQ
-        from sklearn import config_context
 
-        own = np.flatnonzero(np.append(usable, True))
-        # without its last digits: what STLSQ makes of a fold must not hang on rounding
-        values, vectors = np.linalg.eigh(np.round(T[np.ix_(own, own)], _DIGITS))
-        X = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-        for threshold in self.thresholds:
-            with warnings.catch_warnings(), config_context(assume_finite=True):
-                warnings.simplefilter("ignore")  # it warns where nothing is left
-                made = STLSQ(threshold=threshold, alpha=self.ridge, unbias=False)
-                found = made.fit(X[:, :-1], X[:, -1])
-            out = np.zeros(len(usable))
-            out[own[:-1]] = np.ravel(found.coef_)
-            yield out
+        own = np.flatnonzero(usable)
+        optimizers = (STLSQ(threshold=t, alpha=self.ridge, unbias=False) for t in self.thresholds)
+        both = np.append(own, len(usable))
+        found = proposed_coefficients(T[np.ix_(both, both)], optimizers)
+        return {tuple(own[np.flatnonzero(c)].tolist()) for c in found}
 
 
 def _columns(law: StateLibrary, problem: Problem) -> Array:

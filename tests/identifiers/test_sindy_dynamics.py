@@ -22,12 +22,12 @@ from frictionid.identifiers import BlackBox, SparseDynamics, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import sliding
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.mechanics import Plant, unit
+from frictionid.mechanics import Plant, unit_inertia
 from frictionid.shooting import Shooting
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
 
 MASS, LENGTH, VISCOUS = 0.5, 0.4, 0.05
-BOX = BlackBox(SparseDynamics(degree=2, sure=2.0))
+BOX = BlackBox(SparseDynamics(degree=2, n_standard_errors=2.0))
 
 
 @cache
@@ -63,7 +63,7 @@ def test_what_it_finds_predicts_as_the_truth_does() -> None:
     box = found()
     start, u = State(np.array([0.8]), np.array([0.0])), np.full((120, 1), 0.3)
     dt = np.full(120, 1 / 120)
-    q = rollout(Plant.from_parameters(unit(1), {}), box, start, u, dt).q[:, 0]
+    q = rollout(Plant.from_parameters(unit_inertia(1), {}), box, start, u, dt).q[:, 0]
     angle, speed, part = 0.8, 0.0, 1 / 12000
     for _ in range(12000):  # Euler's rule, a hundred times finer
         torque = 0.3 - MASS * 9.81 * LENGTH * np.sin(angle) - VISCOUS * speed
@@ -81,8 +81,8 @@ def test_unit_mechanism_knows_nothing_of_the_machine() -> None:
     problem = synthetic_problem(2)
     friction = BOX.fit(problem, synthetic_weights(problem), 0)
     assert friction.mechanism == "unit" and not friction.parameters
-    M, h = unit(2).dynamics(np.ones(1), np.ones(2), np.ones(2))
-    assert np.array_equal(M, np.eye(2)) and not h.any() and not unit(2).B.any()
+    M, h = unit_inertia(2).dynamics(np.ones(1), np.ones(2), np.ones(2))
+    assert np.array_equal(M, np.eye(2)) and not h.any() and not unit_inertia(2).B.any()
 
 
 def test_scores_do_not_hang_on_what_is_told_of_the_machine() -> None:
@@ -130,7 +130,7 @@ def test_monomials_are_products_of_their_variables() -> None:
     [
         ({"degree": 0}, "degree"),
         ({"degree": 9}, "more than 2000 candidates"),
-        ({"thresholds": [2.0]}, "between 0 and 1"),
+        ({"thresholds": [2.0]}, "it should be less than 1"),
         ({"width": -1.0}, "width"),
     ],
 )
