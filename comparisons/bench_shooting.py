@@ -45,7 +45,7 @@ from frictionid.shooting import Refined, Shooting, refine
 from frictionid.shooting.parameters import Block, DelayBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
-from frictionid.simulate.rig import world_of
+from frictionid.simulate.rig import true_system
 
 DATA = Path(__file__).parent.parent / "data"
 ALL = (FrictionBlock(), InertiaBlock(), DelayBlock())
@@ -86,7 +86,7 @@ def machine(seed: int) -> tuple[np.ndarray, ...]:
     with threadpool_limits(1):
         dataset = simulate(rig, seed)
         found = fitted(dataset, AsymmetricStribeck())
-        base = np.asarray(found.rig.base) / world_of(rig).p - 1.0
+        base = np.asarray(found.rig.base) / true_system(rig).p - 1.0
         late = np.abs(found.rig.delay - rig.drive.delay)
         later = ahead(found, simulate(rig, UNSEEN + seed))
         return off(found, dataset), late, np.abs(base).max(), later
@@ -131,7 +131,7 @@ def weighed(rig: Rig) -> Lines:
     """Link 2 is 10 % heavier than told."""
     mass = 1.1 * plant_of(simulate(shortest(rig))).parameters["m3"][0]
     heavy = replace(rig, true_parameters={"m3": float(mass)})
-    dataset, true = simulate(heavy), world_of(heavy).p
+    dataset, true = simulate(heavy), true_system(heavy).p
     free, told = (
         fitted(dataset, AsymmetricStribeck(), blocks)
         for blocks in ((FrictionBlock(), InertiaBlock()), (FrictionBlock(),))

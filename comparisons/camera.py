@@ -25,7 +25,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from frictionid import load_dataset
 from frictionid.acquire.camera.angles import Angles
-from frictionid.acquire.camera.marks import Links, Marker, Marks
+from frictionid.acquire.camera.marker_setup import Links, Marker, MarkerSetup
 from frictionid.acquire.camera.propose import propose
 from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
@@ -80,7 +80,7 @@ def whirling(seed: int, frames: int) -> Motion:
     )
 
 
-def marks_of(film: Film, **others: object) -> Marks:
+def marker_setup_of(film: Film, **others: object) -> MarkerSetup:
     """What a user who knows the rig writes."""
     names = ("pivot", "elbow", "tip")
     markers = [
@@ -89,7 +89,7 @@ def marks_of(film: Film, **others: object) -> Marks:
         else Marker(name=name, at=list(film.view.pivot))
         for name, hsv in zip(names, film.look.dots, strict=True)
     ]
-    return Marks.model_validate(
+    return MarkerSetup.model_validate(
         {"markers": markers, "links": Links(lengths=list(film.lengths)), **others}
     )
 
@@ -116,22 +116,24 @@ def accuracy(folder: Path, table: Table) -> None:
         ("difficult, to 20 rad/s", HARD, fast(4)),
     ):
         source = open_source(str(write_film(film, motion, folder / "film")[0]))
-        angles = track(source, marks_of(film))
+        angles = track(source, marker_setup_of(film))
         e = errors(angles, motion)
         stated = np.degrees(np.sqrt(np.nanmean(angles.sigma**2, axis=0)))
         ratio = " / ".join(f"{v:.2f}" for v in (e - e.mean(axis=0)).std(axis=0) / stated)
         found = np.mean(np.array(angles.state) == "found")
         row = rms(e), f"{np.abs(e).max():.3f}", ratio, f"{found:.1%}"
-        table.add_row(name, *row, rms(errors(track(source, marks_of(film), "study"), motion)))
+        table.add_row(
+            name, *row, rms(errors(track(source, marker_setup_of(film), "study"), motion))
+        )
 
 
 def crossings(folder: Path, seeds: int) -> str:
     """Films of dots of one colour that pass each other, and how many were swapped."""
     film = Film((0.153, 0.155), look=Look(dots=(GREEN,) * 3))
-    marks = marks_of(film)
-    marks = marks.model_copy(
+    setup = marker_setup_of(film)
+    setup = setup.model_copy(
         update={
-            "markers": [marks.markers[0].model_copy(update={"moves": False}), *marks.markers[1:]],
+            "markers": [setup.markers[0].model_copy(update={"moves": False}), *setup.markers[1:]],
             # three dots of one colour and two links alike: only their size tells which is which
             "links": Links(pixels=[film.view.scale * length for length in film.lengths]),
         }
@@ -140,7 +142,7 @@ def crossings(folder: Path, seeds: int) -> str:
     for seed in progress(range(seeds), "dots of one colour"):
         motion = whirling(seed, 120) if seed % 2 else swinging(seed, 120)
         path = write_film(replace(film, seed=seed), motion, folder / "film")[0]
-        angles = track(open_source(str(path)), marks)
+        angles = track(open_source(str(path)), setup)
         found.append(np.mean(np.array(angles.state) == "found"))
         swapped += bool(np.abs(errors(angles, motion)).max() > 0.5)
     return f"dots of one colour: {swapped} of {seeds} seeds swapped, {np.mean(found):.1%} found"
@@ -170,11 +172,11 @@ def proposals(folder: Path, seeds: int) -> str:
         film = replace(PLAIN, view=view, look=look, seed=seed)
         path = write_film(film, swinging(seed, 240), folder / "film")[0]
         try:
-            marks = propose(open_source(str(path)))
+            setup = propose(open_source(str(path)))
         except InputError:
             continue
-        at = marks.markers[0].at or [0.0, 0.0]
-        pixels = np.array(marks.links.pixels or [0.0])
+        at = setup.markers[0].at or [0.0, 0.0]
+        pixels = np.array(setup.links.pixels or [0.0])
         places = view.pixels(np.array([[0.0, 0.0]]))[0]
         near = len(pixels) == 2 and bool(
             (np.abs(pixels / (900 * np.array(LENGTHS)) - 1) < 0.04).all()
@@ -204,10 +206,10 @@ def decoded(path: Path) -> int:
 def speed(folder: Path) -> str:
     """Frames per second, tracked and only decoded."""
     path = write_film(replace(PLAIN, codec="mpeg4"), fast(20), folder / "film")[0]
-    count, marks = decoded(path), marks_of(PLAIN)
+    count, setup = decoded(path), marker_setup_of(PLAIN)
     alone, ours = (
         count / seconds(work)
-        for work in (lambda: decoded(path), lambda: track(open_source(str(path)), marks))
+        for work in (lambda: decoded(path), lambda: track(open_source(str(path)), setup))
     )
     return (
         f"speed (MPEG-4): {ours[0]:.0f} frames/s on the wall, decoding alone {alone[0]:.0f}: "

@@ -42,7 +42,7 @@ from frictionid.simulate import (
     simulate,
 )
 from frictionid.simulate import Stribeck as TrueStribeck
-from frictionid.simulate.rig import world_of
+from frictionid.simulate.rig import true_system
 
 LEVELS = (0.9, 0.95)
 BARS = {0.9: (0.86, 0.94), 0.95: (0.92, 0.98)}
@@ -124,7 +124,7 @@ def fitted(dataset: Dataset) -> Refined:
 
 def true_values(found: Refined) -> np.ndarray:
     """Values (D,) that the estimates should have."""
-    names, base = found.mechanism.base_names, world_of(rig_of([0])).p
+    names, base = found.mechanism.base_names, true_system(rig_of([0])).p
     known = {"torque delay": DELAY, **dict(zip(names, base, strict=True))}
     for joint, label in enumerate(found.mechanism.description.joints):
         known |= {f"{name} of {label}": value[joint] for name, value in TRUTH.items()}

@@ -23,7 +23,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from frictionid import load_dataset
 from frictionid.acquire.camera.angles import Angles
-from frictionid.acquire.camera.marks import Links, Marks
+from frictionid.acquire.camera.marker_setup import Links, MarkerSetup
 from frictionid.acquire.camera.propose import propose
 from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
@@ -46,17 +46,17 @@ FILM = Film(
 
 
 def seen(
-    recording: Recording, film: Film, folder: Path, marks: Marks | None
-) -> tuple[Marks, Angles]:
+    recording: Recording, film: Film, folder: Path, setup: MarkerSetup | None
+) -> tuple[MarkerSetup, Angles]:
     """Angles from a film of a recording, and what the tracker looked for."""
     assert recording.truth is not None
     path, *_ = write_film(film, recording.truth, folder / recording.name)
     source = open_source(str(path))
-    if marks is None:
-        marks = propose(source).model_copy(update={"links": Links(lengths=list(film.lengths))})
-    angles = track(source, marks)
+    if setup is None:
+        setup = propose(source).model_copy(update={"links": Links(lengths=list(film.lengths))})
+    angles = track(source, setup)
     path.unlink()  # a hundred megabytes each
-    return marks, angles
+    return setup, angles
 
 
 def table(recording: Recording, time: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> str:
@@ -105,9 +105,9 @@ def main() -> None:
     recordings = load_dataset(CLEAN).recordings[::2][:COUNT]
     for name in ("tracked", "perfect"):
         (OUT / name).mkdir(parents=True, exist_ok=True)
-    marks, first = seen(recordings[0], film, OUT, None)
+    setup, first = seen(recordings[0], film, OUT, None)
     work = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(seen)(recording, film, OUT, marks) for recording in recordings[1:]
+        delayed(seen)(recording, film, OUT, setup) for recording in recordings[1:]
     )
     found = [first, *(a for _, a in progress(work, "filming, tracking", total=len(recordings) - 1))]
     rng = np.random.default_rng(0)

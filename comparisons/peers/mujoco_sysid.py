@@ -149,7 +149,7 @@ def table_of(truth: str, runs: list[Run]) -> Table:
     table = Table(
         *("", "wall\n[s]", "cpu\n[s]", "curve error [%]\njoint 1 / 2"),
         *(f"ours / its\n(<= {error:g})", f"faster\n(>= {faster:g})", "holds"),
-        title=f"Truth {truth}: frictionid beside ways of mujoco.sysid\n"
+        title=f"TrueFriction {truth}: frictionid beside ways of mujoco.sysid\n"
         f"{runs[0].windows} windows of {LENGTH} samples, {len(groups[OURS])} seed(s)",
     )
     for tool, group in groups.items():

@@ -57,8 +57,8 @@ class Logger:
         self.counts = Counts()
         self._open, self._layout, self._out = port, layout, out
         self._clock = clock or host_clock()
-        self._form: Format = layout.setup.wire.format()
-        self._at = layout.setup.wire.columns.index("time")
+        self._form: Format = layout.setup.protocol.format()
+        self._at = layout.setup.protocol.columns.index("time")
         self._rest, self._bad = b"", deque[Rejected](maxlen=_SHOWN)
         self._port: Port | None = None
         self._connect()
@@ -139,8 +139,8 @@ class Logger:
     def _connect(self) -> None:
         self._port = self._open()
         self._rest = b""
-        if self._layout.setup.wire.begin:
-            self.send(self._layout.setup.wire.begin)
+        if self._layout.setup.protocol.begin:
+            self.send(self._layout.setup.protocol.begin)
 
     def _lost(self) -> None:
         """What began to come is lost with the port; the rest comes from a new beginning."""

@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.acquire.clocks import Runs, one_clock, runs_of
+from frictionid.acquire.controller_clock import Runs, one_clock, runs_of
 from frictionid.acquire.protocol import SECOND, Cells
-from frictionid.acquire.settings import Setup
+from frictionid.acquire.rig_settings import RigSettings
 from frictionid.data.readers.table import content_of, read_table
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
@@ -37,29 +37,31 @@ _DIGITS = {"s": 0, "ms": 3, "us": 6}
 class Layout:
     r"""How rows of the protocol become rows of the file.
 
-    >>> from frictionid.acquire.settings import setup_of
-    >>> layout = Layout(setup_of({"motor": {"kt": 0.01, "gear": 10.0}}, "rig.toml"))
+    >>> from frictionid.acquire.rig_settings import rig_settings_of
+    >>> layout = Layout(rig_settings_of({"motor": {"kt": 0.01, "gear": 10.0}}, "rig.toml"))
     >>> layout.header
     'host,time,command,current,torque'
     >>> layout.row("7.000000", (b"1500000", b"0.1", b"2"))
     '7.000000,1.500000,0.1,2,0.2\n'
     """
 
-    setup: Setup
+    setup: RigSettings
 
     @property
     def header(self) -> str:
         """First line of the file."""
-        return ",".join(("host", *self.setup.wire.columns, *self._added()))
+        return ",".join(("host", *self.setup.protocol.columns, *self._added()))
 
     def row(self, host: str, cells: Cells) -> str:
         """Row of the file for a row of the protocol that arrived at `host`."""
-        wire = self.setup.wire
+        protocol = self.setup.protocol
         texts = [cell.decode("ascii").strip() for cell in cells]
-        values = dict(zip(wire.columns, texts, strict=True))
-        values["time"] = seconds(values["time"], wire.unit)
+        values = dict(zip(protocol.columns, texts, strict=True))
+        values["time"] = seconds(values["time"], protocol.unit)
         torques = [
-            f"{m.factor * float(values[m.measured]):.9g}" for m in self.setup.motors if not m.torque
+            f"{m.per_measured * float(values[m.measured]):.9g}"
+            for m in self.setup.motors
+            if not m.torque
         ]
         return ",".join((host, *values.values(), *torques)) + "\n"
 

@@ -34,9 +34,9 @@ def align(
 
     import tomli_w
 
-    from frictionid.acquire.align import session
-    from frictionid.acquire.align.table import recording_name
-    from frictionid.acquire.align.words import described, document_of
+    from frictionid.acquire.align import align_files as session
+    from frictionid.acquire.align.alignment_text import described, document_of
+    from frictionid.acquire.align.recording_folder import recording_name
     from frictionid.errors import InputError
     from frictionid.files import write_bytes, write_text
     from frictionid.report.figures.alignment import clock_picture, command_picture

@@ -13,7 +13,7 @@ data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
 @data.command("list")
 def list_() -> None:
     """Say which public recordings there are, their licences and what of them is here."""
-    from frictionid.data.readers.registry import cached, collections, present
+    from frictionid.data.readers.public_collections import cached, collections, present
 
     for name, collection in collections().items():
         total, here = len(collection.files), present(name)
@@ -36,7 +36,7 @@ def get(
     ] = None,
 ) -> None:
     """Put the files of a public collection into its folder, each checked by its hash."""
-    from frictionid.data.readers.registry import cached, collection_named, download, take
+    from frictionid.data.readers.public_collections import cached, collection_named, download, take
 
     collection = collection_named(name)
     print(f"{name}: licence {collection.licence}; redistribution {collection.redistribution}")

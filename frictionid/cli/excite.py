@@ -27,19 +27,19 @@ def excite(
     """
     from functools import partial
 
-    from frictionid.acquire.excite import Playing, keys, load_signal
-    from frictionid.acquire.excite import excite as play
     from frictionid.acquire.log import Logger
     from frictionid.acquire.logfile import Appender, Layout
+    from frictionid.acquire.monitor import Shown, asked_to_stop, told
+    from frictionid.acquire.playback import Playing, keys, load_signal
+    from frictionid.acquire.playback import excite as play
     from frictionid.acquire.port import Port
-    from frictionid.acquire.settings import load_setup
-    from frictionid.acquire.watch import Shown, asked_to_stop, told
+    from frictionid.acquire.rig_settings import load_rig_settings
 
-    setup = load_setup(rig)
+    setup = load_rig_settings(rig)
     torque, playing = load_signal(signal, setup), Playing(rate, ramp, silence)
     layout = Layout(setup)
-    opened = Port(port, baud or setup.wire.baud)
-    again = partial(Port, port, baud or setup.wire.baud)
+    opened = Port(port, baud or setup.protocol.baud)
+    again = partial(Port, port, baud or setup.protocol.baud)
     first = iter([opened])
     try:
         file = Appender(out, layout.header, more=append)
@@ -47,7 +47,7 @@ def excite(
         opened.close()
         raise
     logger = Logger(lambda: next(first, None) or again(), layout, file)
-    show = Shown(setup.wire.format().columns)
+    show = Shown(setup.protocol.format().columns)
     with asked_to_stop() as asked, keys() as key:
 
         def stop() -> str:

@@ -28,22 +28,22 @@ def log(
 
     from frictionid.acquire.log import Logger
     from frictionid.acquire.logfile import Appender, Layout
+    from frictionid.acquire.monitor import Shown, asked_to_stop, keep_logging, told
     from frictionid.acquire.port import Port
-    from frictionid.acquire.settings import load_setup
-    from frictionid.acquire.watch import Shown, asked_to_stop, keep_logging, told
+    from frictionid.acquire.rig_settings import load_rig_settings
 
-    setup = load_setup(rig)
+    setup = load_rig_settings(rig)
     layout = Layout(setup)
-    opened = Port(port, baud or setup.wire.baud)  # before a file is made
+    opened = Port(port, baud or setup.protocol.baud)  # before a file is made
     first = iter([opened])
-    again = partial(Port, port, baud or setup.wire.baud)
+    again = partial(Port, port, baud or setup.protocol.baud)
     try:
         file = Appender(out, layout.header, more=append)
     except BaseException:
         opened.close()
         raise
     logger = Logger(lambda: next(first, None) or again(), layout, file)
-    show = Shown(setup.wire.format().columns)
+    show = Shown(setup.protocol.format().columns)
     with asked_to_stop() as stop:
         try:
             keep_logging(logger, stop, show, seconds, patience)

@@ -22,7 +22,7 @@ def render(
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
     from frictionid.simulate.film import write_film
-    from frictionid.simulate.settings import load_film
+    from frictionid.simulate.rig_file import load_film
 
     film, data = load_film(camera), load_dataset(dataset)
     names = [r.name for r in data.recordings]

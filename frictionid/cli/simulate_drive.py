@@ -34,9 +34,9 @@ def simulate_drive(
     """Play a recording's torque as a drive would report it, and obey commands."""
     import contextlib
 
-    from frictionid.acquire.settings import load_setup
-    from frictionid.acquire.virtual_drive.drive import Drive, Faults, torque_of
-    from frictionid.acquire.virtual_drive.playing import play, plugged
+    from frictionid.acquire.rig_settings import load_rig_settings
+    from frictionid.acquire.virtual_drive.controller import Drive, Faults, torque_of
+    from frictionid.acquire.virtual_drive.serve import play, plugged
     from frictionid.acquire.virtual_drive.terminal import Terminal
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
@@ -44,7 +44,7 @@ def simulate_drive(
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")
     drive = Drive(
-        setup=load_setup(rig),
+        setup=load_rig_settings(rig),
         torque=torque_of(load_dataset(dataset), recording),
         rate=rate,
         offset=offset,

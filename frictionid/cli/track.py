@@ -42,17 +42,17 @@ def track(
         return _setup(video, rig)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
-    from frictionid.acquire.camera.angles import table_of
-    from frictionid.acquire.camera.marks import load_marks
+    from frictionid.acquire.camera.angles import angles_csv
+    from frictionid.acquire.camera.marker_setup import load_marker_setup
     from frictionid.files import write_bytes
 
     _check_places(video, rig, out, sheet, overlay)
-    marks = load_marks(rig)
-    source = open_source(video, marks.camera.rate)
+    markers = load_marker_setup(rig)
+    source = open_source(video, markers.camera.rate)
     if source.kind == "live" and (overlay or sheet):
         raise InputError("--overlay and --sheet need a video: a live camera shows its frames once")
-    angles = _tracked(source, marks, method.value)
-    _written(out, lambda: write_bytes(out, table_of(angles).encode()))
+    angles = _tracked(source, markers, method.value)
+    _written(out, lambda: write_bytes(out, angles_csv(angles).encode()))
     _say(angles, out)
     if sheet is not None:
         import cv2
@@ -90,7 +90,7 @@ def _check_places(video: str, rig: Path, *places: Path | None) -> None:
 
 
 def _setup(video: str, rig: Path) -> None:
-    from frictionid.acquire.camera.marks import marks_text
+    from frictionid.acquire.camera.marker_setup import marker_setup_text
     from frictionid.acquire.camera.propose import propose
     from frictionid.acquire.camera.source import open_source
     from frictionid.errors import InputError
@@ -98,13 +98,13 @@ def _setup(video: str, rig: Path) -> None:
 
     if rig.exists():
         raise InputError(f"{rig} is there already; name another --rig, or delete it")
-    marks = propose(open_source(video))
+    markers = propose(open_source(video))
     notes = [
         f"proposed from {Path(video).name}; check it with frictionid track ... --sheet",
         "give links.lengths [m] where you know them: they check the order and sharpen the view",
     ]
-    _written(rig, lambda: write_bytes(rig, marks_text(marks, notes).encode()))
-    for marker in marks.markers:
+    _written(rig, lambda: write_bytes(rig, marker_setup_text(markers, notes).encode()))
+    for marker in markers.markers:
         place = f"at {marker.at[0]:.1f}, {marker.at[1]:.1f}" if marker.at else ""
         dot = (
             f"hue {marker.hue:.0f} deg, radius {marker.radius:.1f} px"
@@ -112,18 +112,20 @@ def _setup(video: str, rig: Path) -> None:
             else ""
         )
         print(f"{marker.name}: {dot or place}")
-    lengths = ", ".join(f"{p:.1f}" for p in marks.links.pixels or ())
+    lengths = ", ".join(f"{p:.1f}" for p in markers.links.pixels or ())
     print(f"links: {lengths} px\nwritten to {rig}")
 
 
-def _tracked(source: object, marks: object, method: str) -> Angles:
+def _tracked(source: object, markers: object, method: str) -> Angles:
     from frictionid.acquire.camera.source import Source
-    from frictionid.acquire.camera.track import Marks, track
+    from frictionid.acquire.camera.track import MarkerSetup, track
     from frictionid.cli.progress import counted
 
-    assert isinstance(source, Source) and isinstance(marks, Marks)
+    assert isinstance(source, Source) and isinstance(markers, MarkerSetup)
     with counted(source.count or 0, source.name) as tell:
-        return track(source, marks, "study" if method == "study" else "follow", lambda _: tell(""))
+        return track(
+            source, markers, "study" if method == "study" else "follow", lambda _: tell("")
+        )
 
 
 def _written(path: Path, write: object) -> None:
@@ -147,7 +149,7 @@ def _say(angles: Angles, out: Path) -> None:
     stretch, diagonal, right, down, bulge = angles.calibration.plane.shape
     if any((stretch, diagonal, right, down, bulge)):
         print(f"camera: slant {right:+.3f}, {down:+.3f}, lens {bulge:+.3f} per half diagonal")
-    if angles.lamp is not None:
-        name, bright = angles.lamp
-        print(f"{name}: brightness {bright.min():.3f} to {bright.max():.3f}")
+    if angles.sync_led is not None:
+        name, brightness = angles.sync_led
+        print(f"{name}: brightness {brightness.min():.3f} to {brightness.max():.3f}")
     print(f"written to {out}")

@@ -3,12 +3,12 @@
 It shares the mechanics with what is identified, and nothing else: neither step nor laws.
 """
 
-from frictionid.simulate.friction import Curve, FilmLag, LuGre, Stribeck, Truth
+from frictionid.simulate.dataset_folder import write
 from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
-from frictionid.simulate.settings import load_rig
+from frictionid.simulate.rig_file import load_rig
 from frictionid.simulate.simulation import simulate
 from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, Steps
-from frictionid.simulate.write import write
+from frictionid.simulate.true_friction import Curve, FilmLag, LuGre, Stribeck, TrueFriction
 
 __all__ = [
     "Camera",
@@ -25,7 +25,7 @@ __all__ = [
     "Sine",
     "Steps",
     "Stribeck",
-    "Truth",
+    "TrueFriction",
     "load_rig",
     "noise_free",
     "simulate",

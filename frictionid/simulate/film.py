@@ -1,20 +1,21 @@
-"""Videos of simulated recordings, as a camera at a laboratory takes them, with the truth beside."""
+"""Videos of simulated recordings: exposure blur, noise, jitter, dropped frames, occlusions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import cv2
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.data.recordings import Motion
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.simulate.scene import Image, Lamp, Look, Scene
+from frictionid.simulate.scene import Image, Look, Scene, SyncLed
 from frictionid.simulate.view import View, chain
 
 CLOCK = 90_000  # ticks per second of time stamps
@@ -30,48 +31,49 @@ _COLOUR = {  # resolution of the colour in JPEGs
 class Film:
     """A simulated camera.
 
+    Attributes
+    ----------
     lengths : of the links from marker to marker [m]
     rate : frames per second
-    exposure : [s]; noise : standard deviation of each colour [of 255]
-    dropped : share of frames that are missing; jitter : standard deviation of the instants [s]
-    hidden : share of frames in which something is before a dot
-    lamp : Lamp that the camera sees, too; none by default
-    codec : "jpeg": a picture each, with its time stamp, its colour at half the resolution, as in
-        most videos; "jpeg444": at full resolution; "mpeg4": compressed, evenly spaced
+    exposure : [s]
+    noise : standard deviation of each colour [of 255]
+    dropped : share of missing frames
+    jitter : standard deviation of the instants [s]
+    hidden : share of frames in which something occludes a dot
+    view, look : geometry and appearance
+    sync_led : LED in the picture, or None
+    codec : "jpeg", pictures with time stamps and their colour at half the resolution, as in most
+        videos; "jpeg444", at full resolution; or "mpeg4", compressed and evenly spaced
+    seed : of noise, jitter, dropped frames and occlusions
     """
 
-    lengths: tuple[float, ...]
-    rate: float = 60.0
-    exposure: float = 0.004
-    noise: float = 6.0
-    dropped: float = 0.0
-    jitter: float = 0.0
-    hidden: float = 0.0
+    renamed: ClassVar[Mapping[str, str]] = {"lamp": "sync_led"}
+
+    lengths: tuple[Positive, ...]
+    rate: Positive = 60.0
+    exposure: Positive = 0.004
+    noise: NotNegative = 6.0
+    dropped: NotNegative = 0.0
+    jitter: NotNegative = 0.0
+    hidden: NotNegative = 0.0
     view: View = field(default_factory=View)
     look: Look = field(default_factory=Look)
-    lamp: Lamp | None = None
+    sync_led: SyncLed | None = None
     codec: Literal["jpeg", "jpeg444", "mpeg4"] = "jpeg"
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("rate", "exposure"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name} = {getattr(self, name):g} must be positive")
-        for name in ("noise", "dropped", "jitter", "hidden"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name} = {getattr(self, name):g} must not be negative")
-        if any(not length > 0 for length in self.lengths):
-            raise InputError(f"lengths = {list(self.lengths)} must be positive")
+        check_settings(self)
         if len(self.look.dots) != len(self.lengths) + 1:
             raise InputError(
                 f"look.dots has {len(self.look.dots)} entries for {len(self.lengths)} links: give "
                 "one for the pivot, each joint and the tip, [] where there is no dot"
             )
-        if self.lamp is not None:
-            (x, y), (width, height) = self.lamp.at, self.view.size
+        if self.sync_led is not None:
+            (x, y), (width, height) = self.sync_led.at, self.view.size
             if not (0 <= x < width and 0 <= y < height):
                 raise InputError(
-                    f"lamp.at = [{x:g}, {y:g}] lies outside the picture of {width} x {height} "
+                    f"sync_led.at = [{x:g}, {y:g}] lies outside the picture of {width} x {height} "
                     "pixels; move it"
                 )
         if self.codec == "mpeg4" and (self.dropped or self.jitter):
@@ -82,7 +84,7 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A frame: middle of its exposure [s], its picture, and which markers (n + 1,) are hidden."""
+    """A frame: middle of its exposure [s], its picture, and which markers (n + 1,) are occluded."""
 
     time: float
     image: Image
@@ -90,28 +92,28 @@ class Shot:
 
 
 def shots(film: Film, motion: Motion) -> Iterator[Shot]:
-    """Frames that the camera takes of a motion; the same for the same settings."""
+    """Frames of a motion; the same for the same settings."""
     rng = np.random.default_rng([film.seed, 7])
-    scene = Scene(film.look, film.view.size, film.view.pivot, film.seed, film.lamp)
+    scene = Scene(film.look, film.view.size, film.view.pivot, film.seed, film.sync_led)
     angle = CubicHermiteSpline(motion.angle.time, motion.angle.value, motion.velocity.value)
     bank = _noise(film, rng)
-    cover = _Occluder(film, rng)
+    occluder = _Occluder(film, rng)
     for time in _times(film, motion, rng):
         within = np.array([-0.5, 0.0, 0.5]) * film.exposure + time
         ends = film.view.pixels(chain(angle(within), np.array(film.lengths)))
         streak = np.linalg.norm(ends[-1] - ends[0], axis=-1).max()
         count = int(np.clip(np.ceil(streak / _STREAK), 1, 48))
-        # in the middle of equal parts of the exposure
+        # middles of equal parts of the exposure
         at = time + ((np.arange(count) + 0.5) / count - 0.5) * film.exposure
         markers = film.view.pixels(chain(angle(at), np.array(film.lengths)))
-        lit = 0.0 if film.lamp is None else film.lamp.share(*within[[0, -1]].tolist())
+        lit = 0.0 if film.sync_led is None else film.sync_led.share(*within[[0, -1]].tolist())
         image = scene.picture(markers, lit)
-        hidden = cover.before(image, ends[1])
+        hidden = occluder.draw(image, ends[1])
         yield Shot(float(time), _noisy(image, bank, rng), hidden)
 
 
 def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Array]:
-    """Path of the video, times (K,) of its frames, and which markers (K, n + 1) something hides.
+    """Path of the video, times (K,) of its frames, and which markers (K, n + 1) are occluded.
 
     The path is the stem with .mov (JPEGs with time stamps) or .mp4 (MPEG-4 at the film's rate).
 
@@ -141,7 +143,7 @@ def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Arr
                 writer.write(shot.image)
     except BaseException:
         writer.release()
-        path.unlink(missing_ok=True)  # half a film would pass for a whole one
+        path.unlink(missing_ok=True)  # half a video would pass for a whole one
         raise
     writer.release()
     return path, np.array(times), np.array(hidden)
@@ -162,7 +164,7 @@ def _times(film: Film, motion: Motion, rng: np.random.Generator) -> Array:
     if film.jitter:
         time = np.clip(time, start, stop)
         time[0] = start
-    # stamps are whole ticks, and pictures are taken when they say
+    # time stamps are whole ticks, and exact
     return np.asarray(time[0] + np.round((time - time[0]) * CLOCK) / CLOCK)
 
 
@@ -175,7 +177,7 @@ def _noise(film: Film, rng: np.random.Generator) -> Array | None:
 
 
 def _noisy(image: Image, bank: Array | None, rng: np.random.Generator) -> Image:
-    """The picture with noise: a part of a large sheet of it, another one each time."""
+    """The picture with noise: each time another part of a larger sheet."""
     if bank is None:
         return image
     x, y = rng.integers(0, 64, 2)
@@ -184,19 +186,19 @@ def _noisy(image: Image, bank: Array | None, rng: np.random.Generator) -> Image:
 
 
 class _Occluder:
-    """Something grey that comes before one of the dots now and then, for one to four frames."""
+    """A grey rectangle that occludes one of the dots now and then, for one to four frames."""
 
     def __init__(self, film: Film, rng: np.random.Generator):
         self.film, self.rng = film, rng
         self.left, self.marker, self.offset, self.half = 0, 1, np.zeros(2), np.zeros(2)
 
-    def before(self, image: Image, markers: Array) -> Array:
-        """Which markers (n + 1,) it hides in this picture, wholly or in part."""
+    def draw(self, image: Image, markers: Array) -> Array:
+        """Draw it, and which markers (n + 1,) it occludes wholly or in part."""
         film, rng = self.film, self.rng
         hidden = np.zeros(len(markers), dtype=bool)
         if not film.hidden:
             return hidden
-        if not self.left and rng.random() < film.hidden / 2.5:  # 2.5 frames each
+        if not self.left and rng.random() < film.hidden / 2.5:  # 2.5 frames on average
             self.left = int(rng.integers(1, 5))
             self.marker = int(rng.integers(1, len(markers)))
             self.half = rng.uniform(film.look.radius, 4 * film.look.radius, 2)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.data.signals import Array
-from frictionid.simulate.modes import World, accelerations, margins, next_modes
+from frictionid.simulate.modes import TrueSystem, accelerations, margins, next_modes
 
 # A joint that neither slips nor holds to within rounding would change its mode for ever: after this
 # many events within one step (0.3 ms) the joints at rest are kept at rest until its end.
@@ -20,12 +20,12 @@ _ITERATIONS = 80
 _TOLERANCE = 1e-10
 
 
-def motion(world: World, q: Array, w: Array, u: Array, edges: Array, step: float) -> Array:
+def motion(system: TrueSystem, q: Array, w: Array, u: Array, edges: Array, step: float) -> Array:
     """States at the edges of intervals with constant torques, shape (K+1, 3, R, n).
 
     Parameters
     ----------
-    world : World
+    system : TrueSystem
     q, w : array, shape (R, n) [rad], [rad/s]
         Start states of R recordings; the friction's memory starts at rest with them.
     u : array, shape (K, R, n) [N m]
@@ -42,106 +42,108 @@ def motion(world: World, q: Array, w: Array, u: Array, edges: Array, step: float
     Examples
     --------
     >>> from frictionid.mechanics import pendulum
-    >>> from frictionid.simulate.friction import Curve, Stribeck
+    >>> from frictionid.simulate.true_friction import Curve, Stribeck
     >>> m = pendulum()
-    >>> world = World(m, m.base({}), Stribeck(Curve((2.0,), (2.0,), (0.0,))))
+    >>> system = TrueSystem(m, m.base({}), Stribeck(Curve((2.0,), (2.0,), (0.0,))))
     >>> start = np.array([[0.1], [1.5]])       # held by friction, and falling
-    >>> end = motion(world, start, 0 * start, np.zeros((1, 2, 1)), np.array([0.0, 0.1]), 1e-3)[-1]
+    >>> end = motion(system, start, 0 * start, np.zeros((1, 2, 1)), np.array([0.0, 0.1]), 1e-3)[-1]
     >>> end[0].round(3).ravel(), end[1].round(3).ravel()
     (array([0.1 , 1.461]), array([ 0.   , -0.777]))
     """
-    y = np.stack([q, w, world.friction.start(w)]).astype(float)
-    states, mode = [y], next_modes(world, y, u[0])
+    y = np.stack([q, w, system.friction.start(w)]).astype(float)
+    states, mode = [y], next_modes(system, y, u[0])
     for k, width in enumerate(np.diff(edges)):
         count = max(1, int(np.ceil(width / step - 1e-9)))
-        mode = settled(world, y, u[k], mode)
+        mode = settled(system, y, u[k], mode)
         for _ in range(count):
-            y, mode = advance(world, y, u[k], mode, width / count)
+            y, mode = advance(system, y, u[k], mode, width / count)
         states.append(y)
     return np.stack(states)
 
 
-def settled(world: World, y: Array, u: Array, mode: Array) -> Array:
+def settled(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     """Modes with those that a jump of the torque ended replaced; shape (R, n)."""
-    left = (margins(world, y, u, mode) < 0).any(axis=-1)
+    left = (margins(system, y, u, mode) < 0).any(axis=-1)
     if left.any():
         mode = mode.copy()
-        mode[left] = next_modes(world, y[:, left], u[left])
+        mode[left] = next_modes(system, y[:, left], u[left])
     return mode
 
 
-def advance(world: World, y: Array, u: Array, mode: Array, step: float) -> tuple[Array, Array]:
+def advance(
+    system: TrueSystem, y: Array, u: Array, mode: Array, step: float
+) -> tuple[Array, Array]:
     """State (3, R, n) and mode (R, n) one step later, all events within it resolved."""
-    end = runge_kutta(world, y, u, mode, np.full(y.shape[1], step))
-    over = np.flatnonzero((margins(world, end, u, mode) < 0).any(axis=-1))
+    end = runge_kutta(system, y, u, mode, np.full(y.shape[1], step))
+    over = np.flatnonzero((margins(system, end, u, mode) < 0).any(axis=-1))
     if over.size:
         mode = mode.copy()
         end[:, over], mode[over] = _through_events(
-            world, y[:, over], u[over], mode[over], np.full(over.size, step)
+            system, y[:, over], u[over], mode[over], np.full(over.size, step)
         )
     return end, mode
 
 
-def runge_kutta(world: World, y: Array, u: Array, mode: Array, step: Array) -> Array:
+def runge_kutta(system: TrueSystem, y: Array, u: Array, mode: Array, step: Array) -> Array:
     """State (3, R, n) one step later in unchanged modes; every recording has its own step (R,)."""
     h = step[:, None]
-    k1 = derivative(world, y, u, mode)
-    k2 = derivative(world, y + (0.5 * h) * k1, u, mode)
-    k3 = derivative(world, y + (0.5 * h) * k2, u, mode)
-    k4 = derivative(world, y + h * k3, u, mode)
+    k1 = derivative(system, y, u, mode)
+    k2 = derivative(system, y + (0.5 * h) * k1, u, mode)
+    k3 = derivative(system, y + (0.5 * h) * k2, u, mode)
+    k4 = derivative(system, y + h * k3, u, mode)
     end: Array = y + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
     return end
 
 
-def derivative(world: World, y: Array, u: Array, mode: Array) -> Array:
+def derivative(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     """d/dt of angles, velocities and friction memory in a mode, shape (3, R, n)."""
     q, w, z = y
-    M, h = world.mechanism.dynamics(world.p, q, w)
-    Tf = world.friction.torque(w, z, mode)
+    M, h = system.mechanism.dynamics(system.p, q, w)
+    Tf = system.friction.torque(w, z, mode)
     a = accelerations(M, h + u, Tf, mode != 0)
-    return np.stack([w, a, world.friction.rate(w, z, mode)])
+    return np.stack([w, a, system.friction.rate(w, z, mode)])
 
 
 def _through_events(
-    world: World, y: Array, u: Array, mode: Array, left: Array
+    system: TrueSystem, y: Array, u: Array, mode: Array, left: Array
 ) -> tuple[Array, Array]:
     """State and mode at the end of a step that has events, which lasts `left` (R,) [s]."""
     y, mode, left = y.copy(), mode.copy(), left.copy()
     at = np.arange(len(left))
     for _ in range(_EVENTS):
-        end = runge_kutta(world, y[:, at], u[at], mode[at], left[at])
-        over = (margins(world, end, u[at], mode[at]) < 0).any(axis=-1)
+        end = runge_kutta(system, y[:, at], u[at], mode[at], left[at])
+        over = (margins(system, end, u[at], mode[at]) < 0).any(axis=-1)
         y[:, at[~over]] = end[:, ~over]
         at = at[over]
         if not at.size:
             return y, mode
-        used, y[:, at] = _first_event(world, y[:, at], u[at], mode[at], left[at], end[:, over])
-        mode[at] = next_modes(world, y[:, at], u[at])
+        used, y[:, at] = _first_event(system, y[:, at], u[at], mode[at], left[at], end[:, over])
+        mode[at] = next_modes(system, y[:, at], u[at])
         left[at] -= used
-    y[:, at] = runge_kutta(world, y[:, at], u[at], np.sign(y[1, at]), left[at])
-    mode[at] = next_modes(world, y[:, at], u[at])
+    y[:, at] = runge_kutta(system, y[:, at], u[at], np.sign(y[1, at]), left[at])
+    mode[at] = next_modes(system, y[:, at], u[at])
     return y, mode
 
 
 def _first_event(
-    world: World, y: Array, u: Array, mode: Array, left: Array, end: Array
+    system: TrueSystem, y: Array, u: Array, mode: Array, left: Array, end: Array
 ) -> tuple[Array, Array]:
     """Time (R,) [s] at which the first mode has just ended, and the state there.
 
     Regula falsi (Illinois) on the margin between the start, where all modes hold, and the end,
     where one does not. It aims at half the tolerance behind the root: there the mode has ended.
     """
-    last = margins(world, end, u, mode)
+    last = margins(system, end, u, mode)
     near, far = np.zeros_like(left), np.ones_like(left)
-    at_near, at_far = _relative(world, y, u, mode, last), -np.ones_like(left)
+    at_near, at_far = _relative(system, y, u, mode, last), -np.ones_like(left)
     found, rows, side = end.copy(), np.arange(len(left)), np.zeros_like(left)
     for _ in range(_ITERATIONS):
         a, b, fa, fb = near[rows], far[rows], at_near[rows], at_far[rows]
         # a joint that has just begun to slip starts at zero, which would hide the later root
         part = np.where(fa > 0, fa / np.where(fa > 0, fa - fb, 1.0), 0.5)
         guess = a + part * (b - a)
-        state = runge_kutta(world, y[:, rows], u[rows], mode[rows], guess * left[rows])
-        f = _relative(world, state, u[rows], mode[rows], last[rows]) + 0.5 * _TOLERANCE
+        state = runge_kutta(system, y[:, rows], u[rows], mode[rows], guess * left[rows])
+        f = _relative(system, state, u[rows], mode[rows], last[rows]) + 0.5 * _TOLERANCE
         ended = f < 0
         found[:, rows[ended]] = state[:, ended]
         near[rows], far[rows] = np.where(ended, a, guess), np.where(ended, guess, b)
@@ -157,8 +159,8 @@ def _first_event(
     return far * left, found
 
 
-def _relative(world: World, y: Array, u: Array, mode: Array, last: Array) -> Array:
+def _relative(system: TrueSystem, y: Array, u: Array, mode: Array, last: Array) -> Array:
     """Smallest of the margins that end negative (`last`), in parts of their size there."""
-    now = margins(world, y, u, mode)
+    now = margins(system, y, u, mode)
     smallest: Array = np.where(last < 0, now / np.abs(last), np.inf).min(axis=-1)
     return smallest

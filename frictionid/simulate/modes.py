@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 from frictionid.arrays import solve
 from frictionid.data.signals import Array
 from frictionid.mechanics import Mechanism
-from frictionid.simulate.friction import Truth
+from frictionid.simulate.true_friction import TrueFriction
 
 
 @dataclass(frozen=True)
-class World:
+class TrueSystem:
     """What moves: a mechanism with its base parameters p, shape (nb,), and its true friction."""
 
     mechanism: Mechanism
     p: Array
-    friction: Truth
+    friction: TrueFriction
 
     @cached_property
     def combinations(self) -> Array:
@@ -60,7 +60,7 @@ def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Ar
     return a
 
 
-def margins(world: World, y: Array, u: Array, mode: Array) -> Array:
+def margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     """How far each joint is from leaving its mode, negative where it has left it; shape (R, n).
 
     The velocity in the direction of slip [rad/s], or for a sticking joint what is left of the
@@ -77,12 +77,12 @@ def margins(world: World, y: Array, u: Array, mode: Array) -> Array:
     margin: Array = mode * w
     stands = (mode == 0).any(axis=-1)
     if stands.any():
-        held = _hold_margins(world, q[stands], w[stands], z[stands], u[stands], mode[stands])
+        held = _hold_margins(system, q[stands], w[stands], z[stands], u[stands], mode[stands])
         margin[stands] = np.where(mode[stands] == 0, held, margin[stands])
     return margin
 
 
-def next_modes(world: World, y: Array, u: Array) -> Array:
+def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     """Modes that the laws of motion allow at a state, shape (R, n).
 
     A joint that moves slips in its direction. Those at rest try all combinations of sticking and
@@ -97,13 +97,13 @@ def next_modes(world: World, y: Array, u: Array) -> Array:
     u : array, shape (R, n) [N m]
     """
     q, w, z = y
-    M, h = world.mechanism.dynamics(world.p, q, w)
+    M, h = system.mechanism.dynamics(system.p, q, w)
     f = h + u
     rests = w == 0
-    mode = np.where(rests, world.combinations[:, None, :], np.sign(w))
-    a = accelerations(M, f, world.friction.torque(w, z, mode), mode != 0)
+    mode = np.where(rests, system.combinations[:, None, :], np.sign(w))
+    a = accelerations(M, f, system.friction.torque(w, z, mode), mode != 0)
     hold = f - (M * a[..., None, :]).sum(-1)
-    sticking = -_within(world, z, hold)
+    sticking = -_within(system, z, hold)
     # in torques, so that both kinds of violation compare
     slipping = -mode * a * np.diagonal(M, axis1=-2, axis2=-1)
     wrong = np.where(rests, np.where(mode == 0, sticking, slipping), 0.0)
@@ -112,17 +112,17 @@ def next_modes(world: World, y: Array, u: Array) -> Array:
     return chosen
 
 
-def _hold_margins(world: World, q: Array, w: Array, z: Array, u: Array, mode: Array) -> Array:
-    M, h = world.mechanism.dynamics(world.p, q, w)
+def _hold_margins(system: TrueSystem, q: Array, w: Array, z: Array, u: Array, mode: Array) -> Array:
+    M, h = system.mechanism.dynamics(system.p, q, w)
     f = h + u
-    a = accelerations(M, f, world.friction.torque(w, z, mode), mode != 0)
-    return _within(world, z, f - (M * a[..., None, :]).sum(-1))
+    a = accelerations(M, f, system.friction.torque(w, z, mode), mode != 0)
+    return _within(system, z, f - (M * a[..., None, :]).sum(-1))
 
 
-def _within(world: World, z: Array, hold: Array) -> Array:
+def _within(system: TrueSystem, z: Array, hold: Array) -> Array:
     """Distance of a holding torque to the nearer end of the break-away band, negative outside."""
     rest, one = np.zeros_like(z), np.ones_like(z)
-    upper = world.friction.torque(rest, z, one)
-    lower = world.friction.torque(rest, z, -one)
+    upper = system.friction.torque(rest, z, one)
+    lower = system.friction.torque(rest, z, -one)
     within: Array = np.minimum(upper - hold, hold - lower)
     return within

@@ -11,9 +11,9 @@ from pydantic import Field
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, mechanism_of, parameters_of
-from frictionid.simulate.friction import FilmLag, LuGre, Stribeck
-from frictionid.simulate.modes import World
+from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.torques import AnyCommand
+from frictionid.simulate.true_friction import FilmLag, LuGre, Stribeck
 
 AnyFriction = Annotated[Stribeck | FilmLag | LuGre, Field(discriminator="kind")]
 
@@ -125,11 +125,11 @@ def nominal_mechanism(rig: Rig) -> Mechanism:
     return mechanism_of(rig.mechanism)
 
 
-def world_of(rig: Rig) -> World:
+def true_system(rig: Rig) -> TrueSystem:
     """What moves: mechanism with its true parameters, and true friction."""
     mechanism = nominal_mechanism(rig)
     p: Array = mechanism.base(parameters_of(rig.mechanism, rig.true_parameters))
-    return World(mechanism, p, rig.friction)
+    return TrueSystem(mechanism, p, rig.friction)
 
 
 def noise_free(rig: Rig) -> Rig:

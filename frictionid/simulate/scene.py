@@ -1,4 +1,4 @@
-"""What a simulated camera sees: a lit background, links, coloured dots, shadows and occluders."""
+"""Pictures of a simulated camera: a lit background, links, coloured dots and a sync LED."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from frictionid.config import Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
@@ -19,20 +20,23 @@ _SHIFT = 4  # fractional bits of the coordinates of lines
 
 @dataclass(frozen=True)
 class Look:
-    """How things look.
+    """Appearance of the rig and its background.
 
+    Attributes
+    ----------
     dots : hue [deg], saturation and value (0 to 1) of each marker's dot; () where there is none
     radius : of the dots [px]
-    link : grey level of the links (0 to 1); link_width [px]
-    background : "plate": a white plate on a grey wall, "wall": a plain one, "workshop": things of
-        many colours, not as bright as the dots
+    link : grey level of the links (0 to 1)
+    link_width : [px]
+    background : "plate", a white plate on a grey wall; "wall", a plain one; or "workshop", objects
+        of many colours that are less saturated than the dots
     wall : colour of the wall, as of the dots
-    gradient : by which share light falls from one corner to the other
-    shadow : how much darker the shadow of the links is, on whatever lies 25 px below
+    gradient : share by which the light falls from one corner to the other
+    shadow : share by which the shadow of the links, 25 px below, is darker
     """
 
     dots: tuple[tuple[float, ...], ...] = ((), (0.0, 0.85, 0.85), (210.0, 0.85, 0.85))
-    radius: float = 8.0
+    radius: Positive = 8.0
     link: float = 0.55
     link_width: float = 22.0
     background: Literal["plate", "wall", "workshop"] = "plate"
@@ -47,36 +51,36 @@ class Look:
                     f"look.dots: {list(dot)} must be a hue [deg], a saturation and a value, "
                     "both from 0 to 1, or [] where there is no dot"
                 )
-        if not self.radius > 0:
-            raise InputError(f"look.radius = {self.radius:g} must be positive")
+        check_settings(self)
 
 
 @dataclass(frozen=True)
-class Lamp:
-    """A lamp in the picture that goes on and off.
+class SyncLed:
+    """An LED in the picture that the drive switches.
 
-    at : its pixel; radius [px]
-    switches : times [s] of the simulation, which is the drive's clock, at which it goes on, off,
-        on and so on
+    Attributes
+    ----------
+    at : its pixel
+    switches : times [s] by the drive's clock at which it goes on, off, on and so on
+    radius : [px]
     lit, dark : its colour when it is on and off: hue [deg], saturation and value (0 to 1)
     """
 
     at: tuple[float, float]
     switches: tuple[float, ...]
-    radius: float = 6.0
+    radius: Positive = 6.0
     lit: tuple[float, float, float] = (120.0, 0.15, 0.95)
     dark: tuple[float, float, float] = (120.0, 0.15, 0.2)
 
     def __post_init__(self) -> None:
-        if not self.radius > 0:
-            raise InputError(f"lamp.radius = {self.radius:g} must be positive")
+        check_settings(self)
         if any(b <= a for a, b in pairwise(self.switches)):
-            raise InputError("lamp.switches must increase: each goes the other way from the last")
+            raise InputError(f"sync_led.switches = {list(self.switches)} must increase")
 
     def share(self, start: float, stop: float) -> float:
-        """Share of the time from start to stop in which it is on.
+        """Share of the time from start to stop [s] in which it is on.
 
-        >>> Lamp((9.0, 9.0), (1.0, 3.0)).share(0.5, 1.5)
+        >>> SyncLed((9.0, 9.0), (1.0, 3.0)).share(0.5, 1.5)
         0.5
         """
         signs = (-1.0) ** np.arange(len(self.switches))
@@ -94,9 +98,9 @@ class Scene:
         size: tuple[int, int],
         pivot: tuple[float, float],
         seed: int,
-        lamp: Lamp | None = None,
+        led: SyncLed | None = None,
     ):
-        self.look, self.size, self.lamp = look, size, lamp
+        self.look, self.size, self.led = look, size, led
         width, height = size
         across = np.linspace(0, 1, width)[None, :] + np.linspace(0, 1, height)[:, None]
         self.light = (1.0 - look.gradient * across / 2).astype(np.float32)[..., None]
@@ -105,13 +109,13 @@ class Scene:
     def picture(self, exposed: Array, lit: float = 0.0) -> Image:
         """Image of markers whose pixels (S, n + 1, 2) are spread over the exposure.
 
-        lit : share of the exposure in which the lamp is on
+        lit : share of the exposure in which the LED is on
         """
         image = self.backdrop.copy()
-        if self.lamp is not None:
-            on, off = (np.array(colour(*hsv)) for hsv in (self.lamp.lit, self.lamp.dark))
-            place = np.array([self.lamp.at])
-            self._disc(image, place, self.lamp.radius, off + lit * (on - off), shines=True)
+        if self.led is not None:
+            on, off = (np.array(colour(*hsv)) for hsv in (self.led.lit, self.led.dark))
+            at = np.array([self.led.at])
+            self._disc(image, at, self.led.radius, off + lit * (on - off), shines=True)
         some = exposed[np.linspace(0, len(exposed) - 1, min(3, len(exposed))).astype(int)]
         if self.look.shadow:
             self._links(image, some + 25.0 * np.array([0.3, 1.0]), None)
@@ -122,7 +126,7 @@ class Scene:
         return image
 
     def _links(self, image: Image, exposed: Array, grey: float | None) -> None:
-        """Links (grey None: their shadow), averaged over the exposure where they are."""
+        """Links (or their shadow, where grey is None), averaged over the exposure."""
         reach = int(self.look.link_width) + 3
         low = np.floor(exposed.reshape(-1, 2).min(0)).astype(int) - reach
         high = np.ceil(exposed.reshape(-1, 2).max(0)).astype(int) + reach
@@ -144,10 +148,7 @@ class Scene:
         part[:] = np.round(new)
 
     def _disc(self, image: Image, path: Array, r: float, bgr: Array, shines: bool = False) -> None:
-        """A disc, each pixel covered for as long as the disc is over it.
-
-        shines : whether it has this colour whatever light falls on it
-        """
+        """A disc that moves along a path during the exposure; one that shines needs no light."""
         low = np.clip(np.floor(path.min(0) - r - 2).astype(int), 0, self.size)
         high = np.clip(np.ceil(path.max(0) + r + 3).astype(int), 0, self.size)
         (x0, y0), (x1, y1) = low, high
@@ -181,7 +182,6 @@ def _backdrop(
     width, height = size
     image = np.full((height, width, 3), colour(*look.wall), dtype=np.float32)
     if look.background == "plate":
-        # shafts stand before a white plate, that shadows do not look like something
         half = 0.36 * height
         low = (int(pivot[0] - half), int(pivot[1] - 0.5 * half))
         high = (int(pivot[0] + half), int(pivot[1] + 0.5 * half))
@@ -190,7 +190,7 @@ def _backdrop(
         for _ in range(40):
             at = rng.uniform([0, 0], [width, height])
             extent = rng.uniform(20, 220, 2)
-            # nothing there is as colourful as a dot
+            # less saturated than a dot
             hsv = (rng.uniform(0, 360), rng.uniform(0, 0.3), rng.uniform(0.2, 0.9))
             ends = (at - extent / 2).astype(int).tolist(), (at + extent / 2).astype(int).tolist()
             cv2.rectangle(image, *ends, colour(*hsv), -1, cv2.LINE_AA)

@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.data.recordings import Dataset, Motion, Recording
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.simulate.integrate import motion
-from frictionid.simulate.rig import Rig, Run, nominal_mechanism, world_of
+from frictionid.simulate.rig import Rig, Run, nominal_mechanism, true_system
 
 ORIGIN = "simulated by frictionid simulate"
 # The drive takes commands in steps of 1e-6 N m, so that the tables hold exactly what was felt.
@@ -73,7 +73,7 @@ def _states(rig: Rig, commands: Sequence[Signal], time: Array) -> Array:
     q = np.array([run.start_angle for run in rig.recordings], dtype=float)
     w = np.array([run.start_velocity or (0.0,) * q.shape[1] for run in rig.recordings])
     step = 1.0 / (rig.camera.rate * rig.substeps)
-    states = motion(world_of(rig), q, w, rig.drive.gain * felt, edges, step)
+    states = motion(true_system(rig), q, w, rig.drive.gain * felt, edges, step)
     return states[np.searchsorted(edges, time)]
 
 

@@ -1,4 +1,4 @@
-"""Where a tilted camera with a lens sees points of the plane in which a mechanism moves."""
+"""Pixels at which a tilted camera with a lens sees points of the plane of motion."""
 
 from __future__ import annotations
 
@@ -7,40 +7,38 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from frictionid.config import Count, Positive, check_settings
 from frictionid.data.signals import Array
-from frictionid.errors import InputError
 
 
 @dataclass(frozen=True)
 class View:
-    """A pinhole with radial distortion that looks at a plane.
+    """A pinhole camera with radial distortion that looks at a plane.
 
+    Attributes
+    ----------
     size : pixels to the right and downwards
     pivot : pixel at which an untilted camera without distortion sees the fixed joint
     scale : pixels per metre at the pivot's distance
     distance : of the camera from the plane [m]
     tilt : rotation vector [deg] of the plane about the picture's horizontal and vertical axis
-    distortion : by which share points at the picture's corners move outwards
+    distortion : share by which points at the corners of the picture move outwards
     """
 
-    size: tuple[int, int] = (1280, 720)
+    size: tuple[Count, Count] = (1280, 720)
     pivot: tuple[float, float] = (640.0, 360.0)
-    scale: float = 900.0
-    distance: float = 2.0
+    scale: Positive = 900.0
+    distance: Positive = 2.0
     tilt: tuple[float, float] = (0.0, 0.0)
     distortion: float = 0.0
 
     def __post_init__(self) -> None:
-        if min(self.size) < 1:
-            raise InputError(f"view.size = {list(self.size)} must be positive")
-        for name in ("scale", "distance"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"view.{name} = {getattr(self, name):g} must be positive")
+        check_settings(self)
 
     def pixels(self, points: Array) -> Array:
         """Pixels (..., 2), x to the right and y downwards, of points (..., 2) [m] from the pivot.
 
-        The points count to the right and downwards as the picture does.
+        The points count to the right and downwards, too.
 
         >>> View().pixels(np.array([[0.1, 0.0]]))
         array([[730., 360.]])

@@ -9,9 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.acquire.align import Clock, align
-from frictionid.acquire.align.markers import edges_of, marked
-from frictionid.acquire.align.response import response
-from frictionid.acquire.align.table import add_recording, check_place, head_of, read_angles
+from frictionid.acquire.align.drive_response import response
+from frictionid.acquire.align.recording_folder import (
+    add_recording,
+    check_place,
+    head_of,
+    read_angles,
+)
+from frictionid.acquire.align.sync_edges import edges_of, marked
 from frictionid.cli import main
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, cut

@@ -16,21 +16,21 @@ from fixtures.simulated_films import (
     errors,
     frames,
     marker,
-    marks_of,
+    marker_setup_of,
     motion,
     rms,
     taken,
     tracked,
 )
 
-from frictionid.acquire.camera.angles import table_of
-from frictionid.acquire.camera.calibrate import calibrate
-from frictionid.acquire.camera.follow import follow, gathered
-from frictionid.acquire.camera.marks import Camera, Links, Marker, Marks
+from frictionid.acquire.camera.angles import angles_csv
+from frictionid.acquire.camera.follow import follow, gather
+from frictionid.acquire.camera.marker_setup import Camera, Links, Marker, MarkerSetup
 from frictionid.acquire.camera.propose import propose
 from frictionid.acquire.camera.source import Source, open_source
-from frictionid.acquire.camera.study import follow_as_the_study
+from frictionid.acquire.camera.thresholds import follow_by_thresholds
 from frictionid.acquire.camera.track import track
+from frictionid.acquire.camera.view_calibration import calibrate_view
 from frictionid.data.marker_geometry import flattened
 from frictionid.data.recordings import Motion
 from frictionid.simulate.film import write_film
@@ -60,7 +60,7 @@ def test_angles_are_right_and_their_deviations_honest(easy):
 def test_they_are_twice_as_good_as_those_of_the_study_on_the_same_frames(easy):
     movement, shots = easy
     ours = rms(errors(tracked(EASY, shots), movement))
-    study = rms(errors(tracked(EASY, shots, followed=follow_as_the_study), movement))
+    study = rms(errors(tracked(EASY, shots, followed=follow_by_thresholds), movement))
     assert (ours < 0.5 * study).all()
 
 
@@ -85,14 +85,14 @@ def test_what_hides_is_not_invented_and_tilt_and_lens_are_found():
     seen = np.array([s == "found" for s in angles.state])
     assert seen[~hidden].mean() > 0.97
     assert np.isnan(angles.q[~seen]).any(axis=1).all()
-    uncalibrated = tracked(film, shots, marks_of(film, camera=Camera(calibrate=False)))
+    uncalibrated = tracked(film, shots, marker_setup_of(film, camera=Camera(calibrate=False)))
     assert (rms(errors(uncalibrated, movement)) > 2 * rms(e)).any()
 
 
 def test_dots_of_one_colour_that_pass_each_other_do_not_swap():
     look = Look(dots=(RED, RED, RED))
     film = Film((0.153, 0.155), view=SMALL, look=look)
-    marks = Marks(
+    setup = MarkerSetup(
         markers=[
             marker("pivot", RED, moves=False),
             marker("elbow", RED),
@@ -102,7 +102,7 @@ def test_dots_of_one_colour_that_pass_each_other_do_not_swap():
     )
     for seed, whirl in ((0, 14.0), (1, -18.0)):
         movement = motion(100, whirl=whirl, seed=seed)
-        angles = tracked(film, taken(film, movement), marks)
+        angles = tracked(film, taken(film, movement), setup)
         e = errors(angles, movement)
         e -= 360 * np.round(e[0] / 360)  # how often a link went round before is not seen
         assert np.abs(e).max() < 0.5
@@ -118,14 +118,14 @@ def test_the_same_frames_give_the_same_angles(easy):
 def test_a_mirrored_camera_turns_the_other_way(easy):
     _, shots = easy
     plain = tracked(EASY, shots[:40])
-    mirrored = tracked(EASY, shots[:40], marks_of(EASY, camera=Camera(mirrored=True)))
+    mirrored = tracked(EASY, shots[:40], marker_setup_of(EASY, camera=Camera(mirrored=True)))
     np.testing.assert_allclose(mirrored.q, -plain.q, atol=1e-12)
 
 
 def test_a_camera_on_its_side_is_told_where_down_is(easy):
     _, shots = easy
     plain = tracked(EASY, shots[:40])
-    turned = tracked(EASY, shots[:40], marks_of(EASY, camera=Camera(down=30.0)))
+    turned = tracked(EASY, shots[:40], marker_setup_of(EASY, camera=Camera(down=30.0)))
     np.testing.assert_allclose(turned.q[:, 0], plain.q[:, 0] - np.radians(30.0), atol=1e-12)
     np.testing.assert_allclose(turned.q[:, 1], plain.q[:, 1], atol=1e-12)
 
@@ -133,7 +133,7 @@ def test_a_camera_on_its_side_is_told_where_down_is(easy):
 @pytest.mark.parametrize(("stamp", "late"), [("start", 0.002), ("middle", 0.0), ("end", -0.002)])
 def test_times_are_the_middles_of_exposures(easy, stamp, late):
     _, shots = easy
-    angles = tracked(EASY, shots[:20], marks_of(EASY, camera=Camera(stamp=stamp)))
+    angles = tracked(EASY, shots[:20], marker_setup_of(EASY, camera=Camera(stamp=stamp)))
     np.testing.assert_allclose(angles.time, [s.time + late for s in shots[:20]], atol=1e-12)
 
 
@@ -151,9 +151,9 @@ def test_calibration_finds_the_plane_that_keeps_links_as_long_as_they_are():
     markers = view.pixels(chain(q, np.array(LENGTHS)))
     markers[:, 1:] += 0.03 * rng.standard_normal(markers[:, 1:].shape)
     all_seen, sigma = np.ones(markers.shape[:2], bool), np.full(markers.shape[:2], 0.03)
-    told = {"fixed": True, "lengths": np.array(LENGTHS)}
-    found = calibrate(markers, sigma, all_seen, view.size, **told)
-    plain = calibrate(markers, sigma, all_seen, view.size, view=False, **told)
+    known = {"fixed": True, "lengths": np.array(LENGTHS)}
+    found = calibrate_view(markers, sigma, all_seen, view.size, **known)
+    plain = calibrate_view(markers, sigma, all_seen, view.size, view=False, **known)
     assert np.nanstd(found.residual) < 0.06 < 0.3 * np.nanstd(plain.residual)
     flat = flattened(markers, found.plane)
     length = np.linalg.norm(np.diff(flat, axis=1), axis=-1)
@@ -184,34 +184,34 @@ def test_a_proposal_finds_dots_pivot_and_links(seed):
     )
     film = replace(EASY, look=look, seed=seed)
     shots = frames(taken(film, motion(150, seed=seed)))[::3]
-    marks = propose(Pictures(shots, SMALL.size, 20.0))
-    assert [m.name for m in marks.markers] == ["pivot", "elbow", "tip"]
-    np.testing.assert_allclose(marks.markers[0].at, SMALL.pivot, atol=3)
-    np.testing.assert_allclose(marks.links.pixels, 600 * np.array(LENGTHS), rtol=0.04)
-    np.testing.assert_allclose([m.radius for m in marks.markers[1:]], look.radius, rtol=0.2)
+    setup = propose(Pictures(shots, SMALL.size, 20.0))
+    assert [m.name for m in setup.markers] == ["pivot", "elbow", "tip"]
+    np.testing.assert_allclose(setup.markers[0].at, SMALL.pivot, atol=3)
+    np.testing.assert_allclose(setup.links.pixels, 600 * np.array(LENGTHS), rtol=0.04)
+    np.testing.assert_allclose([m.radius for m in setup.markers[1:]], look.radius, rtol=0.2)
 
 
 def test_a_proposal_gives_dots_of_one_colour_one_hue():
     film = replace(EASY, look=Look(dots=((), RED, RED)))
     movement = motion(150, seed=2)
     shots = taken(film, movement)
-    marks = propose(Pictures(frames(shots)[::3], SMALL.size, 20.0))
-    assert marks.markers[1].hue == marks.markers[2].hue
-    e = errors(tracked(film, shots, marks), movement)
+    setup = propose(Pictures(frames(shots)[::3], SMALL.size, 20.0))
+    assert setup.markers[1].hue == setup.markers[2].hue
+    e = errors(tracked(film, shots, setup), movement)
     assert np.abs(e - np.median(e, axis=0)).max() < 0.3
 
 
 def test_a_proposal_tracks_what_it_was_made_from(easy):
     movement, shots = easy
-    marks = propose(Pictures(frames(shots)[::2], SMALL.size, 30.0))
-    e = errors(tracked(EASY, shots, marks), movement)
+    setup = propose(Pictures(frames(shots)[::2], SMALL.size, 30.0))
+    e = errors(tracked(EASY, shots, setup), movement)
     assert np.abs(e - np.median(e, axis=0)).max() < 0.3
 
 
 def test_the_table_is_empty_where_a_dot_was_not_found():
     film = replace(EASY, hidden=0.2, seed=3)
     angles = tracked(film, taken(film, motion(80)))
-    lines = table_of(angles).splitlines()
+    lines = angles_csv(angles).splitlines()
     assert lines[0] == "time,q1,q2,sigma1,sigma2,predicted1,predicted2,state"
     missing = 0
     for line, q in zip(lines[1:], angles.q, strict=True):
@@ -230,7 +230,9 @@ def test_a_still_chain_is_found_where_it_is():
         still.angle._replace(value=np.full((12, 2), 0.4)),
         still.velocity._replace(value=np.zeros((12, 2))),
     )
-    angles = tracked(EASY, taken(EASY, still), marks_of(EASY, camera=Camera(calibrate=False)))
+    angles = tracked(
+        EASY, taken(EASY, still), marker_setup_of(EASY, camera=Camera(calibrate=False))
+    )
     np.testing.assert_allclose(np.degrees(angles.q), np.degrees(0.4), atol=0.1)
 
 
@@ -240,13 +242,13 @@ def test_colour_at_full_resolution_is_more_exact(tmp_path):
         film = replace(EASY, codec=codec, noise=0.0)
         source = open_source(str(write_film(film, slow, tmp_path / codec)[0]))
         # what dots show of the grid of pixels, not what a turned view does
-        off.append(np.std(errors(track(source, marks_of(film)), slow)[1:], axis=0))
+        off.append(np.std(errors(track(source, marker_setup_of(film)), slow)[1:], axis=0))
     assert (off[1] < 0.6 * off[0]).all()
 
 
 def test_followed_markers_lie_on_the_dots(easy):
     movement, shots = easy
-    followed = gathered(list(follow(marks_of(EASY), iter(frames(shots[:20])))))
+    followed = gather(list(follow(marker_setup_of(EASY), iter(frames(shots[:20])))))
     true = SMALL.pixels(chain(movement.angle.value[:20], np.array(LENGTHS)))
     assert np.abs(followed.at - true).max() < 0.3
 
@@ -263,5 +265,5 @@ def test_one_link_is_a_pendulum(round_and_round):
         m.angle._replace(value=m.angle.value[:, :1] + turn * time),
         m.velocity._replace(value=m.velocity.value[:, :1] + turn),
     )
-    marks = Marks(markers=[Marker(name="pivot", at=list(SMALL.pivot)), marker("bob", BLUE)])
-    assert np.abs(errors(tracked(film, taken(film, movement), marks), movement)).max() < 0.1
+    setup = MarkerSetup(markers=[Marker(name="pivot", at=list(SMALL.pivot)), marker("bob", BLUE)])
+    assert np.abs(errors(tracked(film, taken(film, movement), setup), movement)).max() < 0.1

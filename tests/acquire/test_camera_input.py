@@ -1,4 +1,4 @@
-"""Films, pictures and rig.toml: what cannot be used is told in one line, the rest read right."""
+"""Films, pictures and rig.toml: what cannot be used is one line, the rest is read right."""
 
 from __future__ import annotations
 
@@ -8,10 +8,25 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from fixtures.simulated_films import BLUE, LENGTHS, RED, SMALL, Film, Look, errors, marks_of, motion
+from fixtures.simulated_films import (
+    BLUE,
+    LENGTHS,
+    RED,
+    SMALL,
+    Film,
+    Look,
+    errors,
+    marker_setup_of,
+    motion,
+)
 
 from frictionid import load_dataset
-from frictionid.acquire.camera.marks import Links, Marker, load_marks, marks_text
+from frictionid.acquire.camera.marker_setup import (
+    Links,
+    Marker,
+    load_marker_setup,
+    marker_setup_text,
+)
 from frictionid.acquire.camera.overlay import contact_sheet
 from frictionid.acquire.camera.source import Source, open_source
 from frictionid.acquire.camera.track import track
@@ -57,7 +72,7 @@ def command(monkeypatch, capsys, folder, *words):
 @pytest.mark.parametrize("name", ["even.mov", "squeezed.mp4", "uneven.mov"])
 def test_videos_give_their_own_times_and_right_angles(place, name):
     source = open_source(str(place / name))
-    angles = track(source, load_marks(place / "rig.toml"))
+    angles = track(source, load_marker_setup(place / "rig.toml"))
     expected = MOTION.angle.time
     if name.startswith("uneven"):
         assert len(angles.time) < len(expected) and np.ptp(np.diff(angles.time)) > 0.01
@@ -70,7 +85,7 @@ def test_videos_give_their_own_times_and_right_angles(place, name):
 def test_a_folder_of_pictures_is_a_video(place, tmp_path):
     for k, frame in enumerate(open_source(str(place / "even.mov")).frames()):
         cv2.imwrite(str(tmp_path / f"{k:04d}.png"), frame.image)
-    rig = load_marks(place / "rig.toml")
+    rig = load_marker_setup(place / "rig.toml")
     video = track(open_source(str(place / "even.mov")), rig)
     pictures = track(open_source(str(tmp_path), 60.0), rig)
     np.testing.assert_allclose(video.q, pictures.q, atol=1e-8)
@@ -120,7 +135,7 @@ def test_a_contact_sheet_shows_frames_without_a_dot(place):
     film = replace(FILM, hidden=0.3)
     write_film(film, MOTION, place / "hidden")
     source = open_source(str(place / "hidden.mov"))
-    angles = track(source, marks_of(film))
+    angles = track(source, marker_setup_of(film))
     sheet = contact_sheet(source.frames(), angles, source.size)
     assert sheet.shape[1] == 4 * 480 and sheet.std() > 5
 
@@ -189,16 +204,16 @@ def test_a_camera_toml_is_checked(tmp_path, monkeypatch, capsys):
     assert status == 2 and "did you mean 'noise'" in err
 
 
-def test_marks_survive_their_file(tmp_path):
-    marks = marks_of(FILM).model_copy(update={"links": Links(pixels=[91.75, 105.25])})
+def test_a_marker_setup_survives_its_file(tmp_path):
+    setup = marker_setup_of(FILM).model_copy(update={"links": Links(pixels=[91.75, 105.25])})
     path = tmp_path / "rig.toml"
-    path.write_text(marks_text(marks, ["a note"]))
-    assert load_marks(path) == marks
+    path.write_text(marker_setup_text(setup, ["a note"]))
+    assert load_marker_setup(path) == setup
 
 
 def test_two_dots_of_colours_far_enough_apart_are_fine():
     look = Look(dots=((), RED, BLUE))
-    assert [m.hue for m in marks_of(replace(FILM, look=look)).markers] == [None, 0.0, 210.0]
+    assert [m.hue for m in marker_setup_of(replace(FILM, look=look)).markers] == [None, 0.0, 210.0]
     assert Marker(name="a", at=[1.0, 2.0]).hue is None
 
 
@@ -211,13 +226,13 @@ class Live(Source):
 
 
 def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
-    marks = load_marks(place / "rig.toml")
+    setup = load_marker_setup(place / "rig.toml")
     film = str(place / "even.mov")
-    angles = track(Live("0", "live", SMALL.size, 0.0, None, (film,)), marks)
+    angles = track(Live("0", "live", SMALL.size, 0.0, None, (film,)), setup)
     assert len(angles.time) == 25
-    np.testing.assert_allclose(angles.q, track(open_source(film), marks).q[:25], atol=1e-3)
+    np.testing.assert_allclose(angles.q, track(open_source(film), setup).q[:25], atol=1e-3)
     with pytest.raises(KeyboardInterrupt):
-        track(Live("film", "video", SMALL.size, 60.0, None, (film,)), marks)
+        track(Live("film", "video", SMALL.size, 60.0, None, (film,)), setup)
 
 
 def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
@@ -236,10 +251,10 @@ def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
     assert (place / "rig.toml").read_bytes() == rig
 
 
-def test_a_missing_rig_is_told_as_missing(place, monkeypatch, capsys):
+def test_a_missing_rig_is_reported_as_missing(place, monkeypatch, capsys):
     words = ["track", "even.mov", "--rig", "nosuch.toml", "--out", "lost.csv"]
     status, _, err = command(monkeypatch, capsys, place, *words)
-    assert status == 2 and "No such file" in err and "TOML" not in err
+    assert status == 2 and "does not exist" in err and "TOML" not in err
 
 
 def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):
@@ -255,11 +270,11 @@ def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):
     ("make", "said"),
     [
         (lambda: Film((-0.1, 0.1)), "lengths"),
-        (lambda: replace(SMALL, scale=0.0), "view.scale"),
-        (lambda: replace(SMALL, size=(0, 10)), "view.size"),
+        (lambda: replace(SMALL, scale=0.0), "scale"),
+        (lambda: replace(SMALL, size=(0, 10)), "size"),
         (lambda: Look(dots=((), (0.0, 0.85))), "look.dots"),
         (lambda: Look(dots=((), (0.0, 8.5, 0.85))), "look.dots"),
-        (lambda: Look(radius=-3.0), "look.radius"),
+        (lambda: Look(radius=-3.0), "radius"),
     ],
 )
 def test_a_camera_that_cannot_be_is_refused(make, said):

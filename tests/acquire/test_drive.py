@@ -15,11 +15,11 @@ from fixtures.paths import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictionid.acquire.excite import Playing, excite, keys, load_signal
 from frictionid.acquire.logfile import read_log
+from frictionid.acquire.playback import Playing, excite, keys, load_signal
 from frictionid.acquire.protocol import read
-from frictionid.acquire.settings import setup_of
-from frictionid.acquire.virtual_drive.drive import (
+from frictionid.acquire.rig_settings import rig_settings_of
+from frictionid.acquire.virtual_drive.controller import (
     RAMP,
     SILENCE,
     Drive,
@@ -29,7 +29,7 @@ from frictionid.acquire.virtual_drive.drive import (
     command_line,
     torque_of,
 )
-from frictionid.acquire.virtual_drive.playing import play
+from frictionid.acquire.virtual_drive.serve import play
 from frictionid.acquire.virtual_drive.terminal import Terminal
 from frictionid.cli import main
 from frictionid.data.readers.dataset import load_dataset
@@ -47,8 +47,8 @@ def sine(length=1.0, rate=200.0):
 def values(drive, speaker, k):
     """Time, command and torque of the k-th line."""
     made = drive.setup
-    cells = [float(c) for c in read(made.wire.format(), speaker.line(k)[:-1])]
-    return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].factor
+    cells = [float(c) for c in read(made.protocol.format(), speaker.line(k)[:-1])]
+    return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].per_measured
 
 
 # --- What it says --------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def test_it_tells_the_torque_that_acts_by_its_own_clock(offset, drift, gain, lag
 
 def test_it_obeys_within_its_limits_until_the_host_is_silent():
     drive = Drive(setup(), sine(3.0), gain=0.9)
-    speaker, form = Speaker(drive), drive.setup.wire.format()
+    speaker, form = Speaker(drive), drive.setup.protocol.format()
     most = drive.setup.motors[0].limit
     speaker.obey(500, command_line(form, "u,{value}", [0.2])[:-1])
     assert values(drive, speaker, 501)[1:] == pytest.approx((0.2, 0.18), abs=1e-6)
@@ -88,7 +88,7 @@ def test_it_obeys_within_its_limits_until_the_host_is_silent():
 
 def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
     drive = Drive(setup(), sine(3.0))
-    speaker, form = Speaker(drive), drive.setup.wire.format()
+    speaker, form = Speaker(drive), drive.setup.protocol.format()
 
     def told(k, text):
         speaker.obey(k, command_line(form, text, [0.2])[:-1])
@@ -254,7 +254,7 @@ def test_a_drive_that_falls_silent_is_ramped_down(rig):
 
 def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
     made, path = setup(), tmp_path / "signal.csv"
-    bare = setup_of({"motor": {"kt": 0.01}}, "rig.toml")
+    bare = rig_settings_of({"motor": {"kt": 0.01}}, "rig.toml")
     cases = (
         ("time,u2\n0,0.1\n1,-0.6\n", made, "row 3: u2 = -0.6 N m exceeds the limit of 0.5"),
         ("time,u2\n0,0.1\n1,0.2\n", bare, "[motor] has no limit: add limit"),

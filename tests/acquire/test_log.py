@@ -15,10 +15,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from frictionid.acquire.logfile import Appender, Layout, Log, read_log
+from frictionid.acquire.monitor import Shown, asked_to_stop, keep_logging, progress
 from frictionid.acquire.port import Port
 from frictionid.acquire.protocol import parsed, read, written
 from frictionid.acquire.virtual_drive.terminal import Terminal
-from frictionid.acquire.watch import Shown, asked_to_stop, keep_logging, progress
 from frictionid.cli import main
 from frictionid.errors import InputError
 
@@ -42,7 +42,7 @@ def finished(process):
 
 
 @pytest.fixture
-def wire(tmp_path):
+def protocol(tmp_path):
     """A drive's end of a cable whose other end is tmp_path/port."""
     terminal = Terminal(tmp_path / "port")
     yield terminal
@@ -67,7 +67,7 @@ def test_every_undamaged_line_once_and_in_order_through_three_disconnections(tmp
     log.pump(0.0)
     log.close()
     finished(drive)
-    sent = parsed(made.wire.format(), b"", (tmp_path / "sent.txt").read_bytes())
+    sent = parsed(made.protocol.format(), b"", (tmp_path / "sent.txt").read_bytes())
     assert not sent.rejected
     assert 0.985 * lines < len(sent.rows) < lines
     logged = read_log(tmp_path / "log.csv").columns
@@ -167,39 +167,39 @@ def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):
 # --- The port -----------------------------------------------------------------------------------
 
 
-def test_rows_are_in_the_file_as_soon_as_they_are_told(wire, tmp_path):
+def test_rows_are_in_the_file_as_soon_as_they_are_told(protocol, tmp_path):
     made = setup(begin="")
-    log, form = logger(wire.link, tmp_path / "log.csv", made), made.wire.format()
+    log, form = logger(protocol.link, tmp_path / "log.csv", made), made.protocol.format()
     rows, seen = Rows(tmp_path / "log.csv"), 0
     for k in range(20):
-        feed(wire, written(form, (str(k), "0", "0")))
+        feed(protocol, written(form, (str(k), "0", "0")))
         while seen <= k:
             seen += len(log.pump(5.0))
         assert rows() == seen
     log.close()
 
 
-def test_a_half_line_before_and_after_unplugging_is_no_line(wire, tmp_path):
+def test_a_half_line_before_and_after_unplugging_is_no_line(protocol, tmp_path):
     made = setup(begin="", mark="", checksum="none")
-    log = logger(wire.link, tmp_path / "log.csv", made)
-    feed(wire, b"1,2,3\n4,5")
+    log = logger(protocol.link, tmp_path / "log.csv", made)
+    feed(protocol, b"1,2,3\n4,5")
     until(lambda: log.pump(0.1))
-    wire.unplug()
+    protocol.unplug()
     until(lambda: not (log.pump(0.01) or log.connected))
-    wire.plug()
+    protocol.plug()
     until(lambda: log.pump(0.01) or log.connected)
-    feed(wire, b",6\n7,8,9\n")
+    feed(protocol, b",6\n7,8,9\n")
     until(lambda: log.pump(0.1))
     log.close()
     assert (log.counts.rows, log.counts.rejected, log.counts.unplugged) == (2, 1, 1)
     assert read_log(tmp_path / "log.csv").columns["current"].tolist() == [3.0, 9.0]
 
 
-def test_a_restart_of_the_controller_is_counted(wire, tmp_path):
+def test_a_restart_of_the_controller_is_counted(protocol, tmp_path):
     made = setup(begin="", checksum="none", mark="")
-    log = logger(wire.link, tmp_path / "log.csv", made)
+    log = logger(protocol.link, tmp_path / "log.csv", made)
     # the last step back is that of a counter of 32 bits
-    feed(wire, b"5,0,0\n6,0,0\nbooting ...\n0,0,0\n1,0,0\n4294967295,0,0\n2,0,0\n")
+    feed(protocol, b"5,0,0\n6,0,0\nbooting ...\n0,0,0\n1,0,0\n4294967295,0,0\n2,0,0\n")
     until(lambda: log.pump(0.1) is not None and log.counts.rows == 6)
     log.close()
     assert log.counts.restarts == 1
@@ -215,36 +215,36 @@ def test_a_restart_of_the_controller_is_counted(wire, tmp_path):
         ({}, b"1,2,3\n" * 30, "none of the protocol"),
     ],
 )
-def test_what_cannot_be_read_is_told_and_ends_the_log(wires, content, said, wire, tmp_path):
-    log = logger(wire.link, tmp_path / "log.csv", setup(**{"begin": "", **wires}))
-    feed(wire, content)
+def test_what_cannot_be_read_is_told_and_ends_the_log(wires, content, said, protocol, tmp_path):
+    log = logger(protocol.link, tmp_path / "log.csv", setup(**{"begin": "", **wires}))
+    feed(protocol, content)
     with pytest.raises(InputError, match=said) as complaint:
         until(lambda: log.pump(0.1))
     log.close()
-    assert str(wire.link) in str(complaint.value)
+    assert str(protocol.link) in str(complaint.value)
     assert "\n" not in str(complaint.value)
 
 
-def test_garbage_behind_good_lines_does_not_end_the_log(wire, tmp_path):
+def test_garbage_behind_good_lines_does_not_end_the_log(protocol, tmp_path):
     made = setup(begin="")
-    line = written(made.wire.format(), ("1", "2", "3"))
-    log = logger(wire.link, tmp_path / "log.csv", made)
-    feed(wire, line + b"\xff" * 6000 + b"\n" + line)
+    line = written(made.protocol.format(), ("1", "2", "3"))
+    log = logger(protocol.link, tmp_path / "log.csv", made)
+    feed(protocol, line + b"\xff" * 6000 + b"\n" + line)
     until(lambda: log.pump(0.1) is not None and log.counts.rows == 2)
     log.close()
     assert len(read_log(tmp_path / "log.csv").columns["time"]) == 2
 
 
-def test_a_port_that_is_missing_or_busy_is_told_in_one_line(wire, tmp_path):
+def test_a_port_that_is_missing_or_busy_is_told_in_one_line(protocol, tmp_path):
     with pytest.raises(InputError, match="there is no port /dev/ttyNONE"):
         Port("/dev/ttyNONE", 115200)
     with pytest.raises(InputError, match="has no rate of 12345678901 baud"):
-        Port(str(wire.link), 12345678901)
-    first = Port(str(wire.link), 115200)
+        Port(str(protocol.link), 12345678901)
+    first = Port(str(protocol.link), 115200)
     with pytest.raises(InputError, match="is busy: another program has it open"):
-        Port(str(wire.link), 115200)
+        Port(str(protocol.link), 115200)
     first.close()
-    Port(str(wire.link), 115200).close()
+    Port(str(protocol.link), 115200).close()
     with pytest.raises(InputError, match="cannot be opened"):
         Port(str(tmp_path), 115200)
 
@@ -268,8 +268,8 @@ def call(tmp_path, monkeypatch, capsys):
     return run
 
 
-def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, wire, tmp_path):
-    out, port = tmp_path / "new.csv", wire.link
+def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, protocol, tmp_path):
+    out, port = tmp_path / "new.csv", protocol.link
     (tmp_path / "bare.toml").write_text("name = 'x'\n")
     (tmp_path / "broken.toml").write_text("[motor\n")
     cases = (
@@ -291,10 +291,10 @@ def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, wire, tmp
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_request_to_stop_ends_the_log_with_all_rows_safe(wire, tmp_path, number):
+def test_a_request_to_stop_ends_the_log_with_all_rows_safe(protocol, tmp_path, number):
     made = setup(begin="")
-    log, form = logger(wire.link, tmp_path / "log.csv", made), made.wire.format()
-    feed(wire, b"".join(written(form, (str(k), "0", "0")) for k in range(7)))
+    log, form = logger(protocol.link, tmp_path / "log.csv", made), made.protocol.format()
+    feed(protocol, b"".join(written(form, (str(k), "0", "0")) for k in range(7)))
 
     def show(counts, _):
         if counts.rows == 7:
@@ -320,6 +320,6 @@ def test_what_is_shown_names_what_happens(capsys):
 
 
 def test_a_line_of_the_log_is_the_line_of_the_drive():
-    layout, form = Layout(setup()), setup().wire.format()
+    layout, form = Layout(setup()), setup().protocol.format()
     cells = read(form, written(form, ("1500000", "0.1", "-2.5"))[:-1])
     assert layout.row("1.000000", cells) == "1.000000,1.500000,0.1,-2.5,-0.612\n"

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from frictionid.acquire.clocks import one_clock, runs_of
+from frictionid.acquire.controller_clock import one_clock, runs_of
 from frictionid.acquire.logfile import seconds
 from frictionid.acquire.protocol import (
     LONGEST,
@@ -17,7 +17,7 @@ from frictionid.acquire.protocol import (
     unframed,
     written,
 )
-from frictionid.acquire.settings import setup_of
+from frictionid.acquire.rig_settings import rig_settings_of
 from frictionid.errors import InputError
 
 SAFE = Format(checksum="crc16", mark="$")
@@ -173,7 +173,7 @@ MOTOR = {"kt": 0.01, "gear": 20.0}
 )
 def test_missing_constants_are_told_in_one_line(document, said):
     with pytest.raises(InputError, match=".") as complaint:
-        setup_of(document, "rig.toml")
+        rig_settings_of(document, "rig.toml")
     assert said in str(complaint.value)
     assert str(complaint.value).startswith("rig.toml")
 

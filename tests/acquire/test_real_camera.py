@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from frictionid.acquire.camera.follow import Follower
-from frictionid.acquire.camera.marks import Marker, Marks
+from frictionid.acquire.camera.marker_setup import Marker, MarkerSetup
 from frictionid.acquire.camera.source import Frame
 
 
@@ -15,7 +15,7 @@ def test_the_marker_of_a_real_frame_is_found(real_data):
     green = (screen[66:737, 1:379] == (0, 255, 0)).all(axis=-1)
     there = np.argwhere(green).mean(axis=0)[::-1]
     bob = Marker(name="bob", hue=5.0, saturation=0.5, value=0.55, radius=8.0)
-    step = Follower(Marks(markers=[Marker(name="pivot", at=[189.0, 105.0]), bob])).step(
+    step = Follower(MarkerSetup(markers=[Marker(name="pivot", at=[189.0, 105.0]), bob])).step(
         Frame(0.0, frame)
     )
     assert step.found.all()

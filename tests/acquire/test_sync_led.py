@@ -1,4 +1,4 @@
-"""A lamp in the picture and pulses of torque as markers: from the film to the clocks."""
+"""A sync LED in the picture and pulses of torque as markers: from the film to the clocks."""
 
 import sys
 import tomllib
@@ -14,7 +14,7 @@ from fixtures.simulated_films import (
     Film,
     Look,
     View,
-    marks_of,
+    marker_setup_of,
     motion,
     taken,
 )
@@ -22,11 +22,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.acquire.align import align
-from frictionid.acquire.align.markers import edges_of, marked
-from frictionid.acquire.align.match import match
-from frictionid.acquire.camera.angles import table_of
-from frictionid.acquire.camera.marks import Lamp as Mark
-from frictionid.acquire.camera.marks import load_marks, marks_text
+from frictionid.acquire.align.cross_correlation import match
+from frictionid.acquire.align.sync_edges import edges_of, marked
+from frictionid.acquire.camera.angles import angles_csv
+from frictionid.acquire.camera.marker_setup import SyncLed as TrackedLed
+from frictionid.acquire.camera.marker_setup import load_marker_setup, marker_setup_text
 from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
 from frictionid.check.balance_windows import unit_rows
@@ -38,8 +38,8 @@ from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
 from frictionid.simulate.film import write_film
-from frictionid.simulate.scene import Lamp
-from frictionid.simulate.settings import load_film
+from frictionid.simulate.rig_file import load_film
+from frictionid.simulate.scene import SyncLed
 
 TABLE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
 FRICTION = Stribeck(Curve((0.1,), (0.1,), (0.012,), (0.03,), (0.03,), (0.8,)))
@@ -51,7 +51,7 @@ PENDULUM = Film(
     exposure=0.008,
     view=VIEW,
     look=Look(dots=((), RED), radius=5.0, link_width=10.0),
-    lamp=Lamp((290.0, 20.0), SWITCHES, radius=5.0),
+    sync_led=SyncLed((290.0, 20.0), SWITCHES, radius=5.0),
 )
 RIG = """
 [mechanism]
@@ -71,7 +71,7 @@ hue = 0.0
 radius = 5.0
 [camera]
 exposure = 0.008
-[lamp]
+[sync_led]
 at = [290.0, 20.0]
 radius = 4.0
 name = "led"
@@ -88,8 +88,8 @@ def recorded(torque, seconds, start=0.3):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A film of six seconds with a lamp, and the drive's log by a clock of its own."""
-    folder = tmp_path_factory.mktemp("lamp")
+    """A film of six seconds with a sync LED, and the drive's log by a clock of its own."""
+    folder = tmp_path_factory.mktemp("sync_led")
     recording = recorded(Steps(1.1, 0.4), 6.0)
     write_film(PENDULUM, recording.truth, folder / "film")
     on = np.searchsorted(SWITCHES, recording.torque.time) % 2
@@ -114,7 +114,7 @@ def command(monkeypatch, capsys, folder, *words):
 # --- From the film to the clocks -----------------------------------------------------------------
 
 
-def test_a_lamp_on_film_ties_the_clocks(place, monkeypatch, capsys):
+def test_a_sync_led_on_film_ties_the_clocks(place, monkeypatch, capsys):
     status, out, err = command(monkeypatch, capsys, place, "track", "film.mov", "--out", "a.csv")
     assert (status, err) == (0, "")
     words = ("align", "a.csv", "log.csv", "--out", "data", "--hold", "previous", "--marker", "led")
@@ -122,13 +122,13 @@ def test_a_lamp_on_film_ties_the_clocks(place, monkeypatch, capsys):
     assert (status, err) == (0, "")
     assert "marker   10 edges" in out
     told = tomllib.loads((place / "data" / "a.align.toml").read_text())
-    lamp, clock = told["marker"], told["clock"]
-    assert abs(lamp["offset"] - OFFSET) < 1.96 * lamp["error"] < 3e-3
+    led, clock = told["marker"], told["clock"]
+    assert abs(led["offset"] - OFFSET) < 1.96 * led["error"] < 3e-3
     low, high = clock["offset_interval"]
     assert low < OFFSET < high
 
 
-def test_where_nothing_moves_the_lamp_alone_ties_the_clocks(place, tmp_path, monkeypatch, capsys):
+def test_where_nothing_moves_the_led_alone_ties_the_clocks(place, tmp_path, monkeypatch, capsys):
     time = np.arange(360) / 60
     on = np.searchsorted(SWITCHES, time) % 2
     still = np.random.default_rng(0).normal(0.0, 1e-3, len(time))
@@ -147,34 +147,39 @@ def test_where_nothing_moves_the_lamp_alone_ties_the_clocks(place, tmp_path, mon
 
 
 def test_every_frame_has_a_brightness_whatever_the_dots_and_the_method(tmp_path):
-    lamp = Lamp((600.0, 40.0), (0.2, 0.5335))
-    film = replace(Film(LENGTHS, view=SMALL), lamp=lamp, hidden=0.3, noise=2.0)
+    led = SyncLed((600.0, 40.0), (0.2, 0.5335))
+    film = replace(Film(LENGTHS, view=SMALL), sync_led=led, hidden=0.3, noise=2.0)
     movement = motion(60)
     write_film(film, movement, tmp_path / "film")
-    marks = marks_of(film).model_copy(update={"lamp": Mark(at=[600.0, 40.0], radius=4.0)})
+    setup = marker_setup_of(film).model_copy(
+        update={"sync_led": TrackedLed(at=[600.0, 40.0], radius=4.0)}
+    )
     source = open_source(str(tmp_path / "film.mov"))
-    angles = {method: track(source, marks, method) for method in ("follow", "study")}
-    name, bright = angles["follow"].lamp
+    angles = {method: track(source, setup, method) for method in ("follow", "study")}
+    name, bright = angles["follow"].sync_led
     time = angles["follow"].time
-    share = np.array([lamp.share(t - 0.002, t + 0.002) for t in time])
-    assert name == "lamp" and (angles["follow"].q.shape[0],) == bright.shape
+    share = np.array([led.share(t - 0.002, t + 0.002) for t in time])
+    assert name == "sync_led" and (angles["follow"].q.shape[0],) == bright.shape
     assert set(angles["follow"].state) > {"found"}
     # linear in the share of the exposure: what is lit in part lies between
     dark, lit = bright[share == 0].mean(), bright[share == 1].mean()
     assert lit - dark > 0.3
     np.testing.assert_allclose((bright - dark) / (lit - dark), share, atol=0.03)
     assert ((share > 0) & (share < 1)).any()
-    np.testing.assert_array_equal(bright, angles["study"].lamp[1])
-    lines = table_of(angles["follow"]).splitlines()
-    assert lines[0].endswith(",state,lamp") and {line.count(",") for line in lines} == {8}
+    np.testing.assert_array_equal(bright, angles["study"].sync_led[1])
+    lines = angles_csv(angles["follow"]).splitlines()
+    assert lines[0].endswith(",state,sync_led") and {line.count(",") for line in lines} == {8}
     assert [float(line.rpartition(",")[2]) for line in lines[1:]] == pytest.approx(bright, abs=1e-5)
-    plain = table_of(track(source, marks_of(film)))
-    assert "lamp" not in plain and [line.rpartition(",")[0] for line in lines] == plain.splitlines()
+    plain = angles_csv(track(source, marker_setup_of(film)))
+    assert (
+        "sync_led" not in plain
+        and [line.rpartition(",")[0] for line in lines] == plain.splitlines()
+    )
 
 
-def test_a_film_without_a_lamp_is_as_it_was():
+def test_a_film_without_a_led_is_as_it_was():
     film, movement = Film(LENGTHS, view=SMALL), motion(3)
-    lit = replace(film, lamp=Lamp((600.0, 40.0), (0.0,)))
+    lit = replace(film, sync_led=SyncLed((600.0, 40.0), (0.0,)))
     for one, other in zip(taken(film, movement), taken(lit, movement), strict=True):
         differs = (one.image != other.image).any(axis=-1)
         y, x = np.nonzero(differs)
@@ -196,9 +201,9 @@ def test_a_film_without_a_lamp_is_as_it_was():
 def test_a_noisy_brightness_tells_offset_and_drift(seed, offset, exposure, told, noise):
     rng = np.random.default_rng(seed)
     switches = np.cumsum(rng.uniform(0.2, 2.0, 14))
-    lamp, drift = Lamp((1.0, 1.0), tuple(switches)), rng.uniform(-2e-4, 2e-4)
+    led, drift = SyncLed((1.0, 1.0), tuple(switches)), rng.uniform(-2e-4, 2e-4)
     camera = np.arange(0.0, switches[-1] + 1.0, 1 / 60)
-    share = np.array([lamp.share(t - exposure / 2, t + exposure / 2) for t in camera])
+    share = np.array([led.share(t - exposure / 2, t + exposure / 2) for t in camera])
     bright = 0.2 + 0.6 * (share + noise * rng.standard_normal(len(camera)))
     drive = np.arange(0.0, switches[-1] + 1.0, 1e-3)
     on = (np.searchsorted(switches, drive) % 2).astype(float)
@@ -213,16 +218,16 @@ def test_a_noisy_brightness_tells_offset_and_drift(seed, offset, exposure, told,
 
 
 def test_frames_lit_in_part_tell_more_where_the_exposure_is_known():
-    lamp = Lamp((1.0, 1.0), tuple(np.cumsum(np.random.default_rng(1).uniform(0.2, 2.0, 40))))
+    led = SyncLed((1.0, 1.0), tuple(np.cumsum(np.random.default_rng(1).uniform(0.2, 2.0, 40))))
     time = np.arange(0.0, 50.0, 1 / 60)
-    bright = np.array([lamp.share(t - 0.004, t + 0.004) for t in time])
+    bright = np.array([led.share(t - 0.004, t + 0.004) for t in time])
     told, not_told = (edges_of(time, bright, "a", exposure) for exposure in (0.008, 0.0))
     np.testing.assert_array_equal(told.time, not_told.time)
     part = told.half < not_told.half
     assert 2 < part.sum() < 30 and told.half[part] == pytest.approx(0.004)
 
 
-def test_a_lamp_that_blinks_evenly_needs_to_be_told_roughly_where():
+def test_a_led_that_blinks_evenly_needs_to_be_told_roughly_where():
     camera, drive = np.arange(0.0, 20.0, 1 / 60), np.arange(0.0, 60.0, 1e-3)
     seen = edges_of(camera, 1.0 * ((camera + 20.3) % 1.5 < 0.5), "a")
     log = edges_of(drive, 1.0 * (drive % 1.5 < 0.5), "b")
@@ -237,18 +242,18 @@ def test_a_lamp_that_blinks_evenly_needs_to_be_told_roughly_where():
 # --- Mistakes ------------------------------------------------------------------------------------
 
 WRONG = {
-    "outside": ("290.0, 20.0", "320.0, 20.0", "the lamp at (320, 20) lies outside the picture"),
+    "outside": ("290.0, 20.0", "320.0, 20.0", "the sync LED at (320, 20) lies outside the picture"),
     "name": ('"led"', '"q1"', "'q1' is another column of the table"),
     "state": ('"led"', '"state"', "'state' is another column of the table"),
     "comma": ('"led"', '"a,b"', "must have letters, digits, - and _ only"),
-    "radius": ("radius = 4.0", "radius = 0.0", "lamp.radius"),
-    "table": ("[lamp]", "[lanp]", "unknown table [lanp]; did you mean 'lamp'?"),
-    "no place": ("at = [290.0, 20.0]", "", "the key 'lamp.at' is missing"),
+    "radius": ("radius = 4.0", "radius = 0.0", "sync_led.radius"),
+    "table": ("[sync_led]", "[sync_let]", "unknown table [sync_let]; did you mean 'sync_led'?"),
+    "no place": ("at = [290.0, 20.0]", "", "the key 'sync_led.at' is missing"),
 }
 
 
 @pytest.mark.parametrize(("old", "new", "said"), WRONG.values(), ids=WRONG.keys())
-def test_a_wrong_lamp_is_one_line(place, tmp_path, monkeypatch, capsys, old, new, said):
+def test_a_wrong_led_is_one_line(place, tmp_path, monkeypatch, capsys, old, new, said):
     (tmp_path / "rig.toml").write_text(RIG.replace(old, new))
     words = ("track", str(place / "film.mov"), "--out", "a.csv")
     status, out, err = command(monkeypatch, capsys, tmp_path, *words)
@@ -256,8 +261,8 @@ def test_a_wrong_lamp_is_one_line(place, tmp_path, monkeypatch, capsys, old, new
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_a_lamp_that_never_switches_is_one_line(place, tmp_path, monkeypatch, capsys):
-    # a place where no lamp is: noise has no two levels
+def test_a_led_that_never_switches_is_one_line(place, tmp_path, monkeypatch, capsys):
+    # a place where no LED is: noise has no two levels
     (tmp_path / "rig.toml").write_text(RIG.replace("290.0, 20.0", "290.0, 220.0"))
     words = ("track", str(place / "film.mov"), "--out", "a.csv")
     assert command(monkeypatch, capsys, tmp_path, *words)[0] == 0
@@ -271,31 +276,46 @@ def test_a_lamp_that_never_switches_is_one_line(place, tmp_path, monkeypatch, ca
     "value",
     [np.sin(np.arange(500.0) / 9), np.linspace(0, 1, 500), 0.3 + 1e-4 * (np.arange(500) % 2)],
 )
-def test_what_has_no_two_levels_is_no_lamp(value):
+def test_what_has_no_two_levels_is_no_led(value):
     with pytest.raises(InputError, match="never changes from one level to another"):
         edges_of(np.arange(500) / 60, value, "a.csv")
 
 
-def test_a_lamp_survives_its_file(tmp_path):
-    marks = marks_of(Film(LENGTHS, view=SMALL, look=Look(dots=((), RED, BLUE))))
-    marks = marks.model_copy(update={"lamp": Mark(at=[10.5, 20.0], name="led")})
-    (tmp_path / "rig.toml").write_text(marks_text(marks))
-    assert load_marks(tmp_path / "rig.toml") == marks
+def test_a_led_survives_its_file(tmp_path):
+    setup = marker_setup_of(Film(LENGTHS, view=SMALL, look=Look(dots=((), RED, BLUE))))
+    setup = setup.model_copy(update={"sync_led": TrackedLed(at=[10.5, 20.0], name="led")})
+    (tmp_path / "rig.toml").write_text(marker_setup_text(setup))
+    assert load_marker_setup(tmp_path / "rig.toml") == setup
 
 
-def test_a_simulated_lamp_is_read_and_checked(tmp_path):
+def test_tables_called_lamp_are_still_read(tmp_path):
+    old = RIG.replace("[sync_led]", "[lamp]")
+    assert old != RIG
+    for name, text in (("new", RIG), ("old", old)):
+        (tmp_path / name).write_text(text)
+    assert load_marker_setup(tmp_path / "old") == load_marker_setup(tmp_path / "new")
+    film = "lengths = [0.1, 0.1]\n[{}]\nat = [9.0, 9.0]\nswitches = [0.5]\n"
+    for name in ("lamp", "sync_led"):
+        (tmp_path / f"{name}.toml").write_text(film.format(name))
+    assert load_film(tmp_path / "lamp.toml") == load_film(tmp_path / "sync_led.toml")
+
+
+def test_a_simulated_led_is_read_and_checked(tmp_path):
     path = tmp_path / "camera.toml"
-    head = "lengths = [0.1, 0.1]\n[lamp]\n"
+    head = "lengths = [0.1, 0.1]\n[sync_led]\n"
     path.write_text(head + "at = [9.0, 9.0]\nswitches = [0.5, 2.0]\nradius = 3.0\n")
-    assert load_film(path).lamp == Lamp((9.0, 9.0), (0.5, 2.0), 3.0)
-    for lamp, said in (
+    assert load_film(path).sync_led == SyncLed((9.0, 9.0), (0.5, 2.0), 3.0)
+    for led, said in (
         ("at = [1300.0, 9.0]\nswitches = [1.0]", "outside the picture of 1280 x 720"),
         ("at = [9.0, 9.0]\nswitches = [2.0, 1.0]", "must increase"),
-        ("at = [9.0, 9.0]\nswitches = [2.0]\nradius = 0.0", "must be positive"),
+        (
+            "at = [9.0, 9.0]\nswitches = [2.0]\nradius = 0.0",
+            "sync_led.radius: it should be greater than 0",
+        ),
         ("at = [9.0, 9.0]", "switches"),
         ("at = [9.0, 9.0]\nswitchs = [1.0]", "did you mean 'switches'"),
     ):
-        path.write_text(head + lamp)
+        path.write_text(head + led)
         with pytest.raises(InputError) as complaint:
             load_film(path)
         assert said in str(complaint.value) and "\n" not in str(complaint.value)

@@ -11,7 +11,7 @@ from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_b
 from fixtures.paths import ROOT
 
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.layout import UNITS, check_layout
+from frictionid.data.readers.dataset_toml import UNITS, check_layout
 from frictionid.data.recordings import Dataset, Motion, Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError

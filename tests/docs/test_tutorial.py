@@ -12,13 +12,13 @@ import pytest
 from fixtures.drive_ports import until
 from fixtures.paths import ROOT
 
-from frictionid.acquire.align.table import AngleColumns
+from frictionid.acquire.align.recording_folder import AngleColumns
 from frictionid.acquire.protocol import written
-from frictionid.acquire.settings import setup_of
+from frictionid.acquire.rig_settings import rig_settings_of
 from frictionid.cli import main
 from frictionid.config import checked
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.kinds import READERS
+from frictionid.data.readers.reader_names import READERS
 from frictionid.data.readers.ros import RosSettings
 from frictionid.data.signals import sample
 
@@ -86,8 +86,8 @@ def test_the_settings_on_the_page_of_the_drive_are_accepted():
     text = (ROOT / "docs" / "drive.md").read_text()
     blocks = re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
     rig, ros = map(tomllib.loads, blocks)
-    setup = setup_of(rig, "rig.toml")
-    assert written(setup.wire.format(), ("1000", "0.05", "0.2")).decode().strip() in text
+    setup = rig_settings_of(rig, "rig.toml")
+    assert written(setup.protocol.format(), ("1000", "0.05", "0.2")).decode().strip() in text
     checked(AngleColumns, rig["angles"], "[angles]")
     settings = {k: v for k, v in ros["reader"].items() if k != "kind"}
     checked(RosSettings, settings, "[reader]")

@@ -20,10 +20,10 @@ from frictionid.friction.laws import (
     Stribeck,
 )
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
-from frictionid.simulate.friction import Curve
-from frictionid.simulate.friction import Stribeck as Truth
 from frictionid.simulate.integrate import motion as simulated
 from frictionid.simulate.modes import World
+from frictionid.simulate.true_friction import Curve
+from frictionid.simulate.true_friction import Stribeck as Truth
 
 METHODS = ("rk4", "euler", "semi_implicit")
 PLANT = Plant.from_parameters(double_pendulum(), {})

@@ -26,7 +26,7 @@ from frictionid.shooting.refine import begin
 from frictionid.shooting.tensors import OnTensors
 from frictionid.shooting.wrapped import smoothing_of
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
-from frictionid.simulate.friction import FilmLag
+from frictionid.simulate.true_friction import FilmLag
 
 CURVE = Curve((0.08,), (0.07,), (0.01,), (0.05,), (0.04,), (1.5,))
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}

@@ -10,10 +10,10 @@ from scipy.optimize import lsq_linear
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, acrobot, pendulum
-from frictionid.simulate import Curve, FilmLag, LuGre, Stribeck, Truth
+from frictionid.simulate import Curve, FilmLag, LuGre, Stribeck, TrueFriction
 from frictionid.simulate import integrate as engine
 from frictionid.simulate.integrate import derivative, motion
-from frictionid.simulate.modes import World, next_modes
+from frictionid.simulate.modes import TrueSystem, next_modes
 
 ACROBOT = acrobot()
 CURVE = Curve(
@@ -25,7 +25,7 @@ CURVE = Curve(
     stribeck_velocity=(1.0, 2.0),
 )
 LUGRE = LuGre(CURVE, (40.0, 12.0), (0.1, 0.02), (0.1, 0.1))
-TRUTHS: dict[str, Truth] = {
+TRUTHS: dict[str, TrueFriction] = {
     "coulomb_viscous": Stribeck(Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008))),
     "stribeck": Stribeck(CURVE),
     "film_lag": FilmLag(CURVE, (0.015, 0.015)),
@@ -34,31 +34,31 @@ TRUTHS: dict[str, Truth] = {
 each_truth = pytest.mark.parametrize("truth", TRUTHS.values(), ids=TRUTHS)
 
 
-def world(truth: Truth, mechanism: Mechanism = ACROBOT) -> World:
-    return World(mechanism, mechanism.base({}), truth)
+def system(truth: TrueFriction, mechanism: Mechanism = ACROBOT) -> TrueSystem:
+    return TrueSystem(mechanism, mechanism.base({}), truth)
 
 
-def wheel(truth: Truth) -> World:
+def wheel(truth: TrueFriction) -> TrueSystem:
     """One joint of inertia 0.25 kg m^2 without gravity."""
     mechanism = pendulum()
-    return World(mechanism, mechanism.base({"length": 0.5, "g": 0.0}), truth)
+    return TrueSystem(mechanism, mechanism.base({"length": 0.5, "g": 0.0}), truth)
 
 
-def driven(truth: Truth, substeps: int) -> Array:
+def driven(truth: TrueFriction, substeps: int) -> Array:
     """States of four acrobots during 0.5 s under a torque that changes 60 times a second."""
     rng = np.random.default_rng(5)
     edges = np.arange(31) / 60
     u = np.zeros((len(edges) - 1, 4, 2))
     u[..., 1] = 0.14 * np.sin(2 * np.pi * rng.uniform(0.7, 2.5, 4) * edges[:-1, None])
     start = rng.uniform(-2.0, 2.0, (4, 2))
-    return motion(world(truth), start, 0 * start, u, edges, 1 / (60 * substeps))
+    return motion(system(truth), start, 0 * start, u, edges, 1 / (60 * substeps))
 
 
 # Events
 
 
 @each_truth
-def test_halving_the_step_divides_the_error_by_sixteen(truth: Truth) -> None:
+def test_halving_the_step_divides_the_error_by_sixteen(truth: TrueFriction) -> None:
     coarse = 64 if truth is LUGRE else 12
     states = [driven(truth, coarse * factor)[:, :2] for factor in (1, 2, 4)]
     errors = [np.sqrt(((s - states[-1]) ** 2).mean()) for s in states[:-1]]
@@ -94,7 +94,7 @@ def test_a_joint_breaks_away_when_its_load_reaches_the_level() -> None:
     q, w, u, edges = np.zeros((1, 2)), np.array([[5.0, 0.0]]), np.zeros((60, 1, 2)), np.arange(61)
     loose, rigid = (
         motion(here, q, w, u, edges / 60, 1 / 600)
-        for here in (world(Stribeck(Curve((0.0, c), (0.0, c), (0.0, 0.0)))) for c in (0.05, 9.0))
+        for here in (system(Stribeck(Curve((0.0, c), (0.0, c), (0.0, 0.0)))) for c in (0.05, 9.0))
     )
     M, h = ACROBOT.dynamics(ACROBOT.base({}), rigid[:, 0, 0], rigid[:, 1, 0])
     load = h[:, 1] - M[:, 0, 1] * h[:, 0] / M[:, 0, 0]
@@ -118,7 +118,7 @@ def test_modes_agree_with_the_principle_of_least_constraint() -> None:
     y = np.stack([rng.uniform(-np.pi, np.pi, (300, 2)), w, rng.uniform(0, 3, (300, 2))])
     u = rng.normal(size=(300, 2)) * 0.3
     for name in ("stribeck", "film_lag"):
-        here = world(TRUTHS[name])
+        here = system(TRUTHS[name])
         modes = next_modes(here, y, u)
         found = derivative(here, y, u, modes)[1]
         assert len(np.unique(modes, axis=0)) == 9
@@ -126,7 +126,7 @@ def test_modes_agree_with_the_principle_of_least_constraint() -> None:
             assert found[r] == pytest.approx(_least_constraint(here, y[:, r], u[r]), abs=1e-6)
 
 
-def _least_constraint(here: World, y: Array, u: Array) -> Array:
+def _least_constraint(here: TrueSystem, y: Array, u: Array) -> Array:
     """Accelerations with the friction Tf in its band that minimises (f - Tf)' M^-1 (f - Tf)."""
     q, w, z = y
     M, h = here.mechanism.dynamics(here.p, q, w)
@@ -139,8 +139,8 @@ def _least_constraint(here: World, y: Array, u: Array) -> Array:
 
 
 @each_truth
-def test_a_slip_phase_agrees_with_scipy(truth: Truth) -> None:
-    here = world(truth)
+def test_a_slip_phase_agrees_with_scipy(truth: TrueFriction) -> None:
+    here = system(truth)
     q, w, u = np.array([[0.5, -0.3]]), np.array([[3.0, 8.0]]), np.array([[0.0, -0.1]])
     mode, z = np.sign(w), truth.start(w)
 
@@ -160,10 +160,10 @@ def test_a_slip_phase_agrees_with_scipy(truth: Truth) -> None:
 
 
 @each_truth
-def test_energy_falls_without_input(truth: Truth) -> None:
+def test_energy_falls_without_input(truth: TrueFriction) -> None:
     rng = np.random.default_rng(3)
     q, w = rng.uniform(-1.5, 1.5, (3, 2)), rng.normal(size=(3, 2)) * (2.0, 5.0)
-    here = world(truth)
+    here = system(truth)
     step = 1 / 60 / (48 if truth is LUGRE else 16)
     states = motion(here, q, w, np.zeros((180, 3, 2)), np.arange(181) / 60, step)
     energy = here.mechanism.terms(here.p, states[:, 0], states[:, 1]).energy
@@ -176,7 +176,7 @@ def test_energy_falls_without_input(truth: Truth) -> None:
 
 
 def test_energy_is_kept_without_friction() -> None:
-    here = world(Stribeck(Curve((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))))
+    here = system(Stribeck(Curve((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))))
     q, w = np.array([[2.0, 1.0]]), np.array([[1.0, -4.0]])
     states = motion(here, q, w, np.zeros((60, 1, 2)), np.arange(61) / 60, 1 / 60 / 64)
     energy = here.mechanism.terms(here.p, states[:, 0], states[:, 1]).energy
@@ -184,7 +184,7 @@ def test_energy_is_kept_without_friction() -> None:
 
 
 @each_truth
-def test_the_mirrored_rig_moves_mirrored(truth: Truth) -> None:
+def test_the_mirrored_rig_moves_mirrored(truth: TrueFriction) -> None:
     there = {"coulomb_positive": CURVE.coulomb_negative, "coulomb_negative": CURVE.coulomb_positive}
     turned = Curve(
         **there,
@@ -193,15 +193,15 @@ def test_the_mirrored_rig_moves_mirrored(truth: Truth) -> None:
         peak_negative=CURVE.peak_positive,
         stribeck_velocity=CURVE.stribeck_velocity,
     )
-    mirrored: Truth = Stribeck(truth.curve if truth.curve is not CURVE else turned)
+    mirrored: TrueFriction = Stribeck(truth.curve if truth.curve is not CURVE else turned)
     if isinstance(truth, FilmLag):
         mirrored = FilmLag(turned, truth.lag)
     if isinstance(truth, LuGre):
         mirrored = LuGre(turned, (40.0, 12.0), (0.1, 0.02), (0.1, 0.1))
     q, u = np.array([[1.2, -0.7]]), np.full((40, 1, 2), (0.0, 0.13))
     edges = np.arange(41) / 60
-    one = motion(world(truth), q, 0 * q, u, edges, 1 / 60 / 32)
-    other = motion(world(mirrored), -q, 0 * q, -u, edges, 1 / 60 / 32)
+    one = motion(system(truth), q, 0 * q, u, edges, 1 / 60 / 32)
+    other = motion(system(mirrored), -q, 0 * q, -u, edges, 1 / 60 / 32)
     assert one[:, :2] == pytest.approx(-other[:, :2], abs=1e-8)
 
 
@@ -210,8 +210,8 @@ def test_a_batch_equals_its_recordings_alone() -> None:
     q, u = rng.uniform(-2, 2, (4, 2)), rng.normal(size=(30, 4, 2)) * (0.0, 0.1)
     edges = np.arange(31) / 60
     for truth in TRUTHS.values():
-        batch = motion(world(truth), q, 0 * q, u, edges, 1 / 60 / 32)
-        alone = motion(world(truth), q[2:3], 0 * q[2:3], u[:, 2:3], edges, 1 / 60 / 32)
+        batch = motion(system(truth), q, 0 * q, u, edges, 1 / 60 / 32)
+        alone = motion(system(truth), q[2:3], 0 * q[2:3], u[:, 2:3], edges, 1 / 60 / 32)
         assert batch[:, :, 2:3] == pytest.approx(alone, abs=1e-10)
 
 

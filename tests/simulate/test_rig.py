@@ -34,7 +34,7 @@ from frictionid.simulate import (
     simulate,
     write,
 )
-from frictionid.simulate.settings import rig_of
+from frictionid.simulate.rig_file import rig_of
 
 RUNS = (
     Run("fall", (2.0, 0.3)),

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
+from frictionid.acquire.align.cross_correlation import Match, around, match
 from frictionid.acquire.align.drifting import drifting
-from frictionid.acquire.align.match import Match, around, match
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import Rows, unit_rows
 from frictionid.check.delay import delay_of

@@ -1,1 +1,1 @@
-"""From pictures of coloured dots to joint angles with their accuracy."""
+"""Joint angles and their standard deviations from pictures of coloured dots."""

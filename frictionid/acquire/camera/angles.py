@@ -1,4 +1,4 @@
-"""Joint angles of followed markers, with their standard deviations, and as a table."""
+"""Joint angles of tracked markers, with their standard deviations, and as a table."""
 
 from __future__ import annotations
 
@@ -6,28 +6,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.acquire.camera.calibrate import Calibration, calibrate, contradiction
-from frictionid.acquire.camera.follow import Followed
-from frictionid.acquire.camera.marks import Marks
+from frictionid.acquire.camera.follow import MarkerTracks
+from frictionid.acquire.camera.marker_setup import Camera, MarkerSetup
+from frictionid.acquire.camera.view_calibration import (
+    ViewCalibration,
+    calibrate_view,
+    length_contradiction,
+    link_noise,
+)
 from frictionid.arrays import Array
 from frictionid.data.marker_geometry import flattened, mirror
 from frictionid.errors import InputError
 
 FOUND, PREDICTED, LOST = "found", "predicted", "lost"
-_STRETCHED = 6.0  # deviations, and pixels, by which a link may seem longer than it is
-_PIXELS = 1.0
-_AHEAD = 0.1  # [s] for which a prediction is worth giving
-_FEWEST = 10  # frames with all dots
+_OUTLIER, _PIXELS = 6.0, 1.0  # standard deviations and [px] by which a link may seem too long
+_AHEAD = 0.1  # [s] for which a prediction is given
+_MIN_FRAMES = 10  # with all dots
 
 
 class Angles(NamedTuple):
-    """Joint angles of each frame.
+    """Joint angles of all frames.
 
-    time : (T,), middle of the exposure [s]; q : (T, n) [rad], nan where not found
-    sigma : (T, n) [rad]; predicted : (T, n) [rad], where the chain was thought to be
-    state : (T,), "found", "predicted" (a dot is hidden) or "lost" (for longer)
-    markers : (T, n + 1, 2) [px], nan where not found; calibration : Calibration
-    lamp : name and brightness (T,) of a lamp, from 0 to 1, in every frame
+    Attributes
+    ----------
+    time : array, shape (T,) [s], middles of the exposures
+    q : array, shape (T, n) [rad], nan where not found
+    sigma : array, shape (T, n) [rad], standard deviations
+    predicted : array, shape (T, n) [rad]
+    state : T words: "found", "predicted" (a dot is hidden) or "lost" (for longer)
+    markers : array, shape (T, n + 1, 2) [px], nan where not found
+    calibration : ViewCalibration
+    sync_led : column name and brightness (T,), 0 to 1, of a sync LED in every frame, or None
     """
 
     time: Array
@@ -36,77 +45,83 @@ class Angles(NamedTuple):
     predicted: Array
     state: tuple[str, ...]
     markers: Array
-    calibration: Calibration
-    lamp: tuple[str, Array] | None = None
+    calibration: ViewCalibration
+    sync_led: tuple[str, Array] | None = None
 
 
-def angles_of(followed: Followed, marks: Marks, size: tuple[int, int], name: str) -> Angles:
-    """Angles of markers that were followed through pictures of a size (width, height) [px].
+def angles_of(tracks: MarkerTracks, setup: MarkerSetup, size: tuple[int, int], name: str) -> Angles:
+    """Angles of markers that were tracked through pictures of a size (width, height) [px].
 
     Raises
     ------
     InputError
-        Where dots were hardly ever seen, or links contradict the picture; `name` names the video.
+        Where dots were hardly ever found, or the links' lengths contradict the picture of the
+        video `name`.
     """
-    found = _steady(followed, marks)
-    _check_seen(found, marks, name)
-    lengths = marks.links.lengths
-    if lengths is not None and (off := contradiction(followed.at, found, np.array(lengths))):
+    pivot = setup.markers[0]
+    found = tracks.found.copy()
+    markers = tracks.at.copy()
+    if pivot.at is None and not pivot.moves:  # one place that counts in all frames
+        found[:, 0] = found[:, 0].any()
+    _check_found(found, setup, name)
+    lengths = None if setup.links.lengths is None else np.array(setup.links.lengths)
+    if lengths is not None and (off := length_contradiction(markers, found, lengths)):
         raise InputError(
             f"{name}: links have the ratio {_ratio(off[0])} in the picture and {_ratio(off[1])} by "
             "links.lengths; correct the lengths or the order of the markers"
         )
-    fixed = marks.markers[0].at is not None
-    markers = followed.at.copy()
-    if not fixed and not marks.markers[0].moves:
+    if pivot.at is None and not pivot.moves:
         markers[:, 0] = np.median(markers[found[:, 0], 0], axis=0)
-    calibration = calibrate(
-        *(markers, followed.sigma, found, size),
-        fixed=fixed,
-        view=marks.camera.calibrate,
-        lengths=None if lengths is None else np.array(lengths),
+    calibration = calibrate_view(
+        *(markers, tracks.sigma, found, size),
+        fixed=pivot.at is not None,
+        view=setup.camera.calibrate,
+        lengths=lengths,
     )
     if calibration.pivot is not None:
         markers[:, 0] = calibration.pivot
-    found = found & _sound(calibration, followed)
-    flat = flattened(markers, calibration.plane)
-    return _angles(followed, marks, flat, markers, found, calibration)
+    found &= _plausible(calibration, tracks)
+    return _angles(tracks, setup.camera, markers, found, calibration)
 
 
 def _angles(
-    followed: Followed,
-    marks: Marks,
-    flat: Array,
+    tracks: MarkerTracks,
+    camera: Camera,
     markers: Array,
     found: Array,
-    calibration: Calibration,
+    calibration: ViewCalibration,
 ) -> Angles:
-    camera = marks.camera
-    turned = np.radians(camera.down)
+    """Angles of links between markers in the plane of motion.
+
+    Whole turns are those of the tracker's prediction, which counts how often a link went round.
+    """
+    flat = flattened(markers, calibration.plane)
     link = np.diff(mirror(flat) if camera.mirrored else flat, axis=1)
     seen = np.arctan2(link[..., 0], link[..., 1])
     both = found[:, 1:] & found[:, :-1]
-    guide = -followed.theta if camera.mirrored else followed.theta
-    # the turn is that of the prediction, which knows how often the link has gone round
+    guide = -tracks.theta if camera.mirrored else tracks.theta
     theta = guide + (seen - guide + np.pi) % (2 * np.pi) - np.pi
-    theta = np.where(both, theta, guide) - turned
+    theta = np.where(both, theta, guide) - np.radians(camera.down)
     q = np.diff(theta, axis=1, prepend=0.0)
     known = both & np.concatenate([np.ones_like(both[:, :1]), both[:, :-1]], axis=1)
-    sigma = np.where(known, _deviation(link, np.nan_to_num(followed.sigma)), np.nan)
+    sigma = np.where(known, _deviation(link, np.nan_to_num(tracks.sigma)), np.nan)
     late = {"start": 0.5, "middle": 0.0, "end": -0.5}[camera.stamp] * camera.exposure
     return Angles(
-        followed.time + late,
-        np.where(known, q, np.nan),
-        sigma,
-        q,
-        _states(followed.time, known.all(axis=1)),
-        np.where(found[..., None], markers, np.nan),
-        calibration,
+        time=tracks.time + late,
+        q=np.where(known, q, np.nan),
+        sigma=sigma,
+        predicted=q,
+        state=_states(tracks.time, known.all(axis=1)),
+        markers=np.where(found[..., None], markers, np.nan),
+        calibration=calibration,
     )
 
 
 def _deviation(link: Array, sigma: Array) -> Array:
-    """Standard deviations (T, n) [rad] of joint angles: each marker turns the links beside it."""
+    """Standard deviations (T, n) [rad] of joint angles, by the derivatives dq/d(marker).
+
+    A marker moved by dx across a link of length l turns it by dx / l.
+    """
     T, n = link.shape[:2]
     length = np.linalg.norm(link, axis=-1)
     across = (
@@ -122,16 +137,8 @@ def _deviation(link: Array, sigma: Array) -> Array:
     return np.asarray(np.sqrt(((slope * sigma[:, None, :, None]) ** 2).sum(axis=(2, 3))))
 
 
-def _steady(followed: Followed, marks: Marks) -> Array:
-    """Which markers (T, n + 1) count: a pivot that stays where it is always does."""
-    found = followed.found.copy()
-    if marks.markers[0].at is None and not marks.markers[0].moves:
-        found[:, 0] = found[:, 0].any()
-    return found
-
-
-def _check_seen(found: Array, marks: Marks, name: str) -> None:
-    for i, marker in enumerate(marks.markers):
+def _check_found(found: Array, setup: MarkerSetup, name: str) -> None:
+    for i, marker in enumerate(setup.markers):
         if not found[:, i].any():
             raise InputError(
                 f"{name}: the dot of {marker.name!r} (hue {marker.hue:g} deg) is in no frame, or "
@@ -139,19 +146,16 @@ def _check_seen(found: Array, marks: Marks, name: str) -> None:
                 "frictionid track --setup propose one"
             )
     seen = int(found.all(axis=1).sum())
-    if seen < min(_FEWEST, len(found)):
+    if seen < min(_MIN_FRAMES, len(found)):
         raise InputError(
             f"{name}: all dots are seen together in {seen} of {len(found)} frames only; correct "
             "colours, radii and places in rig.toml or let frictionid track --setup propose one"
         )
 
 
-def _sound(calibration: Calibration, followed: Followed) -> Array:
+def _plausible(calibration: ViewCalibration, tracks: MarkerTracks) -> Array:
     """Which markers (T, n + 1) do not make the link before them seem too long or too short."""
-    noise = np.sqrt(
-        np.nan_to_num(followed.sigma[:, 1:]) ** 2 + np.nan_to_num(followed.sigma[:, :-1]) ** 2
-    )
-    limit = np.maximum(_STRETCHED * noise, _PIXELS)
+    limit = np.maximum(_OUTLIER * link_noise(tracks.sigma), _PIXELS)
     far = np.abs(np.nan_to_num(calibration.residual)) > limit
     return np.concatenate([np.ones((len(far), 1), dtype=bool), ~far], axis=1)
 
@@ -164,18 +168,21 @@ def _states(time: Array, known: Array) -> tuple[str, ...]:
     return tuple(states)
 
 
-def table_of(angles: Angles) -> str:
-    """CSV text: time, q1.., sigma1.., predicted1.., state, lamp; angles are empty unless found."""
+def angles_csv(angles: Angles) -> str:
+    """CSV text with the columns time, q1.., sigma1.., predicted1.., state and that of a sync LED.
+
+    Angles are empty unless found.
+    """
     n = angles.q.shape[1]
     joints = range(1, n + 1)
     names = ["time", *(f"{what}{j}" for what in ("q", "sigma", "predicted") for j in joints)]
-    lamp, bright = angles.lamp or ("", angles.time)
-    lines = [",".join([*names, "state", *([lamp] if lamp else [])])]
+    led, brightness = angles.sync_led or ("", angles.time)
+    lines = [",".join([*names, "state", *([led] if led else [])])]
     for k, state in enumerate(angles.state):
-        there = [_cell(v, 7) for v in angles.q[k]] + [_cell(v, 7) for v in angles.sigma[k]]
-        ahead = [_cell(v, 4) if state == PREDICTED else "" for v in angles.predicted[k]]
-        last = [_cell(bright[k], 5)] if lamp else []
-        lines.append(",".join([f"{angles.time[k]:.6f}", *there, *ahead, state, *last]))
+        measured = [_cell(v, 7) for v in (*angles.q[k], *angles.sigma[k])]
+        predicted = [_cell(v, 4) if state == PREDICTED else "" for v in angles.predicted[k]]
+        last = [_cell(brightness[k], 5)] if led else []
+        lines.append(",".join([f"{angles.time[k]:.6f}", *measured, *predicted, state, *last]))
     return "\n".join(lines) + "\n"
 
 

@@ -1,8 +1,8 @@
-"""Dots followed from frame to frame: predicted, assigned by geometry, never invented.
+"""Dots followed from frame to frame: predicted, found near the prediction, never invented.
 
-Each marker is looked for in a small window around where the chain's motion predicts it; one that is
-not there, or not there in full, is missing in that frame. Only after some frames without it the
-whole picture is searched.
+Each dot is looked for in a small window around the place that the motion of the chain predicts. A
+dot that is not there, or not there as a whole, is missing in that frame. After some frames without
+it the whole picture is searched, and dots are assigned by the lengths of the links.
 """
 
 from __future__ import annotations
@@ -15,26 +15,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.acquire.camera.marks import Marker, Marks
+from frictionid.acquire.camera.blobs import (
+    Blob,
+    Patch,
+    centroid,
+    colour_patch,
+    colour_regions,
+    noise_of,
+)
+from frictionid.acquire.camera.dot import Dot
+from frictionid.acquire.camera.marker_setup import MarkerSetup
 from frictionid.acquire.camera.source import Frame, Image
-from frictionid.acquire.camera.spots import Patch, Spot, axis_of, blobs, centroid, noise_of, patch
 from frictionid.arrays import Array
 
-_MARGIN, _FIRST = 9.0, 1.6  # [px], and px per sample of a link's length while speeds are unknown
-_GROWS = 5.0  # [px] for each frame in which a dot was missing
-_SEARCH = 4  # frames in a row without a dot, after which the whole picture is searched
-_SHARE = 0.1  # by which a dot's area may differ from what it usually is
-_FEW = 5  # dots that tell what is usual
-_LENGTH, _PIXELS = 0.06, 3.0  # of a link's length and [px], by which tilt and lens may change it
-_MANY = 8  # parts of a picture that are tried as a dot
-_MEMORY = 0.12  # [s]: longer ago a motion predicts nothing
+_MARGIN = 9.0  # [px] around a predicted dot
+_MARGIN_PER_MISS = 5.0  # [px] more for each frame in which the dot was missing
+_SEARCH_AFTER = 4  # frames without a dot, after which the whole picture is searched
+_LENGTH, _PIXELS = 0.06, 3.0  # share of a link's length and [px] by which tilt and lens change it
+_MAX_REGIONS = 8  # regions of a picture that are tried as one dot
+_MEMORY = 0.12  # [s] for which a motion predicts the next frames
 
 
-class Followed(NamedTuple):
-    """Markers of each frame.
+class MarkerTracks(NamedTuple):
+    """Markers of all frames.
 
-    time : (T,) [s]; at : (T, n + 1, 2) [px]; sigma : (T, n + 1) [px]; found : (T, n + 1)
-    theta : (T, n), absolute directions of the links as predicted or found, without jumps [rad]
+    Attributes
+    ----------
+    time : array, shape (T,) [s]
+    at : array, shape (T, n + 1, 2) [px]
+    sigma : array, shape (T, n + 1) [px]
+    found : array of bool, shape (T, n + 1)
+    theta : array, shape (T, n) [rad], absolute directions of the links as predicted or found,
+        unwrapped
     """
 
     time: Array
@@ -44,8 +56,8 @@ class Followed(NamedTuple):
     theta: Array
 
 
-class Step(NamedTuple):
-    """Markers of one frame, as in `Followed`, and the window (low, high) each was sought in."""
+class FrameMarkers(NamedTuple):
+    """Markers of one frame, as in `MarkerTracks`; `windows` (low, high) where each was sought."""
 
     time: float
     at: Array
@@ -55,36 +67,27 @@ class Step(NamedTuple):
     windows: list[tuple[Array, Array] | None]
 
 
-class Dot:
-    """What is known of a marker's dot: colour, how large it looks, and the noise around it."""
+class Prediction(NamedTuple):
+    """Where the markers of the next frame should be.
 
-    def __init__(self, marker: Marker, like: list[int]):
-        assert marker.hue is not None
-        self.axis = axis_of(marker.hue, marker.saturation, marker.value)
-        self.radius, self.full = marker.radius, math.pi * marker.radius**2
-        self.like = like  # markers whose dots have the same colour
-        self.areas: deque[float] = deque(maxlen=31)
-        self.noises: deque[float] = deque(maxlen=200)
-        self.amplitude, self.missing = 1.0, 0
-        self.noise, self.usual = 0.02, self.full  # as `centroid` wants it; usual area [px^2]
+    Attributes
+    ----------
+    at : array, shape (n + 1, 2) [px]
+    streak : array, shape (n + 1, 2) [px], by which they move during the exposure
+    margin : error of the prediction [px], None where there is none to start from
+    """
 
-    def around(self, noise: float) -> None:
-        """Learn from the noise around the dot."""
-        if np.isfinite(noise):
-            self.noises.append(noise)
-            self.noise = _middle(self.noises)
+    at: Array
+    streak: Array
+    margin: float | None
 
-    def whole(self, spot: Spot) -> bool:
-        """Whether the dot is as large as it was before, so that nothing hides a part of it."""
-        if len(self.areas) < _FEW:
-            return 0.4 * self.full < spot.area < 2.5 * self.full
-        return abs(spot.area / self.usual - 1) < _SHARE
 
-    def seen(self, spot: Spot) -> None:
-        """Learn from a whole dot."""
-        self.areas.append(spot.area)
-        self.usual = _middle(self.areas)
-        self.amplitude, self.missing = spot.amplitude, 0
+class Search(NamedTuple):
+    """What a frame shows: places as found or predicted, blobs found, windows looked at."""
+
+    at: Array
+    blobs: list[Blob | None]
+    windows: list[tuple[Array, Array] | None]
 
 
 class Follower:
@@ -92,23 +95,23 @@ class Follower:
 
     Parameters
     ----------
-    marks : Marks
+    setup : MarkerSetup
 
     Examples
     --------
-    >>> from frictionid.acquire.camera.marks import Marker
+    >>> from frictionid.acquire.camera.marker_setup import Marker
     >>> pivot = Marker(name="pivot", at=[20.0, 20.0])
     >>> tip = Marker(name="tip", hue=0.0, saturation=1.0, value=1.0, radius=3.0)
     >>> picture = np.zeros((60, 60, 3), np.uint8)
     >>> picture[38:43, 18:23, 2] = 255
-    >>> step = Follower(Marks(markers=[pivot, tip])).step(Frame(0.0, picture))
+    >>> step = Follower(MarkerSetup(markers=[pivot, tip])).step(Frame(0.0, picture))
     >>> step.at[1].round(3).tolist()
     [20.0, 40.0]
     """
 
-    def __init__(self, marks: Marks):
-        self.marks, markers = marks, marks.markers
-        self.n, self.exposure = marks.n, marks.camera.exposure
+    def __init__(self, setup: MarkerSetup):
+        self.setup, markers = setup, setup.markers
+        self.n, self.exposure = setup.n, setup.camera.exposure
         hues = [m.hue for m in markers]
         self.dots = [
             None
@@ -116,102 +119,96 @@ class Follower:
             else Dot(m, [j for j, h in enumerate(hues) if j != i and h == m.hue])
             for i, m in enumerate(markers)
         ]
-        pixels = marks.links.pixels
+        pixels = setup.links.pixels
         self.lengths = None if pixels is None else np.array(pixels)
-        self.past: deque[tuple[float, Array]] = deque(maxlen=3)  # time, theta
+        self.past: deque[tuple[float, Array]] = deque(maxlen=3)  # time and theta of whole frames
         self.pivot = np.array(markers[0].at) if markers[0].at is not None else None
         self.theta = np.zeros(self.n)
         self.frames = 0
 
-    def step(self, frame: Frame) -> Step:
+    def step(self, frame: Frame) -> FrameMarkers:
         """Markers of the next frame."""
         self.frames += 1
-        at, streak, margin = self._predicted(frame.time)
-        spots: list[Spot | None] = [None] * (self.n + 1)
-        windows: list[tuple[Array, Array] | None] = [None] * (self.n + 1)
-        if margin is not None:
-            for i, dot in enumerate(self.dots):
-                if dot is None:
-                    continue
-                reach = np.abs(streak[i]) / 2 + (dot.radius + margin + _GROWS * dot.missing)
-                windows[i] = at[i] - reach, at[i] + reach
-                spot = spots[i] = self._sought(frame.image, i, at, streak, windows[i])
-                if spot is not None:
-                    # what hangs on this marker is where it is, not where it was predicted
-                    at[i:] += spot.at - at[i]
-        lost = [i for i, d in enumerate(self.dots) if d is not None and spots[i] is None]
-        if lost and (margin is None or any(self._missing(i) >= _SEARCH for i in lost)):
-            self._search(frame.image, at, streak, spots, margin is None)
-        return self._taken(frame.time, at, spots, windows)
+        predicted = self._predict(frame.time)
+        search = self._search_windows(frame.image, predicted)
+        if self._must_search_all(predicted, search):
+            search = self._search_all(frame.image, predicted, search)
+        return self._remember(frame.time, search)
 
-    def _missing(self, i: int) -> int:
-        dot = self.dots[i]
-        return 0 if dot is None else dot.missing
-
-    def _predicted(self, time: float) -> tuple[Array, Array, float | None]:
-        """Pixels (n + 1, 2), their move during the exposure, and how far off that may be [px]."""
+    def _predict(self, time: float) -> Prediction:
+        """The chain at the angles that the last three frames extrapolate to."""
         still = np.zeros((self.n + 1, 2))
         if self.pivot is None:
-            return still.copy(), still, None
-        recent = [entry for entry in self.past if time - entry[0] <= _MEMORY + 1.5 * self._pace()]
+            return Prediction(still.copy(), still, None)
+        memory = _MEMORY + 1.5 * self._frame_interval()
+        recent = [entry for entry in self.past if time - entry[0] <= memory]
         if not recent or self.lengths is None:
-            return still + self.pivot, still, None
-        theta, rate = _extrapolated([t for t, _ in recent], [angles for _, angles in recent], time)
-        self.theta = theta
+            return Prediction(still + self.pivot, still, None)
+        self.theta, rate = _extrapolated(recent, time)
         # places as complex numbers x + iy, from the pivot on
-        turned = self.lengths * np.exp(-1j * theta)
+        turned = self.lengths * np.exp(-1j * self.theta)
         links, speeds = np.zeros((2, self.n + 1), dtype=complex)
         np.cumsum(1j * turned, out=links[1:])
         np.cumsum(rate * turned, out=speeds[1:])
         at = links.view(float).reshape(-1, 2) + self.pivot
         streak = (self.exposure * speeds).view(float).reshape(-1, 2)
-        margin, most = _MARGIN, 0.5 * float(self.lengths.sum())
-        if len(recent) < 3:
-            return at, streak, max(margin, most)
-        return at, streak, min(margin + 0.25 * max(map(abs, speeds)) * (time - recent[-1][0]), most)
+        most = 0.5 * float(self.lengths.sum())
+        if len(recent) < 3:  # the speed is not known
+            return Prediction(at, streak, max(_MARGIN, most))
+        move = max(map(abs, speeds)) * (time - recent[-1][0])
+        return Prediction(at, streak, min(_MARGIN + 0.25 * move, most))
 
-    def _pace(self) -> float:
+    def _frame_interval(self) -> float:
         if len(self.past) < 2:
             return 0.05
         return self.past[-1][0] - self.past[-2][0]
 
-    def _sought(
-        self, image: Image, i: int, at: Array, streak: Array, window: tuple[Array, Array] | None
-    ) -> Spot | None:
-        dot = self.dots[i]
-        assert dot is not None and window is not None
-        found = patch(image, dot.axis, *window)
-        if found is None or self._covered(i, at[i], at, streak):
-            return None
-        spot = self._spot(found, i, at[i], streak[i])  # most predictions are that good
-        if spot is None:
-            parts = blobs(found, dot.amplitude, dot.radius)
-            if not len(parts):
-                return None
-            nearest = parts[np.argmin(np.hypot(*(parts[:, :2] - at[i]).T))]
-            spot = self._spot(found, i, nearest[:2], streak[i])
-        if spot is None or self._covered(i, spot.at, at, streak):
-            return None
-        if i and not self._fits(i, spot.at, at):
-            return None
-        if self.frames % 8 == 0 or len(dot.noises) < 20:
-            dot.around(noise_of(found, spot.at, dot.radius + math.hypot(*streak[i]) / 2))
-        return spot
+    def _search_windows(self, image: Image, predicted: Prediction) -> Search:
+        """Dots near their predicted places; what hangs on a found marker moves with it."""
+        at = predicted.at.copy()
+        search = Search(at, [None] * (self.n + 1), [None] * (self.n + 1))
+        if predicted.margin is None:
+            return search
+        for i, dot in enumerate(self.dots):
+            if dot is None:
+                continue
+            reach = dot.radius + predicted.margin + _MARGIN_PER_MISS * dot.missing
+            half = np.abs(predicted.streak[i]) / 2 + reach
+            search.windows[i] = window = (at[i] - half, at[i] + half)
+            patch = colour_patch(image, dot.axis, *window)
+            blob = None if patch is None else self._in_patch(patch, i, at, predicted.streak)
+            search.blobs[i] = blob
+            if blob is not None:
+                at[i:] += blob.at - at[i]
+        return search
 
-    def _spot(self, found: Patch, i: int, near: Array, streak: Array) -> Spot | None:
-        """The dot there, if it is whole."""
+    def _in_patch(self, patch: Patch, i: int, at: Array, streak: Array) -> Blob | None:
+        """The whole dot of marker i in a patch, None where it is hidden or may be another one."""
         dot = self.dots[i]
         assert dot is not None
-        spot = centroid(found, near, streak, dot.radius, dot.amplitude, dot.noise)
-        if spot is None or not dot.whole(spot):
+        if self._is_ambiguous(i, at[i], at, streak):
             return None
-        return spot
+        blob = dot.whole_blob(patch, at[i], streak[i])
+        if blob is None:  # the prediction was not good enough to start from
+            regions = colour_regions(patch, dot.model)
+            if not len(regions):
+                return None
+            nearest = regions[np.argmin(np.hypot(*(regions[:, :2] - at[i]).T))]
+            blob = dot.whole_blob(patch, nearest[:2], streak[i])
+        if blob is None or self._is_ambiguous(i, blob.at, at, streak):
+            return None
+        if i and not self._fits_link(i, blob.at, at):
+            return None
+        if self.frames % 8 == 0 or not dot.knows_noise:
+            reach = dot.radius + math.hypot(*streak[i]) / 2
+            dot.learn_noise(noise_of(patch, blob.at, reach))
+        return blob
 
-    def _covered(self, i: int, place: Array, at: Array, streak: Array) -> bool:
+    def _is_ambiguous(self, i: int, place: Array, at: Array, streak: Array) -> bool:
         """Whether a dot of the same colour is so near that the two cannot be told apart."""
         dot = self.dots[i]
         assert dot is not None
-        for j in dot.like:
+        for j in dot.alike:
             other = self.dots[j]
             reach = dot.radius + (other.radius if other else 0.0) + 4.0
             reach += (math.hypot(*streak[i]) + math.hypot(*streak[j])) / 2
@@ -219,139 +216,151 @@ class Follower:
                 return True
         return False
 
-    def _fits(self, i: int, place: Array, at: Array) -> bool:
-        """Whether the link before a marker is as long as it has to be."""
+    def _fits_link(self, i: int, place: Array, at: Array) -> bool:
+        """Whether the link before marker i keeps its length."""
         assert self.lengths is not None
         length = math.dist(place, at[i - 1])
         slack = _PIXELS + (_MARGIN if self._missing(i - 1) else 0.0)
         return abs(length - self.lengths[i - 1]) < _LENGTH * self.lengths[i - 1] + slack
 
-    def _search(
-        self, image: Image, at: Array, streak: Array, spots: list[Spot | None], first: bool
-    ) -> None:
-        """Look for all dots in the whole picture, and take them where the links fit."""
-        whole = np.zeros(2), np.array(image.shape[1::-1], float)
-        candidates: list[list[Spot]] = []
-        for i, dot in enumerate(self.dots):
-            if dot is None:
-                candidates.append([Spot(np.array(self.marks.markers[i].at), 0.0, 0.0, 0.0)])
-                continue
-            found = patch(image, dot.axis, *whole)
-            assert found is not None
-            parts = blobs(found, dot.amplitude, dot.radius)[:_MANY]
-            still = np.zeros(2) if first else streak[i]
-            seen = [
-                centroid(_cut(found, p, dot), p, still, dot.radius, dot.amplitude, dot.noise)
-                for p in parts[:, :2]
-            ]
-            candidates.append([s for s in seen if s is not None])
-        best = self._combined(candidates)
-        if best is None:
-            return
-        for i, spot in enumerate(best):
-            if self.dots[i] is not None:
-                spots[i], at[i] = spot, spot.at
-        if self.lengths is None:
-            places = np.stack([s.at for s in best])
-            self.lengths = np.linalg.norm(np.diff(places, axis=0), axis=-1)
+    def _missing(self, i: int) -> int:
+        dot = self.dots[i]
+        return 0 if dot is None else dot.missing
 
-    def _combined(self, candidates: list[list[Spot]]) -> list[Spot] | None:
-        """One spot for each marker whose distances are those of the links, None where none are."""
+    def _must_search_all(self, predicted: Prediction, search: Search) -> bool:
+        """Whether dots are missing that no window will show: at the start, or for some frames."""
+        lost = [
+            dot.missing
+            for dot, blob in zip(self.dots, search.blobs, strict=True)
+            if dot is not None and blob is None
+        ]
+        return bool(lost) and (predicted.margin is None or max(lost) >= _SEARCH_AFTER)
+
+    def _search_all(self, image: Image, predicted: Prediction, search: Search) -> Search:
+        """All dots in the whole picture, assigned so that the links keep their lengths."""
+        streak = np.zeros_like(predicted.streak) if predicted.margin is None else predicted.streak
+        candidates = [self._candidates(image, i, streak[i]) for i in range(self.n + 1)]
+        best = self._best_chain(candidates)
+        if best is None:
+            return search
+        at, blobs = search.at.copy(), list(search.blobs)
+        for i, blob in enumerate(best):
+            if self.dots[i] is not None:
+                blobs[i], at[i] = blob, blob.at
+        if self.lengths is None:
+            self.lengths = _lengths(best)
+        return Search(at, blobs, search.windows)
+
+    def _candidates(self, image: Image, i: int, streak: Array) -> list[Blob]:
+        """Blobs in the whole picture that may be marker i."""
+        dot = self.dots[i]
+        if dot is None:
+            return [Blob(np.array(self.setup.markers[i].at), 0.0, 0.0, 0.0)]
+        patch = colour_patch(image, dot.axis, np.zeros(2), np.array(image.shape[1::-1], float))
+        assert patch is not None
+        regions = colour_regions(patch, dot.model)[:_MAX_REGIONS]
+        blobs = [
+            centroid(_cut(patch, place, dot), place, streak, dot.model) for place in regions[:, :2]
+        ]
+        return [blob for blob in blobs if blob is not None]
+
+    def _best_chain(self, candidates: list[list[Blob]]) -> list[Blob] | None:
+        """One blob for each marker whose distances fit the links, None where none do.
+
+        Of two that fit alike the larger dots are taken.
+        """
         best, least = None, np.inf
-        for chosen in product(*candidates):
-            places = np.stack([s.at for s in chosen])
+        for chain in product(*candidates):
+            places = np.stack([blob.at for blob in chain])
             gaps = np.linalg.norm(places[:, None] - places[None], axis=-1)
             if (gaps + 1e9 * np.eye(len(gaps)) < 2.0).any():
                 continue  # one dot cannot be two markers
-            length = np.linalg.norm(np.diff(places, axis=0), axis=-1)
-            cost = self._misfit(length)
-            # of two that fit alike the larger dots are taken
-            pairs = zip(chosen, self.dots, strict=True)
-            cost -= 0.05 * sum(min(s.area / d.full, 1.0) for s, d in pairs if d)
+            pairs = zip(chain, self.dots, strict=True)
+            size = sum(min(blob.area / dot.full_area, 1.0) for blob, dot in pairs if dot)
+            cost = self._length_error(_lengths(chain)) - 0.05 * size
             if cost < least:
-                best, least = list(chosen), cost
+                best, least = list(chain), cost
         return best
 
-    def _misfit(self, length: Array) -> float:
-        told = self.marks.links
+    def _length_error(self, length: Array) -> float:
+        """Squared error of link lengths [px], relative to their tolerance; inf where one is off."""
         if self.lengths is not None:
             off = np.abs(length - self.lengths) / (_LENGTH * self.lengths + _PIXELS)
             return float((off**2).sum()) if (off < 1).all() else np.inf
-        if told.lengths is not None and self.n > 1:
-            ratio = length / np.array(told.lengths)
+        known = self.setup.links.lengths
+        if known is not None and self.n > 1:
+            ratio = length / np.array(known)
             return float((((ratio / ratio.mean()) - 1) ** 2).sum() / _LENGTH**2)
         return 0.0
 
-    def _taken(
-        self,
-        time: float,
-        at: Array,
-        spots: list[Spot | None],
-        windows: list[tuple[Array, Array] | None],
-    ) -> Step:
-        """The step, remembered for the predictions of the next ones."""
+    def _remember(self, time: float, search: Search) -> FrameMarkers:
+        """The markers of the frame; those that were found improve the next predictions."""
+        at = search.at.copy()
         found, sigma = np.zeros(self.n + 1, dtype=bool), np.full(self.n + 1, np.nan)
-        for i, (dot, spot) in enumerate(zip(self.dots, spots, strict=True)):
+        for i, (dot, blob) in enumerate(zip(self.dots, search.blobs, strict=True)):
             if dot is None:
                 found[i], sigma[i] = True, 0.0
-            elif spot is None:
+            elif blob is None:
                 dot.missing += 1
             else:
-                found[i], sigma[i], at[i] = True, spot.sigma, spot.at
-                dot.seen(spot)
+                found[i], sigma[i], at[i] = True, blob.sigma, blob.at
+                dot.learn(blob)
         if found[0]:
             self.pivot = at[0].copy()
         both = found[1:] & found[:-1]
         link = at[1:] - at[:-1]
-        now = np.arctan2(link[:, 0], link[:, 1])
-        now = self.theta + (now - self.theta + np.pi) % (2 * np.pi) - np.pi
-        theta = np.where(both, now, self.theta)
+        seen = np.arctan2(link[:, 0], link[:, 1])
+        seen = self.theta + (seen - self.theta + np.pi) % (2 * np.pi) - np.pi
+        self.theta = np.where(both, seen, self.theta)
         if both.all():
-            self.past.append((time, theta))
+            self.past.append((time, self.theta))
             assert self.lengths is not None
             self.lengths = 0.9 * self.lengths + 0.1 * np.hypot(link[:, 0], link[:, 1])
         elif not self.past or time - self.past[-1][0] > _MEMORY:
             self.past.clear()
-        self.theta = theta
-        return Step(time, at.copy(), sigma, found, theta.copy(), windows)
+        return FrameMarkers(time, at, sigma, found, self.theta.copy(), search.windows)
 
 
-def follow(marks: Marks, frames: Iterator[Frame]) -> Iterator[Step]:
+def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[FrameMarkers]:
     """Markers of each frame, one after the other."""
-    follower = Follower(marks)
+    follower = Follower(setup)
     for frame in frames:
         yield follower.step(frame)
 
 
-def gathered(steps: list[Step]) -> Followed:
-    """The steps as arrays."""
-    columns = [np.stack([getattr(s, name) for s in steps]) for name in Followed._fields]
-    return Followed(*columns)
+def gather(steps: list[FrameMarkers]) -> MarkerTracks:
+    """Markers of single frames as arrays over all frames."""
+    columns = [np.stack([getattr(s, name) for s in steps]) for name in MarkerTracks._fields]
+    return MarkerTracks(*columns)
 
 
-def _extrapolated(times: list[float], angles: list[Array], time: float) -> tuple[Array, Array]:
-    """Angles (n,) and rates at a time, by the polynomial through up to three samples."""
-    if len(times) == 1:
-        return angles[0].copy(), np.zeros_like(angles[0])
-    d = time - times[-1]
-    speed = (angles[-1] - angles[-2]) / (times[-1] - times[-2])  # divided differences
-    if len(times) == 2:
-        return angles[-1] + d * speed, speed
-    before = (angles[-2] - angles[-3]) / (times[-2] - times[-3])
-    bend = (speed - before) / (times[-1] - times[-3])
-    step = time - times[-2]
-    return angles[-1] + d * (speed + step * bend), speed + (d + step) * bend
+def _extrapolated(past: list[tuple[float, Array]], time: float) -> tuple[Array, Array]:
+    """Angles (n,) and rates at a time, by the polynomial through up to three samples.
+
+    Newton's divided differences.
+    """
+    (t2, q2), *before = past[::-1]
+    if not before:
+        return q2.copy(), np.zeros_like(q2)
+    d, (t1, q1) = time - t2, before[0]
+    speed = (q2 - q1) / (t2 - t1)
+    if len(before) == 1:
+        return q2 + d * speed, speed
+    t0, q0 = before[1]
+    curvature = (speed - (q1 - q0) / (t1 - t0)) / (t2 - t0)
+    step = time - t1
+    return q2 + d * (speed + step * curvature), speed + (d + step) * curvature
 
 
-def _middle(values: deque[float]) -> float:
-    """Median, as quickly as a few dozen numbers allow."""
-    return sorted(values)[len(values) // 2]
+def _lengths(chain: list[Blob] | tuple[Blob, ...]) -> Array:
+    """Distances (n,) [px] of neighbouring blobs."""
+    return np.linalg.norm(np.diff(np.stack([blob.at for blob in chain]), axis=0), axis=-1)
 
 
-def _cut(found: Patch, at: Array, dot: Dot) -> Patch:
+def _cut(patch: Patch, at: Array, dot: Dot) -> Patch:
     """The part of a patch around a place."""
     reach = int(3 * dot.radius + 30)
-    x, y = (at - found.corner).astype(int)
+    x, y = (at - patch.corner).astype(int)
     x0, y0 = max(x - reach, 0), max(y - reach, 0)
-    part = found.share[y0 : y + reach + 1, x0 : x + reach + 1]
-    return Patch(part, (found.corner[0] + x0, found.corner[1] + y0))
+    part = patch.share[y0 : y + reach + 1, x0 : x + reach + 1]
+    return Patch(part, (patch.corner[0] + x0, patch.corner[1] + y0))

@@ -6,6 +6,7 @@ import glob
 import os
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,8 +22,8 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 Image = NDArray[np.uint8]
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-_FAST = 1500.0  # [Hz]: no camera, but the clock of time stamps
-_FIRST = 30  # frames that tell the rate
+_MAX_RATE = 1500.0  # [Hz]; a higher one is the resolution of the time stamps
+_FIRST = 30  # frames whose time stamps give the rate
 _TICK = 1e-3  # [s] to which some containers round their time stamps
 
 
@@ -35,11 +36,17 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """Where frames come from.
+    """A video file, a sequence of pictures or a live camera.
 
-    size : width and height [px]; rate : frames per second, 0 where it is unknown
-    count : frames, where that is known; files : of a sequence of pictures
-    grid : whether frames come exactly at the rate, whatever their rounded time stamps say
+    Attributes
+    ----------
+    name : path, pattern or number of the camera
+    kind : "video", "pictures" or "live"
+    size : width and height [px]
+    rate : frames per second, 0 where it is unknown
+    count : number of frames, where that is known
+    files : of a sequence of pictures
+    grid : whether frames are evenly spaced at the rate, though their time stamps are rounded
     """
 
     name: str
@@ -53,8 +60,8 @@ class Source:
     def frames(self, buffers: int = 0) -> Iterator[Frame]:
         """The frames, one after the other.
 
-        buffers : pictures of a video that are used in turn, so that each holds only until so many
-            later ones have come; new ones each time by default. New memory takes time.
+        buffers : number of pictures that a video reuses in turn: each is valid until so many later
+            ones have come. By default each is new, which takes time.
 
         Raises
         ------
@@ -87,7 +94,7 @@ class Source:
             )
 
     def _exact(self, stamp: float) -> float:
-        """Time of an evenly spaced frame where the container has rounded it."""
+        """Time of a frame, without the rounding of the container where frames are evenly spaced."""
         if not self.grid:
             return stamp
         even = round(stamp * self.rate) / self.rate
@@ -119,13 +126,13 @@ class Source:
 
 
 def open_source(what: str, rate: float | None = None) -> Source:
-    """Source that a text names: a file, a folder or pattern of pictures, or a camera's number.
+    """Source of a name: a file, a folder or pattern of pictures, or the number of a camera.
 
     Parameters
     ----------
     what : str
     rate : float, optional
-        Frames per second of pictures, which have no times of their own.
+        Frames per second of pictures, which have no time stamps.
 
     Raises
     ------
@@ -148,25 +155,43 @@ def open_source(what: str, rate: float | None = None) -> Source:
 
 
 def _file(what: str) -> Source:
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
+    with _quiet():
         capture = cv2.VideoCapture(what, cv2.CAP_FFMPEG)
         there = capture.isOpened() and capture.grab()
-        size, rate, count = _about(capture)
-        pace = _pace(capture)
+        size, rate, count = _properties(capture)
+        interval = _frame_interval(capture)
         capture.release()
-    finally:
-        cv2.utils.logging.setLogLevel(level)
     if not there:
         raise InputError(f"{what} is no video that can be read, or has lost its end; name another")
     # variable rates are stated as the resolution of the stamps
-    grid = 0 < rate < _FAST and abs(pace * rate - 1) < 0.05
-    return Source(what, "video", size, rate if grid else 1 / pace, count or None, (), grid)
+    grid = 0 < rate < _MAX_RATE and abs(interval * rate - 1) < 0.05
+    return Source(what, "video", size, rate if grid else 1 / interval, count or None, (), grid)
 
 
-def _pace(capture: Any) -> float:
-    """Time [s] from frame to frame, in the median of the first ones."""
+def _camera(what: str) -> Source:
+    with _quiet():
+        capture = cv2.VideoCapture(int(what))
+        there = capture.isOpened() and capture.grab()
+        size, rate, _ = _properties(capture)
+        capture.release()
+    if not there:
+        raise InputError(f"camera {what} gives no pictures; name another number or a video file")
+    return Source(what, "live", size, rate, None)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """OpenCV writes no messages of its own."""
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+
+
+def _frame_interval(capture: Any) -> float:
+    """Mean time [s] between the first frames."""
     stamps = [capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3]
     while len(stamps) < _FIRST and capture.grab():
         stamps.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
@@ -174,22 +199,7 @@ def _pace(capture: Any) -> float:
     return float(np.mean(gaps)) if len(gaps) and np.mean(gaps) > 0 else 1 / 30
 
 
-def _camera(what: str) -> Source:
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        capture = cv2.VideoCapture(int(what))
-        there = capture.isOpened() and capture.grab()
-        size, rate, _ = _about(capture)
-        capture.release()
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if not there:
-        raise InputError(f"camera {what} gives no pictures; name another number or a video file")
-    return Source(what, "live", size, rate, None)
-
-
-def _about(capture: Any) -> tuple[tuple[int, int], float, int]:
+def _properties(capture: Any) -> tuple[tuple[int, int], float, int]:
     get = capture.get
     size = int(get(cv2.CAP_PROP_FRAME_WIDTH)), int(get(cv2.CAP_PROP_FRAME_HEIGHT))
     return size, float(get(cv2.CAP_PROP_FPS)), int(get(cv2.CAP_PROP_FRAME_COUNT))

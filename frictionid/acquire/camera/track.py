@@ -1,4 +1,4 @@
-"""Angles from a video: every frame followed, calibrated, with its accuracy."""
+"""Joint angles from a video: decode ahead, follow the markers, measure a sync LED, calibrate."""
 
 from __future__ import annotations
 
@@ -11,81 +11,91 @@ import cv2
 import numpy as np
 
 from frictionid.acquire.camera.angles import Angles, angles_of
-from frictionid.acquire.camera.follow import Step, follow, gathered
-from frictionid.acquire.camera.marks import Lamp, Marks
+from frictionid.acquire.camera.follow import FrameMarkers, follow, gather
+from frictionid.acquire.camera.marker_setup import MarkerSetup, SyncLed
 from frictionid.acquire.camera.source import Frame, Image, Source
-from frictionid.acquire.camera.study import follow_as_the_study
+from frictionid.acquire.camera.thresholds import follow_by_thresholds
 from frictionid.errors import InputError
 
 Method = Literal["follow", "study"]
 
-_TOGETHER = 8  # frames handed over at a time: to wake a thread takes as long as to find a dot
+_BATCH = 8  # frames decoded at a time: to wake a thread takes as long as to find a dot
 
 
 def track(
     source: Source,
-    marks: Marks,
+    setup: MarkerSetup,
     method: Method = "follow",
-    tell: Callable[[Step], None] | None = None,
+    progress: Callable[[FrameMarkers], None] | None = None,
 ) -> Angles:
-    """Joint angles of each frame of a video, with standard deviations and what was not found.
+    """Joint angles of all frames of a video, with standard deviations and what was not found.
 
     Parameters
     ----------
     source : Source
-    marks : Marks
+    setup : MarkerSetup
     method : "follow" or "study"
-        The study's thresholds and centroids of the whole picture, without calibration, for
-        comparison.
-    tell : callable
-        Called with each frame's step, to show progress. An interrupt ends a live camera; what was
-        seen until then counts.
+        "study" finds dots by thresholds in the whole picture, without calibration, for comparison.
+    progress : callable
+        Called with the markers of each frame. An interrupt ends a live camera; the frames until
+        then are used.
 
     Raises
     ------
     InputError
         Where the video is damaged, dots are not in it, or places lie outside the picture.
     """
-    _check_places(source, marks)
-    plain = {"camera": marks.camera.model_copy(update={"calibrate": False})}
-    marks = marks if method == "follow" else marks.model_copy(update=plain)
-    steps: list[Step] = []
-    bright: list[float] = []
+    _check_places(source, setup)
+    brightness: list[float] = []
     frames = _frames(source)
-    if marks.lamp is not None:
-        frames = _watched(frames, marks.lamp, source.size, bright)
-    way = follow if method == "follow" else follow_as_the_study
-    try:
-        for step in way(marks, frames):
-            steps.append(step)
-            if tell is not None:
-                tell(step)
-    except KeyboardInterrupt:
-        if source.kind != "live":  # that is how a live camera is stopped
-            raise
+    if setup.sync_led is not None:
+        frames = _measured(frames, setup.sync_led, source.size, brightness)
+    if method == "study":
+        uncalibrated = setup.camera.model_copy(update={"calibrate": False})
+        setup = setup.model_copy(update={"camera": uncalibrated})
+        markers = follow_by_thresholds(setup, frames)
+    else:
+        markers = follow(setup, frames)
+    steps = _collected(markers, progress, live=source.kind == "live")
     if not steps:
         raise InputError(f"{source.name} has no frames; name another video")
-    angles = angles_of(gathered(steps), marks, source.size, source.name)
-    if marks.lamp is None:
+    angles = angles_of(gather(steps), setup, source.size, source.name)
+    if setup.sync_led is None:
         return angles
-    # an interrupt may come between a lamp and its dots
-    return angles._replace(lamp=(marks.lamp.name, np.array(bright[: len(steps)])))
+    # an interrupt may come after the LED of a frame was measured and before its markers were
+    return angles._replace(sync_led=(setup.sync_led.name, np.array(brightness[: len(steps)])))
 
 
-def _watched(
-    frames: Iterator[Frame], lamp: Lamp, size: tuple[int, int], bright: list[float]
+def _collected(
+    markers: Iterator[FrameMarkers], progress: Callable[[FrameMarkers], None] | None, *, live: bool
+) -> list[FrameMarkers]:
+    """Markers of all frames; an interrupt ends those of a live camera."""
+    steps: list[FrameMarkers] = []
+    try:
+        for step in markers:
+            steps.append(step)
+            if progress is not None:
+                progress(step)
+    except KeyboardInterrupt:
+        if not live:
+            raise
+    return steps
+
+
+def _measured(
+    frames: Iterator[Frame], led: SyncLed, size: tuple[int, int], brightness: list[float]
 ) -> Iterator[Frame]:
-    """The frames, while the brightness of the lamp in each is noted, 1 where all is white."""
-    (x0, y0), (x1, y1), disc = _disc(lamp, size)
+    """The frames; the brightness of the LED in each, from 0 to 1, is appended to a list."""
+    (x0, y0), (x1, y1), disc = _disc(led, size)
     for frame in frames:
         part: Image = frame.image[y0:y1, x0:x1]
-        bright.append(sum(cv2.mean(part, disc)[:3]) / (3 * 255))
+        brightness.append(sum(cv2.mean(part, disc)[:3]) / (3 * 255))
         yield frame
 
 
-def _disc(lamp: Lamp, size: tuple[int, int]) -> tuple[list[int], list[int], Image]:
-    """Corners of the part of the pictures that holds a lamp, and which of its pixels do."""
-    at, r = np.array(lamp.at), max(lamp.radius, 1.5)  # some pixel, however small it is
+def _disc(led: SyncLed, size: tuple[int, int]) -> tuple[list[int], list[int], Image]:
+    """Corners of the part of the pictures that holds the LED, and the mask of its pixels."""
+    at, r = np.array(led.at), max(led.radius, 1.5)  # at least one pixel
     low = np.clip(np.floor(at - r).astype(int), 0, size)
     high = np.clip(np.ceil(at + r).astype(int) + 1, 0, size)
     (x0, y0), (x1, y1) = low.tolist(), high.tolist()
@@ -95,11 +105,11 @@ def _disc(lamp: Lamp, size: tuple[int, int]) -> tuple[list[int], list[int], Imag
 
 
 def _frames(source: Source) -> Iterator[Frame]:
-    """The frames, whose times must increase."""
+    """The frames of a source; InputError where their times do not increase."""
     last = float("-inf")
     live = source.kind == "live"
-    coming = source.frames() if live else _ahead(source.frames(buffers=2 * _TOGETHER + 1))
-    for k, frame in enumerate(coming):
+    frames = source.frames() if live else _decoded_ahead(source.frames(buffers=2 * _BATCH + 1))
+    for k, frame in enumerate(frames):
         if frame.time <= last:
             raise InputError(
                 f"{source.name}, frame {k + 1}: its time stamp {frame.time:g} s does not come "
@@ -109,24 +119,24 @@ def _frames(source: Source) -> Iterator[Frame]:
         yield frame
 
 
-def _ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """The frames, the next few decoded while some are looked at."""
+def _decoded_ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The frames; the next batch is decoded while one is used."""
     with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(_some, frames)
-        while some := coming.result():
-            coming = pool.submit(_some, frames)
-            yield from some
+        coming = pool.submit(_batch, frames)
+        while batch := coming.result():
+            coming = pool.submit(_batch, frames)
+            yield from batch
 
 
-def _some(frames: Iterator[Frame]) -> list[Frame]:
-    return list(islice(frames, _TOGETHER))
+def _batch(frames: Iterator[Frame]) -> list[Frame]:
+    return list(islice(frames, _BATCH))
 
 
-def _check_places(source: Source, marks: Marks) -> None:
+def _check_places(source: Source, setup: MarkerSetup) -> None:
     width, height = source.size
-    places = [(f"the marker {m.name!r}", m.at) for m in marks.markers if m.at is not None]
-    if marks.lamp is not None:
-        places.append(("the lamp", marks.lamp.at))
+    places = [(f"the marker {m.name!r}", m.at) for m in setup.markers if m.at is not None]
+    if setup.sync_led is not None:
+        places.append(("the sync LED", setup.sync_led.at))
     for what, (x, y) in places:
         if not (0 <= x < width and 0 <= y < height):
             raise InputError(

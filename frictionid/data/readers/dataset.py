@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import nearest
-from frictionid.data.readers.columns import signal_of
-from frictionid.data.readers.kinds import Reader, reader_of
-from frictionid.data.readers.layout import UNITS, ColumnNames, Layout, check_layout
-from frictionid.data.readers.registry import cached, check_file, is_cached, way_to_get
+from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, Layout, check_layout
+from frictionid.data.readers.public_collections import cached, check_file, is_cached, way_to_get
+from frictionid.data.readers.reader_names import Reader, reader_of
 from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Dataset, Motion, Recording
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.columns import signal_of
 from frictionid.data.readers.table import content_of, read_table, table_name
+from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.columns import signal_of
 from frictionid.data.readers.mat import mat_column, read_mat
 from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 

@@ -12,10 +12,10 @@ from pydantic import Field, model_validator
 
 from frictionid.config import Strict, checked
 from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
-from frictionid.data.readers.bare import read_bare
-from frictionid.data.readers.columns import signal_of
-from frictionid.data.readers.layout import UNITS, Column
+from frictionid.data.readers.dataset_toml import UNITS, Column
+from frictionid.data.readers.headerless import read_bare
 from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.bare import read_bare
-from frictionid.data.readers.columns import signal_of
+from frictionid.data.readers.headerless import read_bare
 from frictionid.data.readers.table import content_of, table_name
+from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
 
 

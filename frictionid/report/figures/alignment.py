@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.acquire.align.response import Response
-from frictionid.acquire.align.session import Aligned
+from frictionid.acquire.align.align_files import Aligned
+from frictionid.acquire.align.drive_response import Response
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import unit_rows
 from frictionid.check.motion import motions_of

@@ -19,8 +19,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from frictionid.data.readers.bam import read_bam
-from frictionid.data.readers.bare import read_bare
 from frictionid.data.readers.emps import read_emps
+from frictionid.data.readers.headerless import read_bare
 from frictionid.data.readers.ibm import read_ibm
 from frictionid.data.readers.markers import read_markers
 from frictionid.data.readers.phy180 import read_phy180

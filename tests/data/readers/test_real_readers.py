@@ -8,8 +8,8 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from frictionid.comparison.suite import friction_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.kinds import READERS
-from frictionid.data.readers.registry import check_file, collections
+from frictionid.data.readers.public_collections import check_file, collections
+from frictionid.data.readers.reader_names import READERS
 from frictionid.data.signals import averages
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State

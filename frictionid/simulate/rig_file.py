@@ -72,6 +72,8 @@ def rig_of(document: dict[str, Any], file: str) -> Rig:
 
 
 def _settings(kind: type[Settings], document: dict[str, Any], file: str) -> Settings:
+    renamed = getattr(kind, "renamed", {})
+    document = {renamed.get(key, key): value for key, value in document.items()}
     for place, key, known in _unknown_keys(document, kind, ""):
         raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")
     for place, number in _infinite(document, ""):

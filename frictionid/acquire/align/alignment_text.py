@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from frictionid.acquire.align.clock import Alignment
-from frictionid.acquire.align.markers import Marked
-from frictionid.acquire.align.response import Response
+from frictionid.acquire.align.drive_response import Response
+from frictionid.acquire.align.sync_edges import Marked
 from frictionid.mechanics import Mechanism
 
 _WIDE = 1e-3  # [s], half of an interval: such an offset is not good enough

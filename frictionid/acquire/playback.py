@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from frictionid.acquire.log import Counts, Logger
-from frictionid.acquire.settings import Setup
+from frictionid.acquire.rig_settings import RigSettings
 from frictionid.data.readers.table import content_of, read_table
 from frictionid.data.recordings import first_fault
 from frictionid.data.signals import Array, Signal, sample
@@ -45,7 +45,7 @@ class Playing:
                 raise InputError(f"{name} = {getattr(self, name)} must be positive and finite")
 
 
-def load_signal(path: Path, setup: Setup) -> Signal:
+def load_signal(path: Path, setup: RigSettings) -> Signal:
     """Torque signal of a table: time [s] and one column per motor [N m], held.
 
     Raises
@@ -87,7 +87,7 @@ def load_signal(path: Path, setup: Setup) -> Signal:
 def excite(
     logger: Logger,
     signal: Signal,
-    setup: Setup,
+    setup: RigSettings,
     playing: Playing,
     stop: Callable[[], str],
     show: Callable[[Counts, bool], None],
@@ -107,7 +107,7 @@ def excite(
     finally:
         for _ in range(_AGAIN):
             _order(logger, setup, np.zeros(len(setup.motors)))
-            logger.send(setup.wire.stop)
+            logger.send(setup.protocol.stop)
         logger.pump(_PUMP)
     return reason
 
@@ -123,7 +123,7 @@ def _wait(logger: Logger, playing: Playing, show: Callable[[Counts, bool], None]
 def _played(
     logger: Logger,
     signal: Signal,
-    setup: Setup,
+    setup: RigSettings,
     playing: Playing,
     stop: Callable[[], str],
     show: Callable[[Counts, bool], None],
@@ -158,21 +158,21 @@ def _played(
                 reason = "the drive fell silent" if silent else "stopped on request"
 
 
-def _order(logger: Logger, setup: Setup, torque: Array) -> None:
+def _order(logger: Logger, setup: RigSettings, torque: Array) -> None:
     values = [
         float(np.clip(u, -(m.limit or 0.0), m.limit or 0.0)) / m.per_command
         for u, m in zip(torque, setup.motors, strict=True)
     ]
     text = ",".join(f"{v:.6f}" for v in values)
-    logger.send(setup.wire.send.replace("{value}", text))
+    logger.send(setup.protocol.send.replace("{value}", text))
 
 
-def _too_much(setup: Setup, rows: list[tuple[bytes, ...]]) -> str:
+def _too_much(setup: RigSettings, rows: list[tuple[bytes, ...]]) -> str:
     """What to say of a measured torque far beyond its limit."""
     for cells in rows:
-        values = dict(zip(setup.wire.columns, cells, strict=True))
+        values = dict(zip(setup.protocol.columns, cells, strict=True))
         for motor in setup.motors:
-            torque = motor.factor * float(values[motor.measured])
+            torque = motor.per_measured * float(values[motor.measured])
             if abs(torque) > _OVER * (motor.limit or np.inf):
                 return (
                     f"the drive reports {torque:.3g} N m, beyond its limit of {motor.limit:g} N m"

@@ -11,14 +11,20 @@ from typing import Any
 import numpy as np
 
 from frictionid.acquire.align.clock import Alignment, Clock, align, by_marker
-from frictionid.acquire.align.markers import Marked, edges_of, marked
-from frictionid.acquire.align.match import around
-from frictionid.acquire.align.response import Response, response
-from frictionid.acquire.align.table import Angles, add_recording, check_place, head_of, read_angles
-from frictionid.acquire.clocks import Runs
+from frictionid.acquire.align.cross_correlation import around
+from frictionid.acquire.align.drive_response import Response, response
+from frictionid.acquire.align.recording_folder import (
+    Angles,
+    add_recording,
+    check_place,
+    head_of,
+    read_angles,
+)
+from frictionid.acquire.align.sync_edges import Marked, edges_of, marked
+from frictionid.acquire.controller_clock import Runs
 from frictionid.acquire.logfile import Log, read_log
 from frictionid.acquire.protocol import SECOND
-from frictionid.acquire.settings import Setup, load_document, setup_of
+from frictionid.acquire.rig_settings import RigSettings, rig_settings_of, rig_tables
 from frictionid.data.readers.table import content_of
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
@@ -70,8 +76,8 @@ def aligned(angles: Path, log: Path, rig: Path, wanted: Wanted) -> Aligned:
     InputError
         For files that do not hold what they should, and clocks that nothing brings together.
     """
-    document = load_document(rig)
-    setup = setup_of(document, str(rig))
+    document = rig_tables(rig)
+    setup = rig_settings_of(document, str(rig))
     mechanism = _mechanism(setup, document)
     seen = read_angles(angles, document.get("angles", {}), mechanism, wanted.marker)
     measured = [
@@ -79,8 +85,8 @@ def aligned(angles: Path, log: Path, rig: Path, wanted: Wanted) -> Aligned:
     ]
     raw = read_log(log, [*measured, *([wanted.marker] if wanted.marker else [])])
     _check_spans(seen.angle, raw)
-    wire = setup.wire
-    rows, runs, unsure = raw.on_one_clock(wire.wrap * SECOND[wire.unit])
+    protocol = setup.protocol
+    rows, runs, unsure = raw.on_one_clock(protocol.wrap * SECOND[protocol.unit])
     torque = _torque(rows, measured, mechanism, wanted.hold)
     shown = _exposure(document)
     marker = _marked(seen, rows, wanted, str(angles), shown) if wanted.marker else None
@@ -115,7 +121,7 @@ def aligned(angles: Path, log: Path, rig: Path, wanted: Wanted) -> Aligned:
 def head(one: Aligned, rig: Path, hold: str) -> dict[str, Any]:
     """What all recordings of the data set share."""
     return head_of(
-        setup_of(load_document(rig), str(rig)).mechanism or {},
+        rig_settings_of(rig_tables(rig), str(rig)).mechanism or {},
         one.mechanism.description.driven,
         hold,
     )
@@ -123,8 +129,8 @@ def head(one: Aligned, rig: Path, hold: str) -> dict[str, Any]:
 
 def check_out(folder: Path, name: str, rig: Path, hold: str, replace: bool) -> None:
     """Complain about a place that cannot be written, before anything is computed."""
-    document = load_document(rig)
-    setup = setup_of(document, str(rig))
+    document = rig_tables(rig)
+    setup = rig_settings_of(document, str(rig))
     driven = _mechanism(setup, document).description.driven
     check_place(folder, name, head_of(setup.mechanism or {}, driven, hold), replace)
 
@@ -134,7 +140,7 @@ def write(one: Aligned, folder: Path, name: str, rig: Path, hold: str) -> None:
     add_recording(folder, name, head(one, rig, hold), one.angle, one.torque)
 
 
-def _mechanism(setup: Setup, document: Mapping[str, Any]) -> Mechanism:
+def _mechanism(setup: RigSettings, document: Mapping[str, Any]) -> Mechanism:
     if setup.mechanism is None or "kind" not in document["mechanism"]:
         raise InputError(f"{setup.file}: the table [mechanism] is missing; add it with its kind")
     mechanism = mechanism_of(setup.mechanism)
@@ -154,7 +160,7 @@ def _torque(rows: Log, measured: list[str], mechanism: Mechanism, hold: str) -> 
     return Signal(rows.columns["time"], value, hold)
 
 
-def _command(rows: Log, setup: Setup) -> Signal | None:
+def _command(rows: Log, setup: RigSettings) -> Signal | None:
     names = [m.command for m in setup.motors]
     if not all(name in rows.columns for name in names):
         return None
@@ -164,7 +170,7 @@ def _command(rows: Log, setup: Setup) -> Signal | None:
 
 
 def _drives(
-    rows: Log, setup: Setup, measured: list[str], span: tuple[float, float]
+    rows: Log, setup: RigSettings, measured: list[str], span: tuple[float, float]
 ) -> list[Response | None]:
     """Each motor's response during the motion, of those whose command is logged."""
     out = []

@@ -9,9 +9,9 @@ import pytest
 from fixtures.paths import ROOT
 
 from frictionid.cli import main
-from frictionid.data.readers import registry
+from frictionid.data.readers import public_collections
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.registry import (
+from frictionid.data.readers.public_collections import (
     Collection,
     cached,
     collections,
@@ -42,9 +42,9 @@ def toy(monkeypatch, tmp_path):
         licence="MIT",
         redistribution="allowed",
         citation="None",
-        files=[registry.File(**file) for file in files],
+        files=[public_collections.File(**file) for file in files],
     )
-    monkeypatch.setattr(registry, "collections", lambda: {"toy": collection})
+    monkeypatch.setattr(public_collections, "collections", lambda: {"toy": collection})
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path / "data"))
     return tmp_path
 

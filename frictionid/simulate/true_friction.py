@@ -25,7 +25,7 @@ from frictionid.errors import InputError
 Numbers = tuple[float, ...]
 
 
-class Truth(Protocol):
+class TrueFriction(Protocol):
     """Friction of all joints with one memory state z per joint; arrays have shape (..., n).
 
     Attributes

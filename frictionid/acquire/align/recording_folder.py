@@ -14,9 +14,9 @@ import tomli_w
 from pydantic import Field
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.columns import signal_of
-from frictionid.data.readers.layout import UNITS
+from frictionid.data.readers.dataset_toml import UNITS
 from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.files import write_text

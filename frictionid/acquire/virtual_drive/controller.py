@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from frictionid.acquire.protocol import Format, framed, read, unframed, written
-from frictionid.acquire.settings import Setup
+from frictionid.acquire.rig_settings import RigSettings
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Array, Signal, sample
@@ -54,7 +54,7 @@ class Drive:
         the torque
     """
 
-    setup: Setup
+    setup: RigSettings
     torque: Signal
     rate: float = 1000.0
     offset: float = 0.0
@@ -96,7 +96,7 @@ class Speaker:
     """Lines of a drive, one after the other, and the commands that it obeys meanwhile."""
 
     def __init__(self, drive: Drive) -> None:
-        self.drive, self._form = drive, drive.setup.wire.format()
+        self.drive, self._form = drive, drive.setup.protocol.format()
         self._time = drive.torque.time[0] + np.arange(drive.lines) / drive.rate
         self._felt = sample(drive.torque, self._time)
         self._played = (sample(drive.torque, self._time + drive.lag) - drive.bias) / drive.gain
@@ -134,16 +134,16 @@ class Speaker:
 
     def obey(self, k: int, line: bytes) -> None:
         """Take a line that the host sent before the k-th moment; others are passed over."""
-        text, wire = unframed(self._form, line), self.drive.setup.wire
+        text, protocol = unframed(self._form, line), self.drive.setup.protocol
         if text is None:
             return
         time = float(self._time[min(k, len(self._time) - 1)])
-        if text == wire.stop:
+        if text == protocol.stop:
             self.stopped = True
             self._order(time, np.zeros(len(self.drive.setup.motors)))
-        elif wire.begin and text == wire.begin:
+        elif protocol.begin and text == protocol.begin:
             self.stopped = False
-        elif not self.stopped and (values := _values(wire.send, text)) is not None:
+        elif not self.stopped and (values := _values(protocol.send, text)) is not None:
             factors = [m.per_command for m in self.drive.setup.motors]
             if len(values) == len(factors):
                 self._order(time, np.array(values) * factors)
@@ -170,13 +170,13 @@ class Speaker:
         return (time - self.drive.offset) / (1.0 + self.drive.drift)
 
     def _texts(self, clock: float, command: Array, felt: Array) -> list[str]:
-        wire = self.drive.setup.wire
-        values = {"time": _stamp(clock, wire.unit, wire.wrap)}
+        protocol = self.drive.setup.protocol
+        values = {"time": _stamp(clock, protocol.unit, protocol.wrap)}
         for motor, c, u in zip(self.drive.setup.motors, command, felt, strict=True):
-            values[motor.measured] = f"{u / motor.factor:.6f}"
+            values[motor.measured] = f"{u / motor.per_measured:.6f}"
             if motor.command:
                 values[motor.command] = f"{c / motor.per_command:.6f}"
-        return [values.get(name, "0") for name in wire.columns]
+        return [values.get(name, "0") for name in protocol.columns]
 
 
 def broken_line(line: bytes, generator: np.random.Generator) -> bytes:

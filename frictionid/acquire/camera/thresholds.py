@@ -1,4 +1,4 @@
-"""Dots as the study found them: thresholds, median blur, centroid [DeMeester2020].
+"""Dots by thresholds, median blur and centroid of the whole picture [DeMeester2020].
 
 For comparison only: nothing is predicted, checked or calibrated.
 """
@@ -10,38 +10,39 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from frictionid.acquire.camera.follow import Step
-from frictionid.acquire.camera.marks import Marker, Marks
+from frictionid.acquire.camera.follow import FrameMarkers
+from frictionid.acquire.camera.marker_setup import Marker, MarkerSetup
 from frictionid.acquire.camera.source import Frame, Image
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 
-_HUE, _LEVEL = 15.0, 0.4  # [deg] and shares within which a pixel has a dot's colour
+_HUE = 15.0  # [deg] of hue that belong to a dot
+_LEVEL = 0.4  # least saturation and value, relative to the dot's
 _BLUR = 5  # [px]
 
 
-def follow_as_the_study(marks: Marks, frames: Iterator[Frame]) -> Iterator[Step]:
-    """Markers of each frame, by thresholds on hue, saturation and value in the whole picture.
+def follow_by_thresholds(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[FrameMarkers]:
+    """Markers of each frame by thresholds on hue, saturation and value.
 
     Raises
     ------
     InputError
         For two dots of one colour, which this method cannot tell apart.
     """
-    hues = [m.hue for m in marks.markers if m.hue is not None]
+    hues = [m.hue for m in setup.markers if m.hue is not None]
     if len(set(hues)) < len(hues):
         raise InputError("--method study cannot tell dots of one colour apart; give each its own")
-    theta = np.zeros(marks.n)
+    theta = np.zeros(setup.n)
     for frame in frames:
-        places = [_place(frame.image, m) for m in marks.markers]
+        places = [_place(frame.image, m) for m in setup.markers]
         found = np.array([p is not None for p in places])
         at = np.array([np.full(2, np.nan) if p is None else p for p in places])
         link = np.diff(at, axis=0)
         now = np.arctan2(link[:, 0], link[:, 1])
         now = theta + (now - theta + np.pi) % (2 * np.pi) - np.pi
         theta = np.where(np.isfinite(now), now, theta)
-        sigma = np.where(found, 0.5, np.nan)  # nothing is known: half a pixel
-        yield Step(frame.time, at, sigma, found, theta.copy(), [None] * len(at))
+        sigma = np.where(found, 0.5, np.nan)  # unknown: half a pixel
+        yield FrameMarkers(frame.time, at, sigma, found, theta.copy(), [None] * len(at))
 
 
 def _place(image: Image, marker: Marker) -> Array | None:

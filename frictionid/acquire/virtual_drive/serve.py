@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import BinaryIO
 
-from frictionid.acquire.virtual_drive.drive import Drive, Speaker, unplug_moments
+from frictionid.acquire.virtual_drive.controller import Drive, Speaker, unplug_moments
 from frictionid.acquire.virtual_drive.terminal import Terminal
 
 _MOST = 256  # lines at a time
@@ -96,13 +96,13 @@ class _Pace:
 
 def _begun(speaker: Speaker, terminal: Terminal, k: int) -> int:
     """The line k, when somebody has the port open and, where the protocol says so, has asked."""
-    wire = speaker.drive.setup.wire
+    protocol = speaker.drive.setup.protocol
     stopped = speaker.stopped
     speaker.stopped = True
-    while speaker.stopped if wire.begin else not terminal.attended():
+    while speaker.stopped if protocol.begin else not terminal.attended():
         for line in terminal.heard(_WAIT):
             speaker.obey(k, line)
-        if not wire.begin:
+        if not protocol.begin:
             time.sleep(_WAIT)
     speaker.stopped = stopped and speaker.stopped
     return k
