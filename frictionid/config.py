@@ -4,7 +4,7 @@ import difflib
 import inspect
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar, get_type_hints
 
@@ -155,7 +155,8 @@ Count = Annotated[int, Field(ge=1)]
 def check_settings(settings: Any) -> None:
     """Validate the fields of a dataclass by their annotated types, in its `__post_init__`.
 
-    A list for a field that is a tuple becomes one; nothing else is converted.
+    A list for a field that is a tuple becomes one; nothing else is converted. Fields that hold
+    objects of other classes are not checked.
 
     Raises
     ------
@@ -187,9 +188,9 @@ def check_settings(settings: Any) -> None:
 
 @cache
 def _model_of(settings: type) -> type[BaseModel]:
-    """Model of the fields of a dataclass; those that hold a dataclass have checked themselves."""
+    """Model of the fields of a dataclass, without those that hold objects."""
     types = get_type_hints(settings, include_extras=True)
     kinds = {field.name: types[field.name] for field in fields(settings)}
-    known: Any = {k: (Any if is_dataclass(kind) else kind, ...) for k, kind in kinds.items()}
-    config = ConfigDict(arbitrary_types_allowed=True, **STRICT)
-    return create_model(settings.__name__, __config__=config, **known)
+    plain = (bool, int, float, str)
+    known: Any = {k: (t, ...) for k, t in kinds.items() if t in plain or not isinstance(t, type)}
+    return create_model(settings.__name__, __config__=STRICT, **known)

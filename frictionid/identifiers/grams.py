@@ -1,8 +1,8 @@
 """Gram matrices of laws that are linear in their parameters: all that a fit needs of the rows.
 
-With a = G sum_m c_m f(node_m) for each parameter, and the residual r without friction behind them,
+With a column a = G sum_m c_m f(node_m) for each parameter, and the residual r as the last one,
 
-    A = [a, r],   sum_k w_k A_k' A_k
+    A = [a, r],   T = sum_k w_k A_k' A_k
 
 Rows that have the same weight in every fold are added up once; each fold then adds a few matrices.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Law
-from frictionid.identifiers.linearised import Rows
+from frictionid.identifiers.linearised import Linearised
 from frictionid.identifiers.residual import Problem
 
 FEW = 10  # recordings whose scatter says little
@@ -24,11 +24,10 @@ _CELLS = 2000
 
 def columns(law: Law, problem: Problem) -> Array:
     """Columns [a, r] of all rows, shape (K, n, N + 1), for a law that is linear in theta."""
-    rows = Rows(law, problem)
+    linearised = Linearised(law, problem)
     K, n = problem.r.shape
-    theta = np.zeros((1, n * len(law.names)))
-    A = rows.slopes(theta)[0].reshape(K, n, -1)
-    rows.check(A, problem.r)
+    A = linearised.jacobian(np.zeros((1, n * len(law.names))))[0].reshape(K, n, -1)
+    linearised.check_finite(A, problem.r)
     return np.concatenate([A, problem.r[..., None]], axis=-1)
 
 
@@ -59,9 +58,9 @@ def grams(A: Array, weights: Array, labels: Array | None = None) -> Array:
     K, _, M = A.shape
     labels = np.zeros(K, dtype=int) if labels is None else labels
     count = int(labels.max()) + 1
-    alike = np.concatenate([labels[None], weights]).T  # (K, F + 1): rows that count the same
-    whole = np.ascontiguousarray(alike).view([("", alike.dtype)] * alike.shape[1])[:, 0]
-    _, first, cell = np.unique(whole, return_index=True, return_inverse=True)
+    keys = np.ascontiguousarray(np.concatenate([labels[None], weights]).T)  # (K, F + 1)
+    keys = keys.view([("", keys.dtype)] * keys.shape[1])[:, 0]  # one key for each row
+    _, first, cell = np.unique(keys, return_index=True, return_inverse=True)
     if len(first) > _CELLS:
         parts = [_by(labels, count, A * np.sqrt(w)[:, None, None]) for w in weights]
         return np.stack(parts)

@@ -1,6 +1,8 @@
-"""Where a fit starts: for each joint one of the starts that its law suggests."""
+"""Initial guesses of fits: for each joint the best of the initial values that its law suggests."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,81 +10,105 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.identifiers.box_qp import bounded
-from frictionid.identifiers.linearised import Rows
+from frictionid.identifiers.linearised import Linearised
 
 _RIDGE = 1e-12
 _SWEEPS = 2
 
 
-def best_initial_guess(rows: Rows, weights: Array) -> tuple[Array, Array]:
-    """The starts (F, N) with the lowest cost one linear step away, and the parameters there (F, N).
+class _Candidates(NamedTuple):
+    """Initial values (S, n, P) of each joint, and columns that the residual near them consists of.
 
-    The law is linearised once at each of its starts. Which joint takes which start is then a choice
-    among columns of one Gram matrix per fold.
+    With the values theta_j of some choice for each joint j, and steps d_j from there,
+
+        e = r - sum_j G_j Tf_j(theta_j) - sum_j J_j d_j
+
+    so that the rows of a fold matter by one Gram matrix of the columns [J_j, -G_j Tf_j] of all
+    values and joints, and r as the last one.
+
+    columns : (K n, S n (P + 1) + 1)
+    low, high : bounds of the parameters, (N,) each
+    """
+
+    values: Array
+    columns: Array
+    low: Array
+    high: Array
+
+
+def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
+    """Initial values (F, N) with the lowest cost one linear step away, and the values there (F, N).
+
+    Each fold first takes the best values that are the same for all joints, then changes those of
+    one joint after the other.
 
     Raises
     ------
     InputError
         Where a joint slides in fewer rows of a fold than it has parameters.
     """
-    n, P = rows.joints, len(rows.law.names)
-    S = len(rows.law.initial)
-    starts = np.repeat(np.reshape(rows.law.initial, (S, 1, P)), n, axis=1)
-    slopes = rows.slopes(starts.reshape(S, n * P))  # (S, K, n, n, P)
-    rows.check(slopes, rows.problem.r)
-    check_rows(rows, weights, np.abs(slopes).max(axis=(0, 2, 4), initial=0.0) > 0)
-    columns = np.concatenate([slopes, _without_slopes(rows, starts)[..., None]], axis=-1)
-    columns = np.moveaxis(columns, 0, 2).reshape(rows.problem.r.size, -1)
-    columns = np.column_stack([columns, rows.problem.r.ravel()])
-    used = np.flatnonzero(columns.any(axis=0))
-    table = columns[:, used]
-    begin, end = np.empty((2, len(weights), n * P))
-    for f, weight in enumerate(np.repeat(weights, n, axis=1)):
-        gram = np.zeros((columns.shape[1],) * 2)
-        gram[np.ix_(used, used)] = (table.T * weight) @ table
-        choice, end[f] = _chosen(gram, starts, rows.bounds)
-        begin[f] = starts[choice, np.arange(n)].ravel()
-    return begin, end
+    candidates = _candidates(fit, weights)
+    used = np.flatnonzero(candidates.columns.any(axis=0))
+    A = candidates.columns[:, used]
+    M = candidates.columns.shape[1]
+    initial, stepped = np.empty((2, len(weights), len(candidates.low)))
+    for f, weight in enumerate(np.repeat(weights, fit.joints, axis=1)):
+        gram = np.zeros((M, M))
+        gram[np.ix_(used, used)] = (A.T * weight) @ A
+        initial[f], stepped[f] = _best_of_fold(candidates, gram)
+    return initial, stepped
 
 
-def _without_slopes(rows: Rows, starts: Array) -> Array:
-    """-G_j Tf_j at the starts, shape (S, K, n, n): what r becomes the residual by."""
-    friction = rows.friction(starts)
-    torque = rows.problem.mean(along(friction, rows.problem.nodes))
-    return -rows.problem.G * torque[:, :, None, :]
+def _candidates(fit: Linearised, weights: Array) -> _Candidates:
+    n, P = fit.joints, len(fit.law.names)
+    S, K = len(fit.law.initial), len(fit.problem.r)
+    values = np.repeat(np.reshape(fit.law.initial, (S, 1, P)), n, axis=1)
+    J = fit.jacobian(values.reshape(S, n * P))  # (S, K, n, n, P)
+    fit.check_finite(J, fit.problem.r)
+    check_rows(fit, weights, np.abs(J).max(axis=(0, 2, 4), initial=0.0) > 0)
+    torque = fit.problem.mean(along(fit.friction(values), fit.problem.nodes))
+    offset = -fit.problem.G * torque[:, :, None, :]  # (S, K, n, n)
+    columns = np.concatenate([J, offset[..., None]], axis=-1)
+    columns = np.moveaxis(columns, 0, 2).reshape(K * n, S * n * (P + 1))
+    return _Candidates(values, np.column_stack([columns, fit.problem.r.ravel()]), *fit.bounds)
 
 
-def _chosen(gram: Array, starts: Array, bounds: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Choice (n,) and parameters (N,) for one fold: all joints alike, then one after the other."""
-    S, n, _ = starts.shape
-    choice, theta = _best(gram, starts, bounds, np.repeat(np.arange(S)[:, None], n, axis=1))
+def _best_of_fold(candidates: _Candidates, gram: Array) -> tuple[Array, Array]:
+    """Initial values (N,) of one fold, and the values (N,) after its step."""
+    S, n, _ = candidates.values.shape
+    alike = np.repeat(np.arange(S)[:, None], n, axis=1)
+    choice, stepped = _best_choice(candidates, gram, alike)
     for j in list(range(n)) * (_SWEEPS if n > 1 else 0):
         choices = np.repeat(choice[None], S, axis=0)
         choices[:, j] = np.arange(S)
-        choice, theta = _best(gram, starts, bounds, choices)
-    return choice, theta
+        choice, stepped = _best_choice(candidates, gram, choices)
+    return candidates.values[choice, np.arange(n)].ravel(), stepped
 
 
-def _best(
-    gram: Array, starts: Array, bounds: tuple[Array, Array], choices: Array
-) -> tuple[Array, Array]:
-    """The best of some choices (C, n) of starts, and the parameters (N,) after its step."""
-    joints = np.arange(choices.shape[1])
-    index = np.arange(len(gram) - 1).reshape(*starts.shape[:2], -1)[choices, joints]
-    slopes = index[..., :-1].reshape(len(choices), -1)
-    rest = np.insert(index[..., -1], 0, len(gram) - 1, axis=1)  # they add up to the residual
-    H = gram[slopes[:, :, None], slopes[:, None, :]]
-    g = gram[slopes[:, :, None], rest[:, None, :]].sum(-1)
-    cost = gram[rest[:, :, None], rest[:, None, :]].sum((-1, -2))
-    start = starts[choices, joints].reshape(slopes.shape)
-    eased = H * (1 + _RIDGE * np.eye(H.shape[-1]))
-    move = bounded(eased, g, bounds[0] - start, bounds[1] - start)
-    cost = cost - 2 * (g * move).sum(-1) + np.einsum("ci,cij,cj->c", move, H, move)
+def _best_choice(candidates: _Candidates, gram: Array, choices: Array) -> tuple[Array, Array]:
+    """The choice (n,) of initial values with the lowest cost after one step, and the values there.
+
+    The cost after a step d within the bounds, from the values of one of the choices (C, n), is
+
+        |e0|^2 - 2 g'd + d'H d,   H = J'J,  g = J'e0
+    """
+    C, n = choices.shape
+    S, _, P = candidates.values.shape
+    columns = np.arange(S * n * (P + 1)).reshape(S, n, P + 1)[choices, np.arange(n)]
+    J = columns[..., :-1].reshape(C, n * P)
+    e0 = np.insert(columns[..., -1], 0, len(gram) - 1, axis=1)  # these columns add up to e0
+    H = gram[J[:, :, None], J[:, None, :]]
+    g = gram[J[:, :, None], e0[:, None, :]].sum(-1)
+    cost = gram[e0[:, :, None], e0[:, None, :]].sum((-1, -2))
+    start = candidates.values[choices, np.arange(n)].reshape(C, n * P)
+    damped = H * (1 + _RIDGE * np.eye(n * P))
+    d = bounded(damped, g, candidates.low - start, candidates.high - start)
+    cost = cost - 2 * (g * d).sum(-1) + np.einsum("ci,cij,cj->c", d, H, d)
     best = int(np.argmin(cost))
-    return choices[best], np.clip(start + move, *bounds)[best]
+    return choices[best], np.clip(start[best] + d[best], candidates.low, candidates.high)
 
 
-def check_rows(rows: Rows, weights: Array, slides: Array) -> None:
+def check_rows(fit: Linearised, weights: Array, slides: Array) -> None:
     """Refuse folds in which a joint slides in too few rows; slides (K, n) says where it does.
 
     Raises
@@ -91,10 +117,10 @@ def check_rows(rows: Rows, weights: Array, slides: Array) -> None:
         Naming the fold and the joint.
     """
     counts = (weights > 0).astype(float) @ slides
-    P = len(rows.law.names)
+    P = len(fit.law.names)
     if (counts < P).any():
         f, j = np.argwhere(counts < P)[0]
         raise InputError(
             f"joint {j + 1} slides in {counts[f, j]:.0f} rows of fold {f}, too few for the {P} "
-            f"parameters of {rows.law}: give recordings in which it moves, or use fewer folds"
+            f"parameters of {fit.law}: give recordings in which it moves, or use fewer folds"
         )

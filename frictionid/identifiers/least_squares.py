@@ -2,9 +2,9 @@
 
 minimise  sum_k weights[f, k] |r_k - G_k Tf_k(theta)|^2   over theta within the law's bounds
 
-by Levenberg-Marquardt [Marquardt1963]. Each step stays within the bounds, and its curvature learns
-from earlier steps what Gauss-Newton leaves out [Dennis1981]: in the valleys of friction laws (a
-higher peak that falls off sooner) that saves most of the steps.
+by Levenberg-Marquardt [Marquardt1963] with steps within the bounds. A secant correction adds to the
+Gauss-Newton Hessian what earlier steps show it to lack [Dennis1981]: in the narrow valleys of
+friction laws (a higher peak that falls off sooner) that saves most of the steps.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
+from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.friction import Friction, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import best_initial_guess
-from frictionid.identifiers.linearised import Rows
+from frictionid.identifiers.linearised import Linearised
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative, shares
+from frictionid.identifiers.row_weights import huber_factors, normalised
 
 _EXACT = 1e-22  # costs below this part of that without friction are rounding
 _DAMPING = (1e-9, 1e9)
@@ -34,12 +34,14 @@ _ROUNDS = 4
 class LeastSquares(Identifier):
     """Fits the parameters of a law.
 
-    It begins at those of the law's `initial` values, for each joint its own, that promise the
-    lowest cost, and ends where a step promises less than the `tolerance`, relative to the cost, or
-    after a number of `iterations`. Laws without a `gradient(theta, x)` of shape (..., n, P), and
-    laws with memory, are differentiated numerically. A parameter without any influence keeps its
-    start. Where `robust` is given, rows with residuals beyond that many standard deviations are
-    weighted down and the fit is repeated.
+    iterations : steps at most
+    tolerance : a fit ends where a step would reduce the cost by less, relative
+    robust : number of standard deviations beyond which rows are weighted down, after which the fit
+        is repeated; None gives all rows their full weight
+
+    It begins at the law's `initial` values that promise the lowest cost, for each joint its own.
+    Laws without a gradient, and laws with memory, are differentiated numerically. A parameter
+    without influence keeps its initial value.
 
     Raises
     ------
@@ -58,137 +60,142 @@ class LeastSquares(Identifier):
     """
 
     law: Law
-    iterations: int = 100
-    tolerance: float = 1e-11
-    robust: float | None = None
+    iterations: Count = 100
+    tolerance: NotNegative = 1e-11
+    robust: Positive | None = None
     seeded: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        if self.robust is not None and not self.robust > 0:
-            raise InputError(f"robust = {self.robust} standard deviations must be positive")
+        check_settings(self)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        rows = Rows(self.law, problem)
-        weights = relative(weights, problem)
-        theta = self._descended(_begin(rows, *best_initial_guess(rows, weights), weights), rows)
+        law, weights = Linearised(self.law, problem), normalised(weights, problem)
+        theta = self._minimum(law, _first(law, *best_initial_guess(law, weights), weights))
         for _ in range(_ROUNDS if self.robust else 0):
-            kept = weights * shares(rows.residual(theta), weights, self.robust or 0.0)
-            theta = self._descended(_begin(rows, theta, theta, kept), rows)
-        return rows.friction(theta)
+            reduced = weights * huber_factors(law.residual(theta), weights, self.robust or 0.0)
+            theta = self._minimum(law, _first(law, theta, theta, reduced))
+        return law.friction(theta)
 
-    def _descended(self, folds: _Folds, rows: Rows) -> Array:
-        """Parameters (F, N) at the minimum that lies downhill."""
-        theta, active = folds.theta.copy(), np.arange(len(folds.theta))
+    def _minimum(self, law: Linearised, state: _State) -> Array:
+        """Parameters (F, N) at the local minimum; folds that have converged take no more steps."""
+        theta, active = state.theta.copy(), np.arange(len(state.theta))
         for _ in range(self.iterations):
-            folds, settled = _improved(rows, folds, self.tolerance)
-            theta[active] = folds.theta
-            active, folds = active[~settled], folds.take(~settled)
+            state, converged = _next(law, state, self.tolerance)
+            theta[active] = state.theta
+            active, state = active[~converged], state.of(~converged)
             if not len(active):
                 break
         return theta
 
 
-class _Folds(NamedTuple):
-    """Where the folds are: theta (F, N) and what is known there.
+class _State(NamedTuple):
+    """State of the iteration in each fold, at theta (F, N).
 
-    residual (F, K, n); cost and damping (F,); downhill (F, N), half the negative gradient of the
-    cost; curvature (F, N, N) by Gauss-Newton, and bend (F, N, N), what that lacks.
+    residual (F, K, n); cost and damping (F,); descent J'We (F, N); hessian J'WJ (F, N, N) by
+    Gauss-Newton, and secant (F, N, N), its correction
     """
 
     theta: Array
     weights: Array
     residual: Array
     cost: Array
-    downhill: Array
-    curvature: Array
-    bend: Array
+    descent: Array
+    hessian: Array
+    secant: Array
     damping: Array
 
-    def take(self, which: Array) -> _Folds:
-        return _Folds(*(field[which] for field in self))
+    def of(self, folds: Array) -> _State:
+        """State of some of the folds."""
+        return _State(*(field[folds] for field in self))
 
 
-def _begin(rows: Rows, start: Array, stepped: Array, weights: Array) -> _Folds:
-    """The folds at the better of two parameters each; far from linear, a first step may be lost."""
+def _first(law: Linearised, initial: Array, stepped: Array, weights: Array) -> _State:
+    """State at the better of two guesses each; far from linear, a first step may be a bad one."""
     with np.errstate(all="ignore"):
-        better = _cost(rows.residual(stepped), weights) < _cost(rows.residual(start), weights)
-    theta = np.where(better[:, None], stepped, start)
-    residual = rows.residual(theta)
-    equations = rows.equations(theta, residual, weights)
+        better = _cost(law.residual(stepped), weights) < _cost(law.residual(initial), weights)
+    theta = np.where(better[:, None], stepped, initial)
+    residual = law.residual(theta)
+    descent, hessian = law.normal_equations(theta, residual, weights)
+    secant, damping = np.zeros_like(hessian), np.full(len(theta), 1e-6)
     cost = _cost(residual, weights)
-    return _Folds(
-        *(theta, weights, residual, cost, *equations),
-        bend=np.zeros_like(equations[1]),
-        damping=np.full(len(theta), 1e-6),
-    )
+    return _State(theta, weights, residual, cost, descent, hessian, secant, damping)
 
 
 def _cost(residual: Array, weights: Array) -> Array:
     return np.einsum("fk,fki->f", weights, residual**2)
 
 
-def _improved(rows: Rows, folds: _Folds, tolerance: float) -> tuple[_Folds, Array]:
-    """The folds after one step, and which of them have settled, (F,)."""
-    move, promised = _step(folds, *rows.bounds)
-    trial = np.clip(folds.theta + move, *rows.bounds)
-    with np.errstate(all="ignore"):  # a step too far is refused below, whatever it meets
-        residual = rows.residual(trial)
-        gain = folds.cost - _cost(residual, folds.weights)
-    without = _cost(rows.problem.r[None], folds.weights)
-    settled = promised <= tolerance * folds.cost + _EXACT * without
-    better = gain > 0
-    ratio = gain / np.maximum(promised, 1e-300)
+def _next(law: Linearised, state: _State, tolerance: float) -> tuple[_State, Array]:
+    """State after one step where that lowers the cost, and which folds have converged, (F,)."""
+    step, predicted = _step(state, *law.bounds)
+    theta = np.clip(state.theta + step, *law.bounds)
+    with np.errstate(all="ignore"):  # a step too far is refused below, whatever it gives
+        residual = law.residual(theta)
+        reduction = state.cost - _cost(residual, state.weights)
+    frictionless = _cost(law.problem.r[None], state.weights)
+    converged = predicted <= tolerance * state.cost + _EXACT * frictionless
+    better = reduction > 0
+    ratio = reduction / np.maximum(predicted, 1e-300)
     factor = np.select([ratio > 0.75, ratio > 0.25], [0.1, 1.0], 20.0)
-    new = folds._replace(
-        damping=np.clip(folds.damping * factor, *_DAMPING),
-        bend=np.where(better[:, None, None], folds.bend, 0.0),
-        theta=np.where(better[:, None], trial, folds.theta),
-        cost=np.where(better, folds.cost - gain, folds.cost),
-        residual=np.where(better[:, None, None], residual, folds.residual),
+    new = state._replace(
+        damping=np.clip(state.damping * factor, *_DAMPING),
+        secant=np.where(better[:, None, None], state.secant, 0.0),
+        theta=np.where(better[:, None], theta, state.theta),
+        cost=np.where(better, state.cost - reduction, state.cost),
+        residual=np.where(better[:, None, None], residual, state.residual),
     )
-    return _learnt(rows, folds, new, np.flatnonzero(better & ~settled)), settled
+    return _with_equations(law, state, new, np.flatnonzero(better & ~converged)), converged
 
 
-def _step(folds: _Folds, low: Array, high: Array) -> tuple[Array, Array]:
-    """Damped steps (F, N) within the bounds, and what they promise to take off the cost, (F,)."""
-    eye = np.eye(folds.theta.shape[-1])
-    scale = _scale(folds.curvature)
-    full = folds.curvature + folds.bend
+def _step(state: _State, low: Array, high: Array) -> tuple[Array, Array]:
+    """Damped steps d (F, N) within the bounds, and the reductions of the cost (F,) they predict.
+
+    (B + damping diag(J'WJ)) d = J'We, with B = J'WJ + secant where that is convex, else J'WJ; the
+    predicted reduction is d'(2 J'We - B d).
+    """
+    eye = np.eye(state.theta.shape[-1])
+    scale = _scale(state.hessian)
+    full = state.hessian + state.secant
     root = np.sqrt(scale)[:, :, None] * np.sqrt(scale)[:, None, :]
     convex = np.linalg.eigvalsh(full / root).min(axis=-1, initial=1.0) >= -_DAMPING[0]
-    model = np.where(convex[:, None, None], full, folds.curvature)
-    damped = model + (folds.damping[:, None] * scale)[:, :, None] * eye
-    move = bounded(damped, folds.downhill, low - folds.theta, high - folds.theta)
-    promised = move * (2 * folds.downhill - np.einsum("fij,fj->fi", model, move))
-    return move, promised.sum(axis=-1)
+    B = np.where(convex[:, None, None], full, state.hessian)
+    damped = B + (state.damping[:, None] * scale)[:, :, None] * eye
+    step = bounded(damped, state.descent, low - state.theta, high - state.theta)
+    predicted = step * (2 * state.descent - np.einsum("fij,fj->fi", B, step))
+    return step, predicted.sum(axis=-1)
 
 
-def _scale(curvature: Array) -> Array:
-    diagonal = np.einsum("fii->fi", curvature)
+def _scale(hessian: Array) -> Array:
+    diagonal = np.einsum("fii->fi", hessian)
     return np.where(diagonal > 0, diagonal, 1.0)
 
 
-def _learnt(rows: Rows, before: _Folds, after: _Folds, moved: Array) -> _Folds:
-    """`after` with the equations of the folds that moved, their bend by the rank-one formula."""
-    part = after.take(moved)
-    downhill, curvature = rows.equations(part.theta, part.residual, part.weights)
-    move = part.theta - before.theta[moved]
-    model = np.einsum("fij,fj->fi", curvature + part.bend, move)
-    missing = before.downhill[moved] - downhill - model
-    work = (missing * move).sum(axis=-1)
-    root = np.sqrt(_scale(curvature))
-    size = np.linalg.norm(missing / root, axis=-1) * np.linalg.norm(move * root, axis=-1)
-    sure = np.abs(work) > _CLEAR * size
-    share = np.where(sure, 1.0 / np.where(sure, work, 1.0), 0.0)
-    bend = part.bend + share[:, None, None] * missing[:, :, None] * missing[:, None, :]
+def _with_equations(law: Linearised, before: _State, after: _State, moved: Array) -> _State:
+    """`after` with the normal equations of the folds that moved, and their secant correction.
+
+    The symmetric rank-one update makes the Hessian explain the change of the gradient over the
+    step d: with y the part of the change that J'WJ + secant does not explain,
+
+        secant + y y' / (y'd),   where y'd is clearly not zero
+    """
+    part = after.of(moved)
+    descent, hessian = law.normal_equations(part.theta, part.residual, part.weights)
+    d = part.theta - before.theta[moved]
+    y = before.descent[moved] - descent - np.einsum("fij,fj->fi", hessian + part.secant, d)
+    product = (y * d).sum(axis=-1)
+    root = np.sqrt(_scale(hessian))
+    size = np.linalg.norm(y / root, axis=-1) * np.linalg.norm(d * root, axis=-1)
+    clear = np.abs(product) > _CLEAR * size
+    factor = np.where(clear, 1.0 / np.where(clear, product, 1.0), 0.0)
+    secant = part.secant + factor[:, None, None] * y[:, :, None] * y[:, None, :]
     return after._replace(
-        downhill=_set(after.downhill, moved, downhill),
-        curvature=_set(after.curvature, moved, curvature),
-        bend=_set(after.bend, moved, bend),
+        descent=_replaced(after.descent, moved, descent),
+        hessian=_replaced(after.hessian, moved, hessian),
+        secant=_replaced(after.secant, moved, secant),
     )
 
 
-def _set(field: Array, index: Array, value: Array) -> Array:
+def _replaced(field: Array, folds: Array, values: Array) -> Array:
     out = field.copy()
-    out[index] = value
+    out[folds] = values
     return out

@@ -14,12 +14,12 @@ from frictionid.identifiers.grams import check_linear, columns, grams
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import check_rows
 from frictionid.identifiers.least_squares import LeastSquares
-from frictionid.identifiers.linearised import Rows
+from frictionid.identifiers.linearised import Linearised
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 
 _RIDGE = 1e-13
-_LOOKS = 200  # nodes of each joint
+_CHECKED = 200  # nodes of each joint
 _ROUNDING = 1e-9
 
 
@@ -52,35 +52,35 @@ class Linear(Identifier):
         check_linear(self.law)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        rows, weights = Rows(self.law, problem), relative(weights, problem)
+        law, weights = Linearised(self.law, problem), normalised(weights, problem)
         A = columns(self.law, problem)
-        own = np.abs(A[..., :-1]).reshape(*problem.r.shape, problem.r.shape[-1], -1)
-        check_rows(rows, weights, own.max(axis=(1, 3)) > 0)
-        theta = solutions(grams(A, weights)[:, 0], *rows.bounds)
-        bent = ~_straight(rows.friction(theta), problem)
-        if bent.any():
-            found = LeastSquares(self.law).fit(problem, weights[bent], seed)
-            theta[bent] = found.theta.reshape(int(bent.sum()), -1)
-        return rows.friction(theta)
+        size = np.abs(A[..., :-1]).reshape(*problem.r.shape, problem.r.shape[-1], -1)
+        check_rows(law, weights, size.max(axis=(1, 3)) > 0)
+        theta = solutions(grams(A, weights)[:, 0], *law.bounds)
+        beyond = ~_in_linear_range(law.friction(theta), problem)
+        if beyond.any():
+            refitted = LeastSquares(self.law).fit(problem, weights[beyond], seed)
+            theta[beyond] = refitted.theta.reshape(int(beyond.sum()), -1)
+        return law.friction(theta)
 
 
 def solutions(T: Array, low: Array, high: Array) -> Array:
     """Parameters (F, N) within bounds (N,) around zero, of Gram matrices T (F, N + 1, N + 1)."""
-    size = np.sqrt(np.einsum("fii->fi", T)[:, :-1])
-    scale = np.where(size > 0, size, 1.0)
+    length = np.sqrt(np.einsum("fii->fi", T)[:, :-1])
+    scale = np.where(length > 0, length, 1.0)
     H = T[:, :-1, :-1] / scale[:, :, None] / scale[:, None, :]
-    eased = H * (1.0 + _RIDGE * np.eye(H.shape[-1]))
-    return np.asarray(bounded(eased, T[:, :-1, -1] / scale, low * scale, high * scale) / scale)
+    damped = H * (1.0 + _RIDGE * np.eye(H.shape[-1]))
+    return np.asarray(bounded(damped, T[:, :-1, -1] / scale, low * scale, high * scale) / scale)
 
 
-def _straight(friction: Friction, problem: Problem) -> Array:
-    """Whether (F,) the law is linear at theta, as far as nodes from slow to fast show it."""
+def _in_linear_range(friction: Friction, problem: Problem) -> Array:
+    """Whether (F,) the law is linear at theta, checked at nodes from slow to fast."""
     inputs, law = problem.nodes.inputs, friction.law
-    S, n = inputs.w.shape
-    order = np.argsort(np.abs(inputs.w), axis=0)[np.linspace(0, S - 1, min(_LOOKS, S)).astype(int)]
+    S = len(inputs.w)
+    places = np.linspace(0, S - 1, min(_CHECKED, S)).astype(int)
+    order = np.argsort(np.abs(inputs.w), axis=0)[places]
     x = Inputs(*(np.take_along_axis(part, order, axis=0) for part in inputs))
     theta = friction.theta[:, None]
-    torque = law.torque(theta, x, ())
     linear = (law.gradient(0.0 * theta[:1], x) * theta).sum(-1)
-    off = np.abs(torque - linear).max(axis=(1, 2))
-    return np.asarray(off <= _ROUNDING * np.abs(linear).max(axis=(1, 2)))
+    error = np.abs(law.torque(theta, x, ()) - linear).max(axis=(1, 2))
+    return np.asarray(error <= _ROUNDING * np.abs(linear).max(axis=(1, 2)))

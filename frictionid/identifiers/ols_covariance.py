@@ -1,4 +1,4 @@
-"""How sure one-step fits are: intervals from the scatter between recordings."""
+"""Confidence intervals of one-step fits, from the scatter between recordings."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.identifiers.grams import clusters
-from frictionid.identifiers.linearised import Rows
+from frictionid.identifiers.linearised import Linearised
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 
 
 def half_widths(friction: Friction, problem: Problem, weights: Array, level: float = 0.95) -> Array:
-    """Half the width (n, P) of an interval of each parameter of a fit under weights (K,).
+    """Half the widths (n, P) of confidence intervals of the parameters of a fit, weights (K,).
 
-    From what each recording (or stretch, where these are few) alone would change, with a t
-    distribution. NaN where the data say nothing, and for terms that a sparse law does not have. It
-    is the scatter of the fit alone: errors that all recordings share, as of smoothed states, stay.
+    By the sandwich covariance H^-1 (sum_c s_c s_c') H^-1, with H = J'WJ and the score s_c = J'We of
+    each cluster c of rows: a recording, or where these are few, a stretch of one; with a t
+    distribution. NaN where the data do not determine a parameter, and for terms that a sparse law
+    does not have. Errors that all recordings share, as those of smoothed states, are not in it.
 
     >>> from frictionid.identifiers.least_squares import LeastSquares
     >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
@@ -32,21 +33,21 @@ def half_widths(friction: Friction, problem: Problem, weights: Array, level: flo
     array([[0.0989, 0.0415, 1.5209, 0.0202]])
     """
     n, P = friction.theta.shape
-    rows, theta = Rows(friction.law, problem), np.reshape(friction.theta, (1, -1))
-    share = relative(np.reshape(weights, (1, -1)), problem)[0]
-    J = rows.slopes(theta)[0].reshape(*problem.r.shape, n * P)
-    known = J.reshape(-1, n * P).any(axis=0)
+    law, theta = Linearised(friction.law, problem), np.reshape(friction.theta, (1, -1))
+    share = normalised(np.reshape(weights, (1, -1)), problem)[0]
+    J = law.jacobian(theta)[0].reshape(*problem.r.shape, n * P)
+    determined = J.reshape(-1, n * P).any(axis=0)
     if getattr(friction.law, "sparse", False):
-        known &= theta[0] != 0
-    out = np.full(n * P, np.nan)
-    own = J[..., known] * share[:, None, None]
-    scores = np.einsum("kip,ki->kp", own, rows.residual(theta)[0])
-    H = np.einsum("kip,kiq->pq", own, J[..., known])
+        determined &= theta[0] != 0
+    J = J[..., determined]
+    weighted = J * share[:, None, None]
+    scores = np.einsum("kip,ki->kp", weighted, law.residual(theta)[0])
+    bread = np.linalg.pinv(np.einsum("kip,kiq->pq", weighted, J), hermitian=True)
     label = clusters(problem)
-    seen = np.unique(label[share > 0])
-    parts = np.stack([scores[label == c].sum(0) for c in seen])
-    inverse = np.linalg.pinv(H, hermitian=True)
-    freedom = max(len(seen) - 1, 1)
-    covariance = inverse @ (parts.T @ parts) @ inverse * len(seen) / freedom
-    out[known] = stdtrit(freedom, 0.5 + level / 2) * np.sqrt(np.diag(covariance))
+    used = np.unique(label[share > 0])
+    by_cluster = np.stack([scores[label == c].sum(0) for c in used])
+    freedom = max(len(used) - 1, 1)
+    covariance = bread @ (by_cluster.T @ by_cluster) @ bread * len(used) / freedom
+    out = np.full(n * P, np.nan)
+    out[determined] = stdtrit(freedom, 0.5 + level / 2) * np.sqrt(np.diag(covariance))
     return out.reshape(n, P)

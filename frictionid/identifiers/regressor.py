@@ -20,7 +20,7 @@ from frictionid.friction.laws.sklearn_law import Predicted, features
 from frictionid.friction.laws.table import Table
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 
 INPUTS = ("w", "q", "u")
 _SPEEDS = 24
@@ -96,7 +96,7 @@ class Regressor(Identifier):
             Table(self.speeds)  # now, and not after the first fit
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        weights = relative(weights, problem)
+        weights = normalised(weights, problem)
         x, torque, known = torques(problem)
         taught = [
             [

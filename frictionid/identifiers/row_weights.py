@@ -1,4 +1,4 @@
-"""Weights of rows: relative ones, and smaller ones for rows that no friction explains."""
+"""Weights of rows: normalised ones, and smaller ones for rows that no friction explains."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.identifiers.residual import Problem
 
-_NORMAL = 1.4826  # standard deviation over median size of normal errors
+_NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 
 
-def relative(weights: Array, problem: Problem) -> Array:
+def normalised(weights: Array, problem: Problem) -> Array:
     """Weights (F, K) that add up to one in each fold.
 
     Raises
@@ -32,23 +32,23 @@ def relative(weights: Array, problem: Problem) -> Array:
     return weights / weights.sum(axis=1, keepdims=True)
 
 
-def shares(residual: Array, weights: Array, clip: float) -> Array:
-    """Share (F, K) of its weight that each row keeps, by Huber's rule [Huber1964].
+def huber_factors(residual: Array, weights: Array, clip: float) -> Array:
+    """Factors (F, K) of the rows' weights by Huber's rule [Huber1964].
 
-    One for rows whose residual (F, K, n) is within `clip` standard deviations for all joints, and
-    clip over its size in them for others; the standard deviation of a joint is that of the fold's
-    rows without their tails, from the weighted median; rows left without any residual (joints at
-    rest, see `sliding`) have no part in it.
+    One for rows whose residual (F, K, n) is within `clip` standard deviations in all joints, and
+    clip over its size in them for others. A joint's standard deviation is that of the fold's rows
+    without their tails, from the weighted median; rows in which its residual is zero (stiction, see
+    `sliding`) do not count in it.
 
     >>> residual = np.array([[[1.0], [-1.0], [2.0], [-2.0], [100.0]]])
-    >>> shares(residual, np.ones((1, 5)), clip=3.0)[0].round(3)
+    >>> huber_factors(residual, np.ones((1, 5)), clip=3.0)[0].round(3)
     array([1.   , 1.   , 1.   , 1.   , 0.089])
     """
     size = np.abs(residual)
     order = np.argsort(size, axis=1)
     counted = weights[..., None] * (size > 0)
-    passed = np.cumsum(np.take_along_axis(counted, order, axis=1), axis=1)
-    middle = (passed >= 0.5 * passed[:, -1:]).argmax(axis=1)[:, None]
+    cumulated = np.cumsum(np.take_along_axis(counted, order, axis=1), axis=1)
+    middle = (cumulated >= 0.5 * cumulated[:, -1:]).argmax(axis=1)[:, None]
     median = np.take_along_axis(np.take_along_axis(size, order, axis=1), middle, axis=1)
     allowed = np.maximum(clip * _NORMAL * median, 1e-300)
     return np.min(allowed / np.maximum(size, allowed), axis=-1)

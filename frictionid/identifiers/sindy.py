@@ -34,7 +34,7 @@ from frictionid.identifiers.grams import clusters, columns, grams
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.pysindy_proposals import proposed_coefficients
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 
 _HALF = 0.5
 _FASTER = 0.98  # quantile of the speeds that must reach where a peak has fallen off
@@ -123,7 +123,7 @@ class SINDy(Identifier):
             positive=np.tile([c.bounds[0] >= 0 for c in candidates], n),
             usable=np.ones(n * len(candidates), dtype=bool),
         )
-        for f, G in enumerate(grams(A, relative(weights, problem), clusters(problem))):
+        for f, G in enumerate(grams(A, normalised(weights, problem), clusters(problem))):
             G, length = unit_columns(G)
             fastest = np.quantile(speed[weights[f] > 0], _FASTER, axis=0)
             reached = (fastest[:, None] >= needed).ravel()

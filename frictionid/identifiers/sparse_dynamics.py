@@ -23,7 +23,7 @@ from frictionid.identifiers.grams import clusters, grams
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.pysindy_proposals import proposed_coefficients
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 from frictionid.identifiers.sindy import Fraction
 
 _NO_COLUMN = 1e-9  # of the longest column
@@ -65,7 +65,7 @@ class SparseDynamics(Identifier):
         P = A.shape[-1] - n
         theta = np.zeros((len(weights), n, P))
         labels = clusters(problem)
-        for f, G in enumerate(grams(A[:, None], relative(weights, problem), labels)):
+        for f, G in enumerate(grams(A[:, None], normalised(weights, problem), labels)):
             for j in range(n):
                 own = np.r_[:P, P + j]
                 theta[f, j] = self._joint(G[:, own[:, None], own])

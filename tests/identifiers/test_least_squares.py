@@ -22,7 +22,7 @@ from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.identifiers.initial_guess import best_initial_guess
-from frictionid.identifiers.linearised import Rows
+from frictionid.identifiers.linearised import Linearised
 from frictionid.identifiers.residual import sliding
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
@@ -123,7 +123,7 @@ class Strict(Drag):
         return super().torque(theta, x, memory)
 
 
-def test_numeric_slopes_never_leave_the_bounds():
+def test_numeric_derivatives_never_leave_the_bounds():
     truth = np.array([[0.1, 0.001, 3.0]])  # the best power is its upper bound
     problem = explained_by(Strict(), truth)
     found = fit(Strict(), problem, everything(problem)).theta[0]
@@ -135,7 +135,7 @@ def test_a_start_that_is_the_truth_is_taken_by_each_joint():
     starts = ((0.3, 0.1, 0.8), *truth, (0.0, 0.5, 2.9))
     law = type("Started", (Drag,), {"initial": starts})()
     problem = explained_by(Drag(), truth)
-    begin, end = best_initial_guess(Rows(law, problem), everything(problem))
+    begin, end = best_initial_guess(Linearised(law, problem), everything(problem))
     np.testing.assert_array_equal(begin, truth.reshape(1, 6))
     np.testing.assert_allclose(end, begin, rtol=1e-6)
 

@@ -8,8 +8,8 @@ from fixtures.exact_problems import (
     everything,
     explained_by,
     standard_errors,
-    started_at,
     stationarity,
+    with_initial,
 )
 
 from frictionid.comparison.registry import LAWS
@@ -54,7 +54,7 @@ def test_every_start_in_the_valley_leads_to_the_truth(law):
     assert len(near) >= 5
     problem = explained_by(law, TRUTH[law][:1])
     for start in near:
-        found = fit(started_at(law, start), problem, everything(problem))
+        found = fit(with_initial(law, start), problem, everything(problem))
         np.testing.assert_allclose(found.theta[0], TRUTH[law][:1], rtol=1e-6)
 
 
@@ -145,7 +145,7 @@ def test_the_best_start_is_no_worse_than_any_one_start():
         weights = everything(problem)
         best = cost(problem, weights, fit(SYMMETRIC, problem, weights))
         for start in SYMMETRIC.initial:
-            one = fit(started_at(SYMMETRIC, start), problem, weights)
+            one = fit(with_initial(SYMMETRIC, start), problem, weights)
             assert best <= cost(problem, weights, one) * (1 + 1e-9)
 
 

@@ -24,7 +24,7 @@ from frictionid.identifiers.networks.early_stopping import check_share, held_out
 from frictionid.identifiers.networks.ensemble_seeds import member_seeds
 from frictionid.identifiers.networks.scales import speed_scale, torque_scale
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 
 _SHARP, _CREEP = 1e-9, 1e-6  # [rad/s]: smoothing that does not show at a speed that is none
 _DAMPING = (1e-8, 1e8)
@@ -76,7 +76,7 @@ class CompressedNetwork(Identifier):
         check_share(self.share)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        weights = relative(weights, problem)
+        weights = normalised(weights, problem)
         sizes = torque_scale(problem, weights), speed_scale(problem, weights)
         whole = self._squares(problem, weights)
         thetas = []

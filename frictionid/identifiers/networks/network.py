@@ -28,7 +28,7 @@ from frictionid.identifiers.networks.early_stopping import check_share, held_out
 from frictionid.identifiers.networks.ensemble_seeds import member_seeds
 from frictionid.identifiers.networks.scales import speed_scale, torque_scale
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 
 _LONGEST = 1.0  # gradient of a cost that is one without friction
 
@@ -93,7 +93,7 @@ class Network(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         check_device(self.device)
-        weights, law = relative(weights, problem), self.law
+        weights, law = normalised(weights, problem), self.law
         if law.sample_time is not None:
             law = replace(law, sample_time=float(np.median(problem.dt)))
         if self.inputs == "all":

@@ -15,7 +15,7 @@ from frictionid.identifiers.networks.early_stopping import held_out
 from frictionid.identifiers.networks.ensemble_seeds import member_seeds
 from frictionid.identifiers.networks.network import Network, check_device
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import relative
+from frictionid.identifiers.row_weights import normalised
 from frictionid.identifiers.sparse_dynamics import accelerations
 
 _LEAST = 1e-3  # of the largest speed or torque of any joint
@@ -38,7 +38,7 @@ class StateNetwork(Identifier):
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         own = self.training
         check_device(own.device)
-        weights = relative(weights, problem)
+        weights = normalised(weights, problem)
         law: Any = replace(own.law, joints=problem.r.shape[1])
         if law.sample_time is not None:
             law = replace(law, sample_time=float(np.median(problem.dt)))
