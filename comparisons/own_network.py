@@ -1,6 +1,6 @@
 """A network of one's own: any module of PyTorch, as the friction of each joint."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import torch
 
@@ -26,9 +26,9 @@ class Bumps(torch.nn.Module):
 
 @dataclass(frozen=True)
 class OwnLaw(TorchModule):
-    """Its law; files of its models are read with laws = {"OwnLaw": OwnLaw}."""
+    """Its law, with which `frictionid evaluate --law own_network:OwnLaw` reads its models."""
 
-    module: Bumps = field(default_factory=Bumps, metadata={"saved": False})
+    module: torch.nn.Module = Bumps()
 
 
 def own_network(epochs: int = 60) -> Network:

@@ -34,7 +34,7 @@ from frictionid.evaluation import (
     with_calibration,
     without_physics,
 )
-from frictionid.evaluation.hysteresis import Loop, Loops, loops_of, remembers
+from frictionid.evaluation.hysteresis import Loop, Loops, loops_of
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
@@ -280,7 +280,7 @@ def _lessons(parts: Sequence[Friction]) -> dict[str, Any]:
 
 def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Loop, ...]:
     """Friction along sinusoids: of laws that remember, or of all where the protocol asks."""
-    if fitted.mechanism or not (protocol.loops or remembers(fitted)):
+    if fitted.mechanism or not (protocol.loops or fitted.law.has_memory):
         return ()
     interval = float(np.median(prepared.euler.dt))
     settings = protocol.loops or Loops()

@@ -20,7 +20,7 @@ def equations(
     Intervals of 95 % are those of shooting where that found the friction (n, P), and else those of
     its one-step fit to the problem under weights (K,).
     """
-    if not hasattr(friction.law, "equation"):
+    if not friction.law.is_sparse:
         return {}
     half = half_widths(friction, problem, weights) if refined is None else _shot(refined)
     return {"equation": friction.law.equation(friction.theta, half, friction.angle_unit)}

@@ -129,7 +129,7 @@ def sliding(friction: Friction, w: Array, stiction: Stiction) -> Array:
 
 def _smoothing(friction: Friction) -> float:
     """Speed [rad/s] below which a law's smoothing shows; 0 where it is wide on purpose."""
-    reach = _WIDTHS * float(getattr(friction.law, "width", SLOW / _WIDTHS))
+    reach = _WIDTHS * friction.law.width
     return reach if reach <= SLOW * (1 + 1e-9) else 0.0
 
 
@@ -138,16 +138,14 @@ def is_sharp(friction: Friction) -> bool:
 
     So is a narrow tanh; an arctangent shows at all speeds.
     """
-    law = friction.law
-    named = hasattr(law, "width") and getattr(law, "shape", "") == "tanh"
-    return named and _smoothing(friction) > 0.0
+    return friction.law.shape == "tanh" and _smoothing(friction) > 0.0
 
 
 def sharp(friction: Friction, stiction: Stiction) -> Friction:
     """Friction without smoothing for joints that slide to their side."""
     if stiction.side is None or not is_sharp(friction):
         return friction
-    return replace(friction, law=replace(friction.law, width=_NARROW))
+    return replace(friction, law=friction.law.with_width(_NARROW))
 
 
 def braked(Tf: Array, stiction: Stiction) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, Nodes, along, at_rest
+from frictionid.friction import Friction, Inputs, Nodes, along
 from frictionid.mechanics import Plant
 
 KINDS = ("reversing", "offset")
@@ -77,16 +77,6 @@ class Loop(NamedTuple):
     def document(self) -> dict[str, Any]:
         """The loop as result files have it."""
         return self._asdict()
-
-
-def remembers(friction: Friction) -> bool:
-    """Whether friction depends on the motion before.
-
-    >>> from frictionid.friction.laws import CoulombViscous
-    >>> remembers(Friction(CoulombViscous(), np.array([[0.1, 0.02]])))
-    False
-    """
-    return bool(friction.law.start(friction.theta, at_rest(np.zeros(friction.n))))
 
 
 def loops_of(

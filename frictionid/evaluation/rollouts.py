@@ -12,7 +12,7 @@ from frictionid.dynamics.step import State
 from frictionid.evaluation.model_observer import PrecedingSamples, found
 from frictionid.evaluation.rollout_starts import InitialStates
 from frictionid.evaluation.score_rows import Row, far, summarise_rollouts
-from frictionid.friction import Friction, Inputs, Memory, memory_along
+from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
 
 
@@ -35,8 +35,7 @@ def predict(
 
 def _memory(friction: Friction, starts: InitialStates) -> Memory:
     """Memory at each start, from the motion before it."""
-    probe = Inputs(*(x[:1] for x in starts.nodes.inputs))
-    if not friction.law.start(friction.theta, probe):
+    if not friction.law.has_memory:
         return ()
     unique, back = np.unique(np.asarray(friction.theta), axis=0, return_inverse=True)
     back = np.reshape(back, -1)  # NumPy 2.0 gives it more axes

@@ -347,7 +347,7 @@ def _pooled(rows: Iterable[Row]) -> list[Row]:
 
 def _count(friction: Friction) -> Row:
     size = float(np.prod(friction.theta.shape[-2:]))
-    if getattr(friction.law, "sparse", False):  # zeros are terms that it does not have
+    if friction.law.is_sparse:  # zeros are terms that it does not have
         size = float(np.count_nonzero(np.asarray(friction.theta), axis=(-2, -1)).mean())
     return Row("all", "n_parameters", "count", None, "all", size, "1")
 

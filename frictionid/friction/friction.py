@@ -9,67 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
+from frictionid.friction.law import Inputs, Law, Memory, at_rest
 from frictionid.mechanics.calibration import Calibration
-
-Memory = tuple[Array, ...]
-
-
-class Inputs(NamedTuple):
-    """What friction may depend on: q [rad], w [rad/s], motor torque u [N m], bearing load [N].
-
-    Each has shape (..., n), one entry for each joint.
-    """
-
-    q: Array
-    w: Array
-    u: Array
-    load: Array
-
-
-class Law(Protocol):
-    """A friction law, the form of Tf; all numbers are in theta (..., n, P), P = len(names).
-
-    `names`, `units`, `bounds` (lower, upper) describe the parameters of one joint and `initial`
-    lists values to start a fit from, one tuple for each start. `sample_time` is None where the
-    memory advances with each substep, or the time [s] of the samples at which it does. `uses_load`
-    says whether the law reads the bearing load, which costs time to compute.
-
-    The batch axes of theta and of the inputs broadcast against each other.
-    """
-
-    @property
-    def names(self) -> tuple[str, ...]: ...
-    @property
-    def units(self) -> tuple[str, ...]: ...
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]: ...
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]: ...
-    @property
-    def sample_time(self) -> float | None: ...
-    @property
-    def uses_load(self) -> bool: ...
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        """Memory at the begin of a motion; () for static laws. Each entry (..., n)."""
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        """Friction torque Tf, shape (..., n) [N m]."""
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        """Memory after dt [s], shape (..., 1), at inputs x."""
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        """Break-away level (..., n) [N m]: smaller loads cannot move the joint from rest.
-
-        The sign of x.w tells the direction of the impending motion; memory is that at this moment.
-        Zero where the memory itself holds the joint, as a bristle does.
-        """
 
 
 class Nodes(NamedTuple):
@@ -109,7 +55,7 @@ class Friction:
            [ 0.12,  0.05]])
     """
 
-    law: Any
+    law: Law
     theta: Array
     parameters: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -169,22 +115,17 @@ class Friction:
         if not self.law.names:
             return str(self.law)
         lines = [str(self.law)]
-        if is_network(self.law):
+        if self.law.is_network:
             return "\n".join([*lines, f"  {len(self.law.names)} numbers for each joint"])
         theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
         for j in range(self.n):
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"
                 for i, (name, unit) in enumerate(zip(self.law.names, self.units, strict=True))
-                if not (getattr(self.law, "sparse", False) and (theta[:, j, i] == 0).all())
+                if not (self.law.is_sparse and (theta[:, j, i] == 0).all())
             )
             lines.append(f"  joint {j + 1}  " + ", ".join(values))
         return "\n".join(lines)
-
-
-def is_network(law: Any) -> bool:
-    """Whether a law's numbers are weights, which tell a person nothing: its `network` says so."""
-    return bool(getattr(law, "network", False))
 
 
 def units_of(law: Law, angle_unit: str = "rad") -> tuple[str, ...]:
@@ -205,16 +146,6 @@ def _number(values: Array) -> str:
     return f"{values.mean():.4g} +- {values.std(ddof=1):.2g}"
 
 
-def at_rest(w: Array) -> Inputs:
-    """Inputs with velocities w (..., n) and all else zero.
-
-    >>> at_rest(np.ones(2)).u
-    array([0., 0.])
-    """
-    zero = 0.0 * w
-    return Inputs(zero, w, zero, zero)
-
-
 def along(friction: Friction, nodes: Nodes) -> Array:
     """Friction torque along recorded nodes, shape (..., S, n) [N m].
 
@@ -227,7 +158,7 @@ def along(friction: Friction, nodes: Nodes) -> Array:
     array([-0.12,  0.14])
     """
     law, theta = friction.law, friction.theta[..., None, :, :]
-    if not law.start(theta, _take(nodes.inputs, nodes.first[:1])):
+    if not law.has_memory:
         return law.torque(theta, nodes.inputs, ())
     xp = namespace(friction.theta, nodes.inputs.w)
     memories = memory_along(friction, nodes)

@@ -8,7 +8,7 @@ name. It never names code: a law outside this package needs its class at hand.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict, fields
 from difflib import get_close_matches
 from hashlib import sha256
 from pathlib import Path
@@ -18,21 +18,21 @@ import numpy as np
 
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_bytes, write_json
-from frictionid.friction import Friction, is_network, units_of
+from frictionid.friction import Friction, Law, units_of
 from frictionid.mechanics.calibration import Calibration
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"
 
 
-def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, Any]:
+def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
     """JSON document of a friction; its law stands under its name in `laws`, else its class's.
 
     The means of a batch stand in `joints`, in words and units, for people; `theta` is what counts.
     Weights of a network have no words.
     """
-    if unsaved := getattr(friction.law, "unsaved", ""):
-        raise InputError(f"{friction.law} cannot be saved: {unsaved}")
+    if reason := friction.law.cannot_be_saved:
+        raise InputError(f"{friction.law} cannot be saved: {reason}")
     theta = np.asarray(friction.theta, dtype=float)
     mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
     words = [
@@ -45,7 +45,7 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     return {
         "format": FORMAT,
         "law": _law_table(friction.law, laws),
-        **({} if is_network(friction.law) else {"joints": words}),
+        **({} if friction.law.is_network else {"joints": words}),
         "theta": theta,
         "shape": list(theta.shape),
         "parameters": dict(friction.parameters),
@@ -56,20 +56,18 @@ def model_document(friction: Friction, laws: Mapping[str, type]) -> dict[str, An
     }
 
 
-def _law_table(law: Any, laws: Mapping[str, type]) -> dict[str, Any]:
+def _law_table(law: Law, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
     """Kind and settings of a law; one within another, as in an ensemble, is such a table itself."""
     names = [name for name, known in laws.items() if type(law) is known]
     table: dict[str, Any] = {"kind": names[0] if names else type(law).__name__}
-    if is_dataclass(law) and not isinstance(law, type):
-        for field in fields(law):
+    for field in fields(law):
+        if field.name not in law.left_out_of_files:
             value = getattr(law, field.name)
-            if field.metadata.get("saved", True):
-                inner = hasattr(value, "torque")
-                table[field.name] = _law_table(value, laws) if inner else value
+            table[field.name] = _law_table(value, laws) if isinstance(value, Law) else value
     return table
 
 
-def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None:
+def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) -> None:
     """Write a friction as a JSON model file, the weights of a network beside it.
 
     Raises
@@ -78,7 +76,7 @@ def save_model(friction: Friction, path: Path, laws: Mapping[str, type]) -> None
         Where the place cannot be written.
     """
     document = model_document(friction, laws)
-    if is_network(friction.law):
+    if friction.law.is_network:
         from safetensors.numpy import save
 
         content = save({"theta": np.ascontiguousarray(document["theta"])})
@@ -110,7 +108,7 @@ def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
     return np.asarray(theta, dtype=float)
 
 
-def load_model(path: Path, laws: Mapping[str, type]) -> Friction:
+def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:
     """Friction of a model file; its law must be named in `laws`.
 
     A file written by hand may leave out `theta` and give `joints` only.
@@ -126,7 +124,7 @@ def load_model(path: Path, laws: Mapping[str, type]) -> Friction:
     return read_model(document, laws, str(path))
 
 
-def read_model(document: Mapping[str, Any], laws: Mapping[str, type], where: str) -> Friction:
+def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where: str) -> Friction:
     """Friction of a model document; `where` is named in errors."""
     if document.get("format") != FORMAT:
         raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}"')
@@ -165,7 +163,7 @@ def _calibration(table: Any, where: str) -> Calibration | None:
     return Calibration(**numbers)
 
 
-def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
+def _law(table: Any, laws: Mapping[str, type[Law]], where: str) -> Law:
     if not isinstance(table, Mapping) or "kind" not in table:
         raise InputError(f'{where}: "law" must be an object with a "kind"')
     kind = str(table["kind"])
@@ -178,7 +176,7 @@ def _law(table: Any, laws: Mapping[str, type], where: str) -> Any:
         for k, v in table.items()
         if k != "kind"
     }
-    known = {f.name: f.default for f in fields(laws[kind])} if is_dataclass(laws[kind]) else {}
+    known = {f.name: f.default for f in fields(laws[kind])}
     for name, value in settings.items():
         if name not in known:
             raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(set(known))}")
@@ -194,7 +192,7 @@ def _list(known: set[str]) -> str:
     return f"known are {', '.join(sorted(known))}" if known else "it has none"
 
 
-def _theta(document: Mapping[str, Any], law: Any, where: str) -> np.ndarray:
+def _theta(document: Mapping[str, Any], law: Law, where: str) -> np.ndarray:
     joints = document.get("joints")
     if joints is not None and not (isinstance(joints, list) and joints):
         raise InputError(f'{where}: "joints" must list the parameters of each joint')
@@ -219,7 +217,7 @@ def _theta(document: Mapping[str, Any], law: Any, where: str) -> np.ndarray:
     return theta
 
 
-def _joint(joint: Any, law: Any, units: Sequence[str], where: str) -> list[float]:
+def _joint(joint: Any, law: Law, units: Sequence[str], where: str) -> list[float]:
     """Values of one joint's parameters, in the order of the law's names."""
     given = set(joint) if isinstance(joint, Mapping) else set()
     if given != set(law.names):

@@ -89,5 +89,5 @@ def check_linear(law: Law) -> None:
     InputError
         Naming the law.
     """
-    if not getattr(law, "linear", False):
+    if not law.is_linear:
         raise InputError(f"{law} is not linear in its parameters: fit it by LeastSquares")

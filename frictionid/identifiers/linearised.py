@@ -64,7 +64,7 @@ class Linearised(NamedTuple):
             Where they are not finite.
         """
         F, N = theta.shape
-        folds_at_once = max(F, 1) if self._has_memory() else 1
+        folds_at_once = max(F, 1) if self.law.has_memory else 1
         descent, hessian = np.empty((F, N)), np.empty((F, N, N))
         for first in range(0, F, folds_at_once):
             part = slice(first, first + folds_at_once)
@@ -89,17 +89,13 @@ class Linearised(NamedTuple):
                 "problem, and for parameters within the law's bounds where its torque is not finite"
             )
 
-    def _has_memory(self) -> bool:
-        theta = np.reshape(self.law.initial[0], (1, -1))
-        return bool(self.law.start(theta, self.problem.nodes.inputs))
-
 
 def _torque_gradient(friction: Friction, problem: Problem) -> Array:
     """dTf_j/dtheta_jp along the nodes, (F, S, n, P)."""
     law, nodes, theta = friction.law, problem.nodes, friction.theta
     shape = (len(theta), *nodes.inputs.w.shape, theta.shape[-1])
     by_node = theta[..., None, :, :]
-    if hasattr(law, "gradient") and not law.start(by_node, nodes.inputs):
+    if law.has_gradient and not law.has_memory:
         return np.broadcast_to(law.gradient(by_node, nodes.inputs), shape)
     out, at_once = np.empty(shape), max(1, int(_TORQUES / (2 * np.prod(shape[:-1]))))
     for first in range(0, len(law.names), at_once):

@@ -37,7 +37,7 @@ def half_widths(friction: Friction, problem: Problem, weights: Array, level: flo
     share = normalised(np.reshape(weights, (1, -1)), problem)[0]
     J = law.jacobian(theta)[0].reshape(*problem.r.shape, n * P)
     determined = J.reshape(-1, n * P).any(axis=0)
-    if getattr(friction.law, "sparse", False):
+    if friction.law.is_sparse:
         determined &= theta[0] != 0
     J = J[..., determined]
     weighted = J * share[:, None, None]

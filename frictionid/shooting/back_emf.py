@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import ClassVar
 
 from frictionid.arrays import Array
 from frictionid.dynamics.stiction import SLOW
 from frictionid.friction import Inputs, Law, Memory
 
 _SHARPER = 0.2  # of the smoothing of the base law
-_WIDTH = 0.02  # [rad/s], of laws that tell none, as the step takes it
 
 
 @dataclass(frozen=True)
-class BackEMF:
+class BackEMF(Law):
     """Tf = Tf_base + back_emf w, where the base law sees the torque u - back_emf w of the motor.
 
     u is the torque that the voltage alone would make. The last number of a joint is back_emf =
     kt^2/R [N m s/rad], all others are the base law's.
     """
 
-    base: Any
+    base: Law
+    shape: ClassVar[str] = ""  # the step must not narrow it, see `sharpened`
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -45,24 +45,22 @@ class BackEMF:
 
     @property
     def uses_load(self) -> bool:
-        return bool(self.base.uses_load)
+        return self.base.uses_load
 
     @property
     def width(self) -> float:
         """Smoothing [rad/s] of the base law."""
-        return float(getattr(self.base, "width", _WIDTH))
+        return self.base.width
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        memory: Memory = self.base.start(theta[..., :-1], _felt(theta, x))
-        return memory
+        return self.base.start(theta[..., :-1], _felt(theta, x))
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         own: Array = self.base.torque(theta[..., :-1], _felt(theta, x), memory)
         return own + theta[..., -1] * x.w
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        found: Memory = self.base.advance(theta[..., :-1], _felt(theta, x), memory, dt)
-        return found
+        return self.base.advance(theta[..., :-1], _felt(theta, x), memory, dt)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         # w says nothing but the direction here: the joint is at rest
@@ -80,7 +78,6 @@ def sharpened(law: Law) -> Law:
     Where the step goes round a law's smoothing it asks for the torque at a speed just beyond. That
     is no matter for friction, which hardly changes there, but back-EMF changes more.
     """
-    width = getattr(law, "width", None)
-    if width is None or 5 * width > SLOW * (1 + 1e-9):
+    if not 0 < 5 * law.width <= SLOW * (1 + 1e-9):
         return law
-    return replace(law, width=_SHARPER * width)  # type: ignore[type-var]
+    return law.with_width(_SHARPER * law.width)

@@ -42,26 +42,24 @@ class Combined(Wrapped):
         return self.origin + (self.directions @ np.asarray(theta)[..., None])[..., 0]
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        memory: Memory = self.inner.start(self.numbers(theta), x)
-        return memory
+        return self.inner.start(self.numbers(theta), x)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.inner.torque(self.numbers(theta), x, memory)
 
-    def gradient(self, theta: Array, x: Inputs, memory: Memory = ()) -> Array:
-        """Derivatives (K, n, r) of the torque at inputs (K, n)."""
-        numbers = self.numbers(theta)
-        own = self.inner.gradient(numbers, x, memory) if memory else self.inner.gradient(numbers, x)
-        return np.swapaxes(np.swapaxes(own, 0, 1) @ self.directions, 0, 1)
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        return self._combined(self.inner.gradient(self.numbers(theta), x))
 
-    def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
-        """Derivatives of the torque at inputs (K, n): (K, n, r), and in each entry of memory."""
-        own, by_memory = self.inner.slopes(self.numbers(theta), x, memory)
-        return np.swapaxes(np.swapaxes(own, 0, 1) @ self.directions, 0, 1), by_memory
+    def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory] | None:
+        known = self.inner.slopes(self.numbers(theta), x, memory)
+        return None if known is None else (self._combined(known[0]), known[1])
+
+    def _combined(self, gradient: Array) -> Array:
+        """Derivatives (K, n, r) in the combinations, of those (K, n, P) in the law's numbers."""
+        return np.swapaxes(np.swapaxes(gradient, 0, 1) @ self.directions, 0, 1)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        later: Memory = self.inner.advance(self.numbers(theta), x, memory, dt)
-        return later
+        return self.inner.advance(self.numbers(theta), x, memory, dt)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.inner.limit(self.numbers(theta), x, memory)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from frictionid.arrays import Array
 from frictionid.dynamics.stiction import State, Stiction, inputs, sharp, sliding
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.mechanics import Plant
-from frictionid.shooting.wrapped import Wrapped
 
 # Central differences: the cube root of rounding, times the scale on which friction changes
 SPEED = 1e-6  # [rad/s], and [rad], [N m]
@@ -132,11 +131,10 @@ def _columns(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Ar
 
 def _own_slopes(law: Law, theta: Array, x: Inputs, memory: Memory) -> tuple[Array | None, Memory]:
     """Derivatives of the torque by theta (K, n, P), of laws that know them, and by the memory."""
-    known: Any = law
-    if isinstance(law, Wrapped):
-        return known.slopes(theta, x, memory) if memory else (known.gradient(theta, x), ())
-    gradient = known.gradient(theta, x) if hasattr(law, "gradient") and not memory else None
-    return gradient, by_memory(lambda m: law.torque(theta, x, m), memory)
+    if not memory:
+        return law.gradient(theta, x), ()
+    known = law.slopes(theta, x, memory)
+    return known or (None, by_memory(lambda m: law.torque(theta, x, m), memory))
 
 
 def _through_load(

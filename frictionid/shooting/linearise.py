@@ -120,8 +120,7 @@ class Intervals:
     def warm(self, guess: Guess) -> tuple[Array, ...]:
         """Memory (K, n) at each interval's begin, from the smoothed motion before it."""
         track, friction = self.track, guess.friction
-        zero = 0.0 * track.q[:1]
-        if not friction.law.start(friction.theta, Inputs(zero, zero, zero, zero)):
+        if not friction.law.has_memory:
             return ()
         sizes = [len(s.time) for s in track.states]
         first = np.concatenate([[0], np.cumsum(sizes)])

@@ -17,33 +17,24 @@ from frictionid.shooting.parameters.friction import FrictionBlock
 from frictionid.shooting.parameters.network_directions import Combinations
 from frictionid.shooting.parameters.parameter_block import Block
 from frictionid.shooting.tensors import OnTensors
-from frictionid.shooting.torque_samples import points_of, remembers
-from frictionid.shooting.wrapped import smoothing_of
+from frictionid.shooting.torque_samples import points_of
 
-_FEW = 16  # numbers of a joint: more are free in combinations only
 _MOST = 20  # combinations of a joint
 _REACH = 1.0  # of the size of a joint's numbers: standard deviation of how far they move
-
-
-def is_network(friction: Friction) -> bool:
-    """Whether a friction has more numbers than a motion tells one by one."""
-    law = friction.law
-    many = len(law.names) > _FEW and not hasattr(law, "gradient")
-    return bool(getattr(law, "network", False)) or many
 
 
 def on_arrays(friction: Friction) -> Friction:
     """The friction on NumPy arrays, with slopes by reverse mode where its law has none to give."""
     law, theta = friction.law, friction.theta
     if not hasattr(theta, "detach"):
-        known = getattr(law, "window", False) or not remembers(friction)
-        if not is_network(friction) or (hasattr(law, "gradient") and known):
+        known = law.reads_window or not law.has_memory
+        if not law.is_network or (law.has_gradient and known):
             return friction
         from torch import as_tensor  # late: who has no such law need not wait for torch
 
         theta = as_tensor(np.array(theta, dtype=float))
     like = theta.detach().double()
-    law = OnTensors(law, *smoothing_of(law), like)
+    law = OnTensors(law, law.width, law.shape, like)
     return replace(friction, law=law, theta=like.cpu().numpy().copy())
 
 

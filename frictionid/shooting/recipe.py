@@ -14,7 +14,6 @@ from frictionid.mechanics.calibration import stack_calibrations
 from frictionid.shooting.gauss_newton import settle
 from frictionid.shooting.intervals import Track
 from frictionid.shooting.linearise import values_of
-from frictionid.shooting.networks import is_network
 from frictionid.shooting.parameters import Block, FrictionBlock
 from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.refine import Refined, begin, refined
@@ -49,7 +48,7 @@ def refine_folds(
         of a network, which keeps something of it where the motion shows nothing: it takes over no
         more than the states of the motion.
     """
-    network = is_network(friction)
+    network = friction.law.is_network
     own = [on_support(recipe.blocks, friction[f]) for f in range(len(training))]
     recipe = replace(recipe, blocks=own[-1])
     whole, nodes = _one(friction[-1], track, recipe, training[-1] > 0, None, None)

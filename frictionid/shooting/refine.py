@@ -21,7 +21,7 @@ from frictionid.shooting.data_checks import complain, doubts
 from frictionid.shooting.gauss_newton import Shot, settle
 from frictionid.shooting.intervals import Track, track_of
 from frictionid.shooting.linearise import Intervals, intervals_of
-from frictionid.shooting.networks import as_given, combined, is_network, on_arrays
+from frictionid.shooting.networks import as_given, combined, on_arrays
 from frictionid.shooting.parameters.friction import FrictionBlock, on_support
 from frictionid.shooting.parameters.parameter_block import Block, Guess
 from frictionid.shooting.servo_intervals import driven_of, has_actuator, motored
@@ -158,7 +158,7 @@ def begin(
     base = mechanism.base(parameters_of(table, friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
-    network = is_network(friction)
+    network = friction.law.is_network
     friction = on_arrays(friction)
     if network:
         friction, blocks = combined(friction, mechanism, calibration, track, blocks)

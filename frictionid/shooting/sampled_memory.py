@@ -43,7 +43,7 @@ def remembered(scene: Scene, end: Ends, forces: Forces, dt: Array) -> Ends:
         more, less = ((*end.memory[:e], entry + s * step, *end.memory[e + 1 :]) for s in (1, -1))
         slope = _slope(lambda z: advanced(theta, x, z), more, less, step[:, None])
         rows += slope[..., None] * old[:, None, (2 + e) * n : (3 + e) * n]
-    depends = not getattr(scene.friction.law, "window", False)
+    depends = not scene.friction.law.reads_window
     for place in np.unique(scene.free.place) if depends else ():
         step = np.zeros_like(theta)
         step[..., place] = _SMALL * np.maximum(_LEAST, np.abs(theta[..., place]))

@@ -39,12 +39,10 @@ class OnTensors(Wrapped):
         inner = Inputs(*self._all(x))
         return _numpy(self.inner.limit(self._in(theta), inner, self._all(memory)))
 
-    def gradient(self, theta: Array, x: Inputs, memory: Memory = ()) -> Array:
-        """Derivatives (K, n, P) of the torque in each joint's own numbers, theta (n, P)."""
-        return self.gradient_along(theta, (x,), memory, np.zeros((len(x.w), 1)))
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        return self.gradient_along(theta, (x,), (), np.zeros((len(x.w), 1)))
 
     def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
-        """Derivatives of the torque: (K, n, P) in theta, and in each entry (K, n) of memory."""
         zero = np.zeros((len(x.w), 1))
         parts = [self._back(theta, (x,), memory, zero, rows) for rows in self._rows(theta, zero)]
         by_memory = zip(*(part[1] for part in parts), strict=True)

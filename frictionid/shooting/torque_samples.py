@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,14 +40,15 @@ class Points:
 
     def slopes(self, friction: Friction) -> Array:
         """Their derivatives (N, n, P) in each joint's own numbers."""
-        law, theta = friction.law, friction.theta
-        if len(self.path) == 1:
+        theta = friction.theta
+        law: Any = friction.law  # of `on_arrays`, which gives it the derivatives asked for here
+        if not law.has_memory:
             return np.asarray(law.gradient(theta, self.path[0]))
         z = law.start(theta, self.path[0])
-        if getattr(law, "window", False):
+        if law.reads_window:
             for x in self.path[1:]:
                 z = law.advance(theta, x, z, self.dt)
-            return np.asarray(law.gradient(theta, self.path[-1], z))
+            return np.asarray(law.slopes(theta, self.path[-1], z)[0])
         return np.asarray(law.gradient_along(theta, self.path, z, self.dt))
 
 
@@ -56,7 +58,7 @@ def points_of(
     """Some of a track's samples, as the law meets them."""
     K = len(track.dt)
     run = np.arange(K) - np.maximum.accumulate(np.where(track.joined, 0, np.arange(K)))
-    link = min(_LINK, int(run.max())) if remembers(friction) else 0
+    link = min(_LINK, int(run.max())) if friction.law.has_memory else 0
     known = np.flatnonzero(run >= link)
     some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
     plant = calibrated_plant(track.dataset, calibration)
@@ -68,9 +70,3 @@ def points_of(
         state = State(track.q[at] - calibration.offset, track.w[at])
         path.append(inputs(plant[track.recording[at]], friction, state, u))
     return Points(tuple(path), track.dt[some][:, None])
-
-
-def remembers(friction: Friction) -> bool:
-    """Whether the law has a memory."""
-    zero = np.zeros((1, friction.n))
-    return bool(friction.law.start(friction.theta, Inputs(zero, zero, zero, zero)))

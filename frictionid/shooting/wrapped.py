@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field
 
-from frictionid.dynamics.stiction import SLOW
-
-_WIDTHS = 5.0  # of a law's smoothing: what the step takes the width of laws for that have none
+from frictionid.friction import Law
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Wrapped:
+class Wrapped(Law):
     """A law around another, with the other's smoothing at rest, of `width` and `shape`."""
 
-    law: Any
-    width: float
-    shape: str
+    law: Law
+    width: float = field()  # of their own, without `Law`'s defaults
+    shape: str = field()
 
     def __repr__(self) -> str:
         return repr(self.law)
@@ -39,27 +36,18 @@ class Wrapped:
 
     @property
     def sample_time(self) -> float | None:
-        sampled: float | None = self.law.sample_time
-        return sampled
+        return self.law.sample_time
 
     @property
     def uses_load(self) -> bool:
-        return bool(self.law.uses_load)
+        return self.law.uses_load
 
     @property
-    def window(self) -> bool:
-        """Whether the other's memory holds samples of the motion, whatever its numbers are."""
-        return bool(getattr(self.law, "window", False))
+    def reads_window(self) -> bool:
+        return self.law.reads_window
 
     @property
-    def inner(self) -> Any:
+    def inner(self) -> Law:
         """The other law, with the smoothing that is asked for."""
-        same = not self.shape or self.width == self.law.width
-        return self.law if same else replace(self.law, width=self.width)
-
-
-def smoothing_of(law: Any) -> tuple[float, str]:
-    """Width and shape of a law's smoothing; no shape where it cannot be changed."""
-    if hasattr(law, "width") and hasattr(law, "shape"):
-        return float(law.width), str(law.shape)
-    return float(getattr(law, "width", SLOW / _WIDTHS)), ""
+        same = self.width == self.law.width
+        return self.law if same else self.law.with_width(self.width)

@@ -260,8 +260,8 @@ def test_loss_of_the_disk_while_writing_is_named(tmp_path, monkeypatch):
 
 
 @dataclass(frozen=True)
-class Plain:
-    """A law that is a dataclass without settings."""
+class Plain(NoFriction):
+    """A law without settings."""
 
     names: ClassVar[tuple[str, ...]] = ("level",)
     units: ClassVar[tuple[str, ...]] = ("N m",)

@@ -16,7 +16,7 @@ from frictionid.arrays import times
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
-from frictionid.friction import Friction, along
+from frictionid.friction import Friction, Law, along
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag, Stribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.box_qp import bounded
@@ -82,25 +82,17 @@ def test_what_has_no_influence_stays_and_what_stands_beside_does_not_matter():
 
 
 @dataclass(frozen=True)
-class Drag:
+class Drag(Law):
     """coulomb tanh(w/0.1) + drag |w|^power sgn(w): not linear, without a gradient."""
 
     names: ClassVar[tuple[str, ...]] = ("coulomb", "drag", "power")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m", "1")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0), (0.0, 1.0), (0.5, 3.0))
     initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.01, 1.0), (0.1, 0.1, 2.5))
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-
-    def start(self, theta, x):
-        return ()
 
     def torque(self, theta, x, memory):
         shape = np.abs(x.w) ** theta[..., 2] * np.sign(x.w)
         return theta[..., 0] * np.tanh(x.w / 0.1) + theta[..., 1] * shape
-
-    def advance(self, theta, x, memory, dt):
-        return memory
 
     def limit(self, theta, x, memory):
         return theta[..., 0] + 0.0 * x.w

@@ -24,7 +24,7 @@ SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)
 
 def drawn(law, folds=3, n=2, seed=0):
     rng = np.random.default_rng(seed)
-    theta = law.begin(np.full((folds, n), 0.1), np.full((folds, n), 5.0), rng)
+    theta = law.initial_parameters(np.full((folds, n, 2), [0.1, 5.0]), rng)
     return theta + 0.5 * rng.standard_normal(theta.shape) * (np.array(law.units) == "1")
 
 

@@ -32,7 +32,7 @@ SMALL = CompressedNetwork(MLP((8,)), freedom=(0.3, 1.0))
 
 def drawn(law, n=2, seed=0):
     rng = np.random.default_rng(seed)
-    theta = law.begin(np.full((3, n), 0.1), np.full((3, n), 5.0), rng)
+    theta = law.initial_parameters(np.full((3, n, 2), [0.1, 5.0]), rng)
     return theta + 0.7 * rng.standard_normal(theta.shape) * (np.array(law.units) == "1")
 
 

@@ -51,7 +51,7 @@ def test_it_finds_the_numbers_of_its_own_law(own: Identifier) -> None:
     """On real rows of the acrobot whose residuals are made of a known quadratic friction."""
     dataset = load_dataset(ROOT / "data" / "acrobot_clean")
     problem = problem_of(dataset, plant_of(dataset), INTEGRAL)
-    true = np.array([[0.16, 0.003], [0.05, 0.0004]])
+    true = np.array([[0.16, 0.01, 0.003], [0.05, 0.002, 0.0004]])
     law = own.law  # type: ignore[attr-defined]
     pulled = problem.r - problem.residual(along(Friction(law, true), problem.nodes))
     exact = type(problem)(**{**vars(problem), "r": pulled})
@@ -65,7 +65,7 @@ def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own: Identifier) -
     protocol = Protocol(horizons=(0.1, 0.3))
     results = compare(dataset, {"none": Frictionless(), "own": own}, folds, protocol=protocol)
     theirs, ours = (results[name, "integral"] for name in ("none", "own"))
-    assert ours.friction.theta.shape == (3, 1, 2)
+    assert ours.friction.theta.shape == (3, 1, 3)
     far = [r.value("rollout_angle", "median", 0.3) for r in (ours, theirs)]
     assert far[0] < far[1] / 2
 

@@ -13,7 +13,7 @@ from frictionid.comparison.suite import load_suite
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.evaluation.hysteresis import Loops, loop_lag, loop_width, loops_of
-from frictionid.friction import Friction, at_rest
+from frictionid.friction import Friction, Law, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.mechanics import plant_of
 from frictionid.report import build, write
@@ -32,12 +32,11 @@ def film(lag, theta=DIP):
     return Friction(FilmLag(), np.concatenate([theta, np.full((*theta.shape[:-1], 1), lag)], -1))
 
 
-class Echo:
+class Echo(Law):
     """Stribeck friction of the velocity so many samples ago."""
 
     samples = 3
     sample_time = 1 / 60
-    uses_load = False
     inner = Stribeck()
     names, units, bounds = inner.names, inner.units, inner.bounds
 

@@ -24,7 +24,6 @@ from frictionid.shooting.intervals import track_of
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock
 from frictionid.shooting.refine import begin
 from frictionid.shooting.tensors import OnTensors
-from frictionid.shooting.wrapped import smoothing_of
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
 from frictionid.simulate.true_friction import FilmLag
 
@@ -71,7 +70,7 @@ def test_the_laws_keep_the_contract(law):
 def test_slopes_in_reverse_mode_are_those_of_differences(law, samples):
     rng = np.random.default_rng(0)
     theta = rng.normal(size=(2, len(law.names)))
-    own = OnTensors(law, *smoothing_of(law), torch.zeros(1, dtype=torch.float64))
+    own = OnTensors(law, law.width, law.shape, torch.zeros(1, dtype=torch.float64))
     path, dt = [inputs_of(rng) for _ in range(samples)], np.full((5, 1), 1 / 60)
 
     def torque(theta):

@@ -4,34 +4,37 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Law
+from frictionid.friction.laws.smooth_sign import SHAPES
 
 _SPEEDS = np.array([-9.0, -2.0, -0.4, -0.05, 0.05, 0.3, 1.5, 8.0])  # [rad/s]
 _DRAWS = 3
+_FEW = 16  # parameters, with derivatives by differences
 _ROUNDING = 1e-12
 _NARROW, _CREEP, _SLOW = 1e-9, 1e-6, 0.1  # [rad/s]
 
 
 def check_law(law: Law, *, level: bool = True) -> None:
-    """Nothing, where the law keeps to the contract of `Law` in all its values on trial inputs.
+    """Raises AssertionError if a law violates the contract of `Law`, for trial parameters.
+
+    So it does if the law would be treated otherwise than a built-in law of the same equations.
 
     Parameters
     ----------
     law : Law
-        Where it has a field `width`, its smoothing is narrowed to read the torque near rest.
     level : bool
         False for a static law whose `limit` is, on purpose, not its torque just above rest.
 
     Raises
     ------
     AssertionError
-        With one sentence that names the rule which is broken.
+        With one sentence that names the violated rule.
 
     Examples
     --------
@@ -45,10 +48,12 @@ def check_law(law: Law, *, level: bool = True) -> None:
         _check_batches(law, theta, x)
         _check_load(law, theta, x)
         _check_limit(law, theta, x)
-        if not law.start(theta, x):
+        if not law.has_memory:
             _check_gradient(law, theta, x)
             if level:
                 _check_level(law, theta, x)
+        elif law.reads_window:
+            _check_window(law, theta, x)
 
 
 def _require(holds: Any, law: Law, rule: str) -> None:
@@ -57,6 +62,11 @@ def _require(holds: Any, law: Law, rule: str) -> None:
 
 
 def _check_description(law: Law) -> None:
+    _require(
+        isinstance(law, Law),
+        law,
+        "it must subclass frictionid.friction.Law, which declares how laws are treated",
+    )
     P = len(law.names)
     _require(len(set(law.names)) == P, law, f"names must differ, they are {law.names}")
     for name in ("units", "bounds"):
@@ -75,7 +85,29 @@ def _check_description(law: Law) -> None:
     _require(isinstance(law.uses_load, bool), law, "uses_load must be True or False")
     sampled = law.sample_time
     _require(sampled is None or sampled > 0, law, "sample_time must be None, or positive [s]")
+    _check_declarations(law)
     _check_identity(law)
+
+
+def _check_declarations(law: Law) -> None:
+    """What steers how a law is treated is declared in a way that has this effect."""
+    width, shape = law.width, law.shape
+    speed = isinstance(width, int | float) and 0 <= width < np.inf
+    _require(speed, law, f"width = {width!r} rad/s must be zero, or a finite number above")
+    _require(shape in (*SHAPES, ""), law, f'shape = {shape!r} must be "tanh", "arctan" or ""')
+    narrowed = width == 0 or shape != "tanh" or "width" in {field.name for field in fields(law)}
+    rule = 'must be a field, by which the physics step narrows it (or shape = "", if it must not)'
+    _require(narrowed, law, f"width {rule}")
+    few = law.has_gradient or law.is_network or len(law.names) <= _FEW
+    _require(
+        few,
+        law,
+        f"{len(law.names)} parameters need a gradient, or is_network = True: shooting then refines "
+        "combinations of them that the motion shows, else each by itself",
+    )
+    _require(
+        law.has_gradient or not law.is_linear, law, "is_linear is True, so it needs a gradient"
+    )
 
 
 def _check_identity(law: Law) -> None:
@@ -118,7 +150,7 @@ def _values(law: Law, theta: Array, x: Inputs) -> Iterator[tuple[str, Array]]:
     yield "torque after advance", law.torque(theta, x, later)
     yield "limit", law.limit(theta, x, memory)
     yield "limit after advance", law.limit(theta, x, later)
-    if not memory and hasattr(law, "gradient"):
+    if not memory and law.has_gradient:
         yield "gradient", law.gradient(theta, x)
 
 
@@ -171,11 +203,23 @@ def _check_limit(law: Law, theta: Array, x: Inputs) -> None:
         if name.startswith("limit"):
             least = np.min(value)
             _require(least >= 0, law, f"{name} must not be negative, it is {least}")
+    memory = law.start(theta, x)
+    for sign in (1.0, -1.0):
+        slow, fast = (x._replace(w=sign * speed + 0.0 * x.w) for speed in (1.0, 2.0))
+        same = np.array_equal(law.limit(theta, slow, memory), law.limit(theta, fast, memory))
+        _require(same, law, "limit must not depend on the speed, only on the sign of x.w")
+
+
+def _check_window(law: Law, theta: Array, x: Inputs) -> None:
+    memory = law.start(theta, x)
+    later = (law.advance(t, x, memory, np.full((1,), 0.01)) for t in (theta, theta[::-1]))
+    same = all(np.array_equal(a, b) for a, b in zip(*later, strict=True))
+    _require(same, law, "reads_window is True, so its memory must not depend on theta")
 
 
 def _check_gradient(law: Law, theta: Array, x: Inputs) -> None:
     """Where there is a gradient, it is the slope of the torque in each parameter."""
-    if not hasattr(law, "gradient"):
+    if not law.has_gradient:
         return
     gradient = np.broadcast_to(
         law.gradient(theta, x), (*theta.shape[:1], *x.w.shape, len(law.names))
@@ -188,13 +232,19 @@ def _check_gradient(law: Law, theta: Array, x: Inputs) -> None:
         error = np.abs(gradient[..., i] - slope).max()
         close = error <= 1e-5 * max(np.abs(slope).max(), 1.0)
         _require(close, law, f"gradient by {name} is {error:.2g} off the slope of its torque")
+    if law.is_linear:
+        sums = (gradient * theta).sum(-1)
+        close = np.allclose(sums, law.torque(theta, x, ()), rtol=1e-9, atol=_ROUNDING)
+        _require(close, law, "is_linear is True, so the torque must be gradient times theta")
 
 
 def _check_level(law: Law, theta: Array, x: Inputs) -> None:
     """The limit is the size of the torque just above rest, in each direction."""
-    narrow, speed, tolerance = law, _SLOW, 0.25
-    if is_dataclass(law) and "width" in {field.name for field in fields(law)}:
-        narrow, speed, tolerance = replace(law, width=_NARROW), _CREEP, 0.01
+    if law.shape and law.width:
+        narrow, speed, tolerance = law.with_width(_NARROW), _CREEP, 0.01
+    else:
+        narrow, speed, tolerance = law, _SLOW, 0.25
+        _check_smoothing(law, theta, x)
 
     def torque(w: float) -> Array:
         return np.asarray(narrow.torque(theta, x._replace(w=w + 0.0 * x.w), ()))
@@ -208,3 +258,17 @@ def _check_level(law: Law, theta: Array, x: Inputs) -> None:
             first = f"{limit[~close][0]:.3g}, the torque {near[~close][0]:.3g} N m"
             rule = f"limit must be the torque just above rest, for {side} velocity it is {first}"
             raise AssertionError(f"{law}: {rule}")
+
+
+def _check_smoothing(law: Law, theta: Array, x: Inputs) -> None:
+    """A law without a width has its break-away level at any speed but zero."""
+    if law.width:
+        return
+    creep = np.abs(law.torque(theta, x._replace(w=_CREEP + 0.0 * x.w), ()))
+    limit = law.limit(theta, x._replace(w=1.0 + 0.0 * x.w), ())
+    _require(
+        (creep >= 0.9 * limit).all(),
+        law,
+        "its torque is smoothed at rest, but declares no width [rad/s]: the physics step takes "
+        "the smoothing for a part of friction",
+    )

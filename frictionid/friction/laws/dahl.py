@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.bristle import bristle_state
 from frictionid.friction.laws.levels import LEVEL
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
@@ -16,7 +16,7 @@ PRESLIDINGS = (0.002, 0.006, 0.02, 0.06)
 
 
 @dataclass(frozen=True)
-class Dahl:
+class Dahl(Law):
     """Tf = coulomb z/presliding + viscous w, with dz/dt = w - |w| z/presliding [Dahl1968].
 
     `presliding` is the angle by which the joint gives before it slips: its stiffness is coulomb /
@@ -31,8 +31,6 @@ class Dahl:
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, PRESLIDING)
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple((0.0, 0.0, z) for z in PRESLIDINGS)
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("dahl", self.width, self.shape)

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.smooth_sign import check_sign
 
 
 @dataclass(frozen=True)
-class Ensemble:
+class Ensemble(Law):
     """Tf = mean of the torques of `members` frictions of the law `base`, each with its own theta.
 
     width, shape : smoothing of sgn(w) of all of them [rad/s]
     """
 
-    base: Any = MLP()
+    base: Law = MLP()
     members: int = 2
     width: float = 0.02
     shape: str = "tanh"
-    network: ClassVar[bool] = True
+    is_network: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if type(self.members) is not int or self.members < 2:
@@ -50,13 +50,12 @@ class Ensemble:
     @property
     def sample_time(self) -> float | None:
         """That of the base."""
-        sampled: float | None = self.base.sample_time
-        return sampled
+        return self.base.sample_time
 
     @property
     def uses_load(self) -> bool:
         """Whether the base does."""
-        return bool(self.base.uses_load)
+        return self.base.uses_load
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         parts = self._parts(theta)
@@ -77,10 +76,9 @@ class Ensemble:
         return sum(law.limit(part, x, own) for part, own in parts) / self.members
 
     @property
-    def _law(self) -> Any:
-        if hasattr(self.base, "shape"):
-            return replace(self.base, width=self.width, shape=self.shape)
-        return replace(self.base, width=self.width)  # a whole motion's law has one shape only
+    def _law(self) -> Law:
+        own = {f.name for f in fields(self.base)} & {"width", "shape"}
+        return replace(self.base, **{name: getattr(self, name) for name in own})
 
     def _parts(self, theta: Array) -> Iterator[Array]:
         size = theta.shape[-1] // self.members
@@ -97,7 +95,7 @@ def together(law: Any, thetas: Sequence[Array]) -> Friction:
     """Friction that is the mean of those with parameters (..., n, P); of one, that itself."""
     if len(thetas) == 1:
         return Friction(law, thetas[0])
-    ensemble = Ensemble(law, len(thetas), law.width, getattr(law, "shape", Ensemble.shape))
+    ensemble = Ensemble(law, len(thetas), law.width, law.shape or Ensemble.shape)
     return Friction(ensemble, namespace(*thetas).concat(list(thetas), axis=-1))
 
 

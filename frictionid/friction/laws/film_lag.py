@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, VELOCITY, level, level_by_direction
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
@@ -22,7 +22,7 @@ _STARTS = tuple((ws, lag) for lag in (0.01, 0.06) for ws in (0.5, 1.2, 3.0, 8.0,
 
 
 @dataclass(frozen=True)
-class FilmLag:
+class FilmLag(Law):
     """Stribeck friction whose peak follows the speed with the time constant `lag` [s].
 
     Memory is the film's height z >= 0, written as the speed [rad/s] at which it would be steady; it
@@ -37,8 +37,6 @@ class FilmLag:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, ws, 0.0, lag) for ws, lag in _STARTS
     )
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("film_lag", self.width, self.shape)
@@ -58,7 +56,7 @@ class FilmLag:
 
 
 @dataclass(frozen=True)
-class AsymmetricFilmLag:
+class AsymmetricFilmLag(Law):
     """Film lag with its own Coulomb level and peak in each direction, as in `AsymmetricStribeck`.
 
     The film, and with it the Stribeck velocity and the lag, is one for both directions.
@@ -80,8 +78,6 @@ class AsymmetricFilmLag:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, 0.0, 0.0, ws, 0.0, lag) for ws, lag in _STARTS
     )
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("film_lag", self.width, self.shape)

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, VELOCITY
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
@@ -24,7 +24,7 @@ _SMALLEST = 1e-300
 
 
 @dataclass(frozen=True)
-class GearLoad:
+class GearLoad(Law):
     """Tf = (level + left peaks) sgn(w) + viscous w, the model M6 of servos [Duclusaud2025].
 
         level = coulomb + |motor u - external te|
@@ -61,8 +61,6 @@ class GearLoad:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, 0.2, 0.05, 0.0, 0.05, 0.05, 0.0, 0.0, ws, 2.0) for ws in (0.7, 2.0, 6.5)
     )
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("gear_load", self.width, self.shape)
@@ -71,9 +69,6 @@ class GearLoad:
                 f"gear_load: moment = {self.moment} N m must be finite and not negative; it is "
                 "mass times gravity times length of the pendulum"
             )
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         xp = namespace(theta, x.w)
@@ -103,9 +98,6 @@ class GearLoad:
         ]
         return xp.stack(columns, axis=-1)
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
-
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self._level(theta, x) + self._peaks(theta, x) + 0.0 * x.w
 
@@ -128,7 +120,7 @@ class GearLoad:
 
 
 @dataclass(frozen=True)
-class MotorLoadQuadratic:
+class MotorLoadQuadratic(Law):
     """Tf = (coulomb + loss |u| + rise u^2) sgn(w) + viscous w, sgn smoothed over `width` [rad/s].
 
     Beyond the share `loss` of the motor torque u that a gear swallows (see `MotorLoad`), more of it
@@ -141,15 +133,9 @@ class MotorLoadQuadratic:
     names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "loss", "rise")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "1", "1/(N m)")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, _SHARE, LEVEL)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.0, 0.0, 0.0),)
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("motor_load_quadratic", self.width, self.shape)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
@@ -160,9 +146,6 @@ class MotorLoadQuadratic:
         zero = 0.0 * (theta[..., 0] + x.w)
         sign = smooth_sign(x.w, self.width, self.shape) + zero
         return xp.stack([sign, x.w + zero, xp.abs(x.u) * sign, x.u**2 * sign], axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         loss = theta[..., 2] * namespace(theta, x.u).abs(x.u) + theta[..., 3] * x.u**2

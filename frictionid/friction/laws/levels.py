@@ -39,6 +39,16 @@ def level_by_direction(theta: Array, speed: Array, w: Array) -> Array:
     )
 
 
+def above_zero(level: Array) -> Array:
+    """The level, or zero where it is negative: friction does not drive.
+
+    >>> import numpy as np
+    >>> above_zero(np.array([-1.0, 2.0]))
+    array([-0.,  2.])
+    """
+    return namespace(level).maximum(level, 0.0 * level)
+
+
 def by_direction(w: Array, positive: Array, negative: Array) -> Array:
     """Entries of `positive` where w > 0, of `negative` elsewhere.
 

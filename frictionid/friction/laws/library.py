@@ -18,7 +18,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, stribeck_factor
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
@@ -44,7 +44,7 @@ class Candidate(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Library:
+class Library(Law):
     """Sum of candidates: signs, powers of w, Stribeck peaks; on request ripple, load and others.
 
     width, shape : of the sharpest smooth sign s(w) [rad/s], by which peaks are multiplied too
@@ -77,9 +77,8 @@ class Library:
     load: bool = False
     direction: bool = False
     other: bool = False
-    sample_time: ClassVar[float | None] = None
-    linear: ClassVar[bool] = True
-    sparse: ClassVar[bool] = True
+    is_linear: ClassVar[bool] = True
+    is_sparse: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("widths", "powers", "velocities", "harmonics"):
@@ -124,9 +123,6 @@ class Library:
     def uses_load(self) -> bool:
         return self.load
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         zero = 0.0 * (theta[..., 0] + x.w)
         return sum((theta[..., i] * c.value(x) for i, c in _active(self, theta)), start=zero)
@@ -135,9 +131,6 @@ class Library:
         zero = 0.0 * (theta[..., 0] + x.w)
         columns = [c.value(x) + zero for c in self.candidates]
         return namespace(theta, x.w).stack(columns, axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         zero = 0.0 * (theta[..., 0] + x.w)

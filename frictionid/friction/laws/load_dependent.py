@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, VELOCITIES, VELOCITY, level, stribeck_factor
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
-class LoadDependent:
+class LoadDependent(Law):
     """Tf = (coulomb + load_coefficient load) sgn(w) + viscous w, sgn smoothed over `width` [rad/s].
 
     `load_coefficient` is the coefficient of friction times the radius at which the bearing rubs.
@@ -28,15 +28,10 @@ class LoadDependent:
     names: ClassVar[tuple[str, ...]] = ("coulomb", "load_coefficient", "viscous")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m/N", "N m s/rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.0, 0.0),)
-    sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_sign("load_dependent", self.width, self.shape)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
@@ -48,15 +43,12 @@ class LoadDependent:
         sign = smooth_sign(x.w, self.width, self.shape) + zero
         return xp.stack([sign, x.load * sign, x.w + zero], axis=-1)
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
-
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + theta[..., 1] * x.load + 0.0 * x.w
 
 
 @dataclass(frozen=True)
-class LoadDependentStribeck:
+class LoadDependentStribeck(Law):
     """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2) + c load) sgn(w) + viscous w.
 
     c is the `load_coefficient`, as in `LoadDependent`.
@@ -76,14 +68,10 @@ class LoadDependentStribeck:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, ws, 0.0, 0.0) for ws in VELOCITIES
     )
-    sample_time: ClassVar[float | None] = None
     uses_load: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_sign("load_dependent", self.width, self.shape)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
@@ -97,9 +85,6 @@ class LoadDependentStribeck:
         sign = smooth_sign(x.w, self.width, self.shape) + zero
         by_ws = theta[..., 1] * sign * left * (2.0 * x.w**2 / ws**3)
         return xp.stack([sign, sign * left, by_ws, x.load * sign, x.w + zero], axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + theta[..., 1] + theta[..., 3] * x.load + 0.0 * x.w

@@ -7,7 +7,6 @@ so that friction never drives a joint where `dissipative` holds. A free network 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -15,19 +14,16 @@ from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.laws.layers import check_hidden, count, drawn, outputs
-from frictionid.friction.laws.learned import (
-    BOUNDS,
-    FREE,
-    HEAD,
-    START,
-    UNITS,
+from frictionid.friction.laws.levels import above_zero
+from frictionid.friction.laws.network_law import (
+    Features,
+    NetworkLaw,
     check_samples,
     fine,
     level_of,
     rise,
     side_of,
     stacked,
-    weight_names,
     within,
 )
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
@@ -36,7 +32,7 @@ _KEEP = 1.0  # offset of the gates that keep what cells hold [Gers2000]
 
 
 @dataclass(frozen=True)
-class LSTM:
+class LSTM(NetworkLaw):
     """Tf = level sgn(w), the level a network of w and of `cells` that read a sample each time.
 
     sample_time : [s] between the samples; cells begin empty
@@ -61,8 +57,6 @@ class LSTM:
     width: float = 0.02
     shape: str = "tanh"
     free: bool = False
-    uses_load: ClassVar[bool] = False
-    network: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("lstm", self.hidden))
@@ -70,52 +64,21 @@ class LSTM:
         check_sign("lstm", self.width, self.shape)
         for name in ("odd", "dissipative", "monotone_tail"):
             if self.free and getattr(self, name):
-                raise InputError(f"lstm: free = true keeps to nothing; add {name} = false")
+                raise InputError(
+                    f"lstm: free = true cannot be combined with {name}: add {name} = false"
+                )
 
     @property
     def gate_sizes(self) -> tuple[int, int]:
-        """Inputs and outputs of the gates: of input, forgetting, output, and the new content."""
         return (1 + (not self.free) + self.cells, 4 * self.cells)
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of inputs, units and outputs of the layers between cells and level."""
         beside = 0 if self.free else 1 + (not self.odd)
         return (beside + self.cells, *self.hidden, 1)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return HEAD + weight_names(self._count)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return UNITS + ("1",) * self._count
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return BOUNDS + (FREE,) * self._count
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((*START, *self._drawn(np.random.default_rng(0)).tolist()),)
-
-    @property
-    def _count(self) -> int:
-        return count(self.gate_sizes) + count(self.sizes)
-
-    def begin(self, torque: Array, speed: Array, rng: np.random.Generator) -> Array:
-        """Parameters (..., n, P) to learn from, for torques and speeds (..., n) of these sizes."""
-        head = np.stack([torque, speed, 0.0 * torque + START[2]], axis=-1)
-        weights = np.stack([self._drawn(rng) for _ in range(torque.shape[-1])])
-        shape = (*torque.shape, weights.shape[-1])
-        return np.concatenate([head, np.broadcast_to(weights, shape)], axis=-1)
-
-    def _drawn(self, rng: np.random.Generator) -> Array:
-        a, b = self.gate_sizes
-        gates = rng.uniform(-1.0, 1.0, (a, b)) / np.sqrt(self.cells)
-        offsets = np.zeros(b)
-        offsets[self.cells : 2 * self.cells] = _KEEP
-        return np.concatenate([gates.ravel(), offsets, drawn(self.sizes, rng)])
+    def drawn(self, rng: np.random.Generator) -> Array:
+        return np.concatenate([drawn_gates(self.gate_sizes, rng), drawn(self.sizes, rng)])
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         return (0.0 * (x.w + theta[..., 0]),) * (2 * self.cells * (1 + self.odd))
@@ -132,21 +95,15 @@ class LSTM:
         return tuple(part[..., i] for pair in parts for part in pair for i in range(self.cells))
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = self._level(theta, 0.0 * x.w, side_of(x.w), memory) * (not self.free)
-        return namespace(level).maximum(level, 0.0 * level)
+        return above_zero(self._level(theta, 0.0 * x.w, side_of(x.w), memory) * (not self.free))
 
-    def seen(self, theta: Array, x: Inputs) -> tuple[Array, Array, Array, Array]:
-        """What cells read (..., n, 2), what the level sees beside them, speed over reach, and sign.
-
-        Of theta they depend on the scales alone.
-        """
+    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         share = namespace(x.w).abs(x.w) / theta[..., 1]
         own = self._own(share, side_of(x.w))
-        own = stacked(own) if own else share[..., None][..., :0]
-        return self._read(theta, x.w), own, share * (not self.free), self._sign(x.w)
+        z = stacked(own) if own else share[..., None][..., :0]
+        return Features(z, share * (not self.free), self._sign(x.w), self._read(theta, x.w))
 
     def level(self, theta: Array, z: Array, share: Array) -> Array:
-        """Level (..., n) [N m] of inputs z: speed, direction (unless odd), and cells' outputs."""
         y = outputs(theta[..., 3 + count(self.gate_sizes) :], z, self.sizes)[..., 0]
         return level_of(theta, y, share, self.dissipative, self.monotone_tail)
 
@@ -175,12 +132,30 @@ class LSTM:
         return stacked([within(share), side_of(w) * fine(namespace(w).abs(share))])
 
     def _cells(self, theta: Array, z: Array, memory: Memory) -> tuple[Array, Array]:
-        """Outputs and contents (..., n, cells) after a sample."""
-        xp, H = namespace(theta, z), self.cells
-        h, c = stacked(memory[:H]), stacked(memory[H:])
-        whole = 0.0 * (z[..., :1] + h[..., :1])
-        both = xp.concat([z + whole, h + whole], axis=-1)
-        gates = outputs(theta[..., 3 : 3 + count(self.gate_sizes)], both, self.gate_sizes)
-        take, keep, give = (rise(gates[..., k * H : (k + 1) * H]) for k in range(3))
-        c = keep * c + take * xp.tanh(gates[..., 3 * H :])
-        return give * xp.tanh(c), c
+        return cells_after(theta[..., 3 : 3 + count(self.gate_sizes)], z, memory)
+
+
+def drawn_gates(sizes: tuple[int, int], rng: np.random.Generator) -> Array:
+    """Weights to learn from of gates with these numbers of inputs and outputs."""
+    cells = sizes[1] // 4
+    gates = rng.uniform(-1.0, 1.0, sizes) / np.sqrt(cells)
+    offsets = np.zeros(sizes[1])
+    offsets[cells : 2 * cells] = _KEEP
+    return np.concatenate([gates.ravel(), offsets])
+
+
+def cells_after(weights: Array, z: Array, memory: Memory) -> tuple[Array, Array]:
+    """Outputs h and contents c (..., n, H) of cells after a sample z (..., n, a).
+
+    c' = keep c + take tanh(new),   h' = give tanh(c')
+
+    of the gates take, keep, give and new, linear in z and h; `memory` holds h and then c.
+    """
+    xp, H = namespace(weights, z), len(memory) // 2
+    h, c = stacked(memory[:H]), stacked(memory[H:])
+    whole = 0.0 * (z[..., :1] + h[..., :1])
+    both = xp.concat([z + whole, h + whole], axis=-1)
+    gates = outputs(weights, both, (both.shape[-1], 4 * H))
+    take, keep, give = (rise(gates[..., k * H : (k + 1) * H]) for k in range(3))
+    c = keep * c + take * xp.tanh(gates[..., 3 * H :])
+    return give * xp.tanh(c), c

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.bristle import bristle_state, rate
 from frictionid.friction.laws.dahl import PRESLIDING, PRESLIDINGS
 from frictionid.friction.laws.levels import (
@@ -37,7 +37,7 @@ _TINY = 1e-12  # no division by zero where there is no friction, or no motion
 
 
 @dataclass(frozen=True)
-class LuGre:
+class LuGre(Law):
     """Stribeck friction of bristles that bend by `presliding` [rad] before a joint breaks away.
 
     Their stiffness is s0 = (coulomb + peak) / presliding [N m/rad], so that Stribeck friction is
@@ -68,8 +68,6 @@ class LuGre:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, ws, 0.0, z, 0.0, _FADES) for ws, z in _STARTS
     )
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("lugre", self.width, self.shape)
@@ -90,7 +88,7 @@ class LuGre:
 
 
 @dataclass(frozen=True)
-class AsymmetricLuGre:
+class AsymmetricLuGre(Law):
     """LuGre friction with its own Coulomb level and peak in each direction.
 
     The bristles are the same both ways: `presliding` is their bend [rad] under the mean of the two
@@ -121,8 +119,6 @@ class AsymmetricLuGre:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, 0.0, 0.0, ws, 0.0, z, 0.0, _FADES) for ws, z in _STARTS
     )
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("lugre", self.width, self.shape)

@@ -1,28 +1,25 @@
 """A network of the velocity: a friction curve of any shape, whose physics hold by construction.
 
-The form of the level, and what its options promise, are those of `learned`.
+The form of the level, and what its options promise, are those of `network_law`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import check_hidden, count, drawn, outputs, slopes
-from frictionid.friction.laws.learned import (
-    BOUNDS,
-    FREE,
+from frictionid.friction.laws.layers import check_hidden, outputs, slopes
+from frictionid.friction.laws.levels import above_zero
+from frictionid.friction.laws.network_law import (
     HEAD,
-    SPEED,
-    START,
-    UNITS,
-    Seen,
+    Features,
+    NetworkLaw,
+    Scale,
     fine,
     fine_slope,
     level_of,
@@ -30,15 +27,13 @@ from frictionid.friction.laws.learned import (
     side_of,
     softplus,
     stacked,
-    start_of,
-    weight_names,
     within,
 )
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
-class MLP:
+class MLP(NetworkLaw):
     """Tf = level sgn(w), the level a network of speed and direction with `hidden` tanh units.
 
     odd : the same level in both directions; else the direction is an input of the network
@@ -60,9 +55,6 @@ class MLP:
     others: int = 0
     width: float = 0.02
     shape: str = "tanh"
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-    network: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("mlp", self.hidden))
@@ -71,50 +63,26 @@ class MLP:
         check_sign("mlp", self.width, self.shape)
 
     @property
+    def scales(self) -> tuple[Scale, ...]:
+        reach = HEAD[1]
+        return HEAD + tuple(reach._replace(name=f"reach_{i + 1}") for i in range(self.others))
+
+    @property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of inputs, units and outputs of the network's layers."""
         return (1 + (not self.odd) + self.others, *self.hidden, 1)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        own = HEAD + tuple(f"reach_{i + 1}" for i in range(self.others))
-        return own + weight_names(count(self.sizes))
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return UNITS + ("rad/s",) * self.others + ("1",) * count(self.sizes)
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return BOUNDS + (SPEED,) * self.others + (FREE,) * count(self.sizes)
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((*START, *(START[1:2] * self.others), *start_of(self.sizes)),)
-
-    def begin(self, torque: Array, speed: Array, rng: np.random.Generator) -> Array:
-        """Parameters (..., n, P) to learn from, for torques and speeds (..., n) of these sizes."""
-        n = torque.shape[-1]
-        around = [np.roll(speed, -i, axis=-1) for i in range(1, self.others + 1)]
-        head = np.stack([torque, speed, 0.0 * torque + START[2], *around], axis=-1)
-        weights = np.stack([drawn(self.sizes, rng) for _ in range(n)])
-        return np.concatenate(
-            [head, np.broadcast_to(weights, (*torque.shape, weights.shape[-1]))], -1
-        )
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        seen = self.seen(theta, x, memory)
-        return self.level(theta, seen.z, seen.share) * seen.sign
+    def initial_parameters(self, sizes: Array, rng: np.random.Generator) -> Array:
+        theta = super().initial_parameters(sizes, rng)
+        for i in range(self.others):
+            theta[..., 3 + i] = np.roll(sizes[..., 1], -i - 1, axis=-1)
+        return theta
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         w, xp = x.w, namespace(theta, x.w)
         side, reach, tail = side_of(w), theta[..., 1], theta[..., 2]
         share = xp.abs(w) / reach
         y, by_weights, by_features = slopes(
-            self._weights(theta), self._features(theta, xp.abs(w), side, w), self.sizes
+            self._weights(theta), self._inputs(theta, xp.abs(w), side, w), self.sizes
         )
         slope = softplus(tail) if self.monotone_tail else tail
         y = y + slope * share
@@ -132,30 +100,24 @@ class MLP:
         whole = xp.concat([of_torque, head, by_y[..., None] * by_weights], axis=-1)
         return whole * smooth_sign(w, self.width, self.shape)[..., None]
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
-
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         still = 0.0 * x.w
-        z = self._features(theta, still, side_of(x.w), still)
-        level = self.level(theta, z, still)
-        return namespace(level).maximum(level, 0.0 * level)
+        z = self._inputs(theta, still, side_of(x.w), still)
+        return above_zero(self.level(theta, z, still))
 
-    def seen(self, theta: Array, x: Inputs, memory: Memory) -> Seen:
-        """What the network sees; of theta it depends on the scales alone."""
+    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         speed = namespace(x.w).abs(x.w)
-        z = self._features(theta, speed, side_of(x.w), x.w)
-        return Seen(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
+        z = self._inputs(theta, speed, side_of(x.w), x.w)
+        return Features(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
 
     def level(self, theta: Array, z: Array, share: Array) -> Array:
-        """Level (..., n) [N m] at what the network sees."""
         y = outputs(self._weights(theta), z, self.sizes)[..., 0]
         return level_of(theta, y, share, self.dissipative, self.monotone_tail)
 
     def _weights(self, theta: Array) -> Array:
         return theta[..., 3 + self.others :]
 
-    def _features(self, theta: Array, speed: Array, side: Array, w: Array) -> Array:
+    def _inputs(self, theta: Array, speed: Array, side: Array, w: Array) -> Array:
         """Inputs of the network (..., n, a)."""
         own = [fine(speed / theta[..., 1])] + ([] if self.odd else [side])
         others = [within(o / theta[..., 3 + i]) for i, o in enumerate(self._others(w))]

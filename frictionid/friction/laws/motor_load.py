@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)
-class MotorLoad:
+class MotorLoad(Law):
     """Tf = (coulomb + loss |u|) sgn(w) + viscous w, with sgn smoothed over `width` [rad/s].
 
     `loss` is the share of the motor torque u that the gear swallows: it passes on 1 - loss of it
@@ -25,12 +25,6 @@ class MotorLoad:
     names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "loss")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "1")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")),) * 2 + ((0.0, 1.0),)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.0, 0.0),)
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
@@ -41,9 +35,6 @@ class MotorLoad:
         zero = 0.0 * (theta[..., 0] + x.w)
         sign = smooth_sign(x.w, self.width, self.shape) + zero
         return xp.stack([sign, x.w + zero, xp.abs(x.u) * sign], axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + theta[..., 2] * namespace(theta, x.u).abs(x.u) + 0.0 * x.w

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
-class Quadratic:
+class Quadratic(Law):
     """Tf = coulomb sgn(w) + viscous w + drag w |w|, with sgn smoothed over `width` [rad/s].
 
     The drag is that of the air, or of oil that is churned; it may also stand for what the torque
@@ -24,15 +24,9 @@ class Quadratic:
     names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "drag")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "N m s^2/rad^2")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.0, 0.0),)
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("quadratic", self.width, self.shape)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
@@ -44,9 +38,6 @@ class Quadratic:
         zero = 0.0 * (theta[..., 0] + x.w)
         sign = smooth_sign(x.w, self.width, self.shape)
         return xp.stack([sign + zero, x.w + zero, x.w * xp.abs(x.w) + zero], axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + 0.0 * x.w

@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
 from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
 
@@ -28,7 +28,7 @@ BASES: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Ripple:
+class Ripple(Law):
     """A static law whose level varies with the angle, by `harmonics` of `gear` times the joint's.
 
     `base` is the law that it is laid over; its viscous friction does not ripple. The amplitudes
@@ -42,8 +42,6 @@ class Ripple:
     gear: float = 1.0
     width: float = 0.02
     shape: str = "tanh"
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "harmonics", tuple(self.harmonics))  # model files give lists
@@ -73,9 +71,6 @@ class Ripple:
         flat = (0.0,) * (2 * len(self.harmonics))
         return tuple((*start, *flat) for start in self.law.initial)
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         law = self.law
         viscous = theta[..., len(law.names) - 1] * x.w
@@ -92,9 +87,6 @@ class Ripple:
         columns = [height * of_law[..., i] for i in range(last)]
         columns += [of_law[..., last] + 0.0 * level, *(level * wave for wave in self._waves(x))]
         return xp.stack(columns, axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self._height(theta, x) * self.law.limit(theta, x, memory)

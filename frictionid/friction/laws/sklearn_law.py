@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True, eq=False)
-class Predicted:
+class Predicted(Law):
     """What one of the `models` predicts from `inputs`; theta holds its number.
 
     models : fitted regressors of features (B, 2 + others), see `features`
@@ -28,16 +28,13 @@ class Predicted:
     names: ClassVar[tuple[str, ...]] = ("model",)
     units: ClassVar[tuple[str, ...]] = ("1",)
     bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")),)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0,),)
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-    unsaved: ClassVar[str] = "regressors of more than the velocity are no curve: use them in Python"
+    shape: ClassVar[str] = ""
+    cannot_be_saved: ClassVar[str] = (
+        "regressors of more than the velocity are no curve: use them in Python"
+    )
 
     def __repr__(self) -> str:
         return f"Predicted({len(self.models)} models of {', '.join(self.inputs)})"
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         which = np.asarray(theta[..., 0] + 0.0 * x.w).astype(int)
@@ -47,9 +44,6 @@ class Predicted:
         for i in np.unique(which):
             out[which == i] = self.models[i].predict(table[which == i])
         return out
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         side = np.where(x.w > 0, 1.0, -1.0)

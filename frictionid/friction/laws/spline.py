@@ -17,8 +17,8 @@ from typing import Any, ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.levels import LEVEL, by_direction
+from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.laws.levels import LEVEL, above_zero, by_direction
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -26,7 +26,7 @@ _RISE = (-float("inf"), float("inf"))
 
 
 @dataclass(frozen=True)
-class Spline:
+class Spline(Law):
     """Friction level as a spline of the speed |w| with `knots` [rad/s] and a polynomial `degree`.
 
     `level` is that at rest, the break-away level; each `rise` is what the level gains, or loses,
@@ -39,9 +39,7 @@ class Spline:
     degree: int = 2
     width: float = 0.02
     shape: str = "tanh"
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-    linear: ClassVar[bool] = True
+    is_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))  # model files give lists
@@ -63,36 +61,28 @@ class Spline:
     def initial(self) -> tuple[tuple[float, ...], ...]:
         return ((0.0,) * len(self.names),)
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
-        return _above_zero(_sum(theta, steps)) * smooth_sign(x.w, self.width, self.shape)
+        return above_zero(_sum(theta, steps)) * smooth_sign(x.w, self.width, self.shape)
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
         counts = (_sum(theta, steps) >= 0) * smooth_sign(x.w, self.width, self.shape)
         return namespace(theta, x.w).stack([counts * step for step in steps], axis=-1)
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
-
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + 0.0 * x.w
 
 
 @dataclass(frozen=True)
-class AsymmetricSpline:
+class AsymmetricSpline(Law):
     """A spline as in `Spline` for each direction, with the parameters for w > 0 first."""
 
     knots: tuple[float, ...] = KNOTS
     degree: int = 2
     width: float = 0.02
     shape: str = "tanh"
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-    linear: ClassVar[bool] = True
+    is_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))
@@ -119,9 +109,6 @@ class AsymmetricSpline:
     def _side(self) -> Spline:
         return Spline(self.knots, self.degree, self.width, self.shape)
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         half, side = theta.shape[-1] // 2, self._side
         positive = side.torque(theta[..., :half], x, memory)
@@ -134,9 +121,6 @@ class AsymmetricSpline:
         return namespace(up).concat(
             [by_direction(w, up, zero), by_direction(w, zero, down)], axis=-1
         )
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return by_direction(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
@@ -192,7 +176,3 @@ def _share(part: Array, of: float) -> Array:
 
 def _sum(theta: Array, steps: Sequence[Array]) -> Array:
     return sum(theta[..., i] * step for i, step in enumerate(steps))
-
-
-def _above_zero(level: Array) -> Array:
-    return namespace(level).maximum(level, 0.0 * level)

@@ -5,19 +5,19 @@ Its parameters begin with three scales, of acceleration, speed and torque, which
 
 from __future__ import annotations
 
-import numpy as np
-
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs
 from frictionid.friction.laws.levels import Range
+from frictionid.friction.laws.network_law import Scale
 from frictionid.friction.laws.smooth_sign import smooth_sign
 
-SCALES = ("acceleration", "speed", "torque")  # how the parameters begin
-UNITS = ("rad/s^2", "rad/s", "N m")
 _ABOVE: Range = (1e-9, float("inf"))
-BOUNDS = (_ABOVE,) * 3
-START = (10.0, 5.0, 1.0)
+SCALES = (
+    Scale("acceleration", "rad/s^2", _ABOVE, 10.0),
+    Scale("speed", "rad/s", _ABOVE, 5.0),
+    Scale("torque", "N m", _ABOVE, 1.0),
+)
 
 
 def check_joints(law: str, joints: int, turning: bool) -> None:
@@ -43,7 +43,7 @@ def width_of(joints: int, turning: bool) -> int:
     return joints * (4 + turning)
 
 
-def features(theta: Array, x: Inputs, joints: int, turning: bool, width: float) -> Array:
+def state_features(theta: Array, x: Inputs, joints: int, turning: bool, width: float) -> Array:
     """Features (..., n, a), alike for all n joints: place, w, its smooth sign, and u of each.
 
     Place is sin q and cos q, or q where the joints slide. Joints beyond `joints` are left out,
@@ -61,9 +61,3 @@ def features(theta: Array, x: Inputs, joints: int, turning: bool, width: float) 
         out += [xp.sin(q), xp.cos(q)] if turning else [q]
         out += [w / speed, smooth_sign(w, width, "tanh"), u / torque]
     return xp.stack([f + zero for f in out], axis=-1)
-
-
-def scaled(scales: Array, weights: Array) -> Array:
-    """Parameters (..., n, P) of scales (..., n, 3) and weights (n, P - 3)."""
-    shape = (*scales.shape[:-1], weights.shape[-1])
-    return np.concatenate([scales, np.broadcast_to(weights, shape)], axis=-1)

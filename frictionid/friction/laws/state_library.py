@@ -18,7 +18,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 _FREE = (-math.inf, math.inf)
@@ -39,7 +39,7 @@ class Variable(NamedTuple):
 
 
 @dataclass(frozen=True)
-class StateLibrary:
+class StateLibrary(Law):
     """All monomials up to a degree; of sin^2 + cos^2 = 1 and s^2 = 1 one side only.
 
     joints : whose state it knows; others count as none, missing ones as zero
@@ -59,12 +59,9 @@ class StateLibrary:
     degree: int = 3
     turning: bool = True
     width: float = 0.1
-    shape: ClassVar[str] = "smooth"  # of no break-away level: it has none
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-    acceleration: ClassVar[bool] = True
-    linear: ClassVar[bool] = True
-    sparse: ClassVar[bool] = True
+    shape: ClassVar[str] = ""  # of an input, not of friction
+    is_linear: ClassVar[bool] = True
+    is_sparse: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("joints", "degree"):
@@ -105,9 +102,6 @@ class StateLibrary:
             columns.append(columns[parent] * values[last])
         return xp.stack(columns, axis=-1)
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         xp, f = namespace(theta, x.w), self.features(x)
         if theta.ndim > 2 and theta.shape[-3] == 1 and f.ndim > 1:  # one theta for many points
@@ -117,9 +111,6 @@ class StateLibrary:
     def gradient(self, theta: Array, x: Inputs) -> Array:
         f = self.features(x)
         return -(f[..., None, :] + 0.0 * (theta[..., :1] + x.w[..., None]))
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import (
     LEVEL,
     VELOCITIES,
@@ -24,7 +24,7 @@ from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
-class Stribeck:
+class Stribeck(Law):
     """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2)) sgn(w) + viscous w.
 
     `peak` is the break-away minus the Coulomb level; sgn is smoothed over `width` [rad/s].
@@ -39,14 +39,9 @@ class Stribeck:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, ws, 0.0) for ws in VELOCITIES
     )
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("stribeck", self.width, self.shape)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
@@ -61,15 +56,12 @@ class Stribeck:
         zero = 0.0 * by_ws
         return xp.stack([sign + zero, sign * left, by_ws, x.w + zero], axis=-1)
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
-
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] + theta[..., 1] + 0.0 * x.w
 
 
 @dataclass(frozen=True)
-class AsymmetricStribeck:
+class AsymmetricStribeck(Law):
     """Stribeck friction with its own Coulomb level and peak in each direction.
 
     `_positive` levels hold for w > 0, `_negative` ones for w < 0; all are positive numbers.
@@ -91,14 +83,9 @@ class AsymmetricStribeck:
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, 0.0, 0.0, ws, 0.0) for ws in VELOCITIES
     )
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_sign("stribeck", self.width, self.shape)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
@@ -113,9 +100,6 @@ class AsymmetricStribeck:
         zero = 0.0 * by_ws
         columns = [up + zero, down + zero, up * left, down * left, by_ws, x.w + zero]
         return xp.stack(columns, axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         positive, negative = theta[..., 0] + theta[..., 2], theta[..., 1] + theta[..., 3]

@@ -10,13 +10,13 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, by_direction, directions
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
-class Table:
+class Table(Law):
     """Tf = level(|w|) sgn(w), the level interpolated between its values at `speeds` [rad/s].
 
     `up` values hold for w > 0, `down` ones for w < 0. Below the first speed and beyond the last one
@@ -35,9 +35,7 @@ class Table:
     speeds: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
     width: float = 0.02
     shape: str = "tanh"
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-    linear: ClassVar[bool] = True
+    is_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "speeds", tuple(self.speeds))  # model files give lists
@@ -66,9 +64,6 @@ class Table:
     def initial(self) -> tuple[tuple[float, ...], ...]:
         return ((0.0,) * (2 * len(self.speeds)),)
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         level = before = self._value(theta, x, 0)
         # speed by speed: all of them at once, for all folds along all nodes, are gigabytes
@@ -86,9 +81,6 @@ class Table:
         up, down = zip(*(directions(x.w, share) for share in shares), strict=True)
         zero = 0.0 * (theta[..., 0] + x.w)
         return xp.stack([part + zero for part in (*up, *down)], axis=-1)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self._value(theta, x, 0)

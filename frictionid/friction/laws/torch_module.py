@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,23 +10,20 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.laws.layers import laid, unlaid
-from frictionid.friction.laws.learned import (
-    BOUNDS,
-    FREE,
-    HEAD,
-    START,
-    UNITS,
+from frictionid.friction.laws.levels import above_zero
+from frictionid.friction.laws.network_law import (
+    Features,
+    NetworkLaw,
     level_of,
     side_of,
     stacked,
-    weight_names,
     within,
 )
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
-class TorchModule:
+class TorchModule(NetworkLaw):
     """Tf = level sgn(w), the level what a `module` of PyTorch makes of speed and direction.
 
     module : maps (rows, 2), the speed over the fastest measured one and the direction, 1 or -1, to
@@ -36,66 +33,48 @@ class TorchModule:
     A model file of it can be read only where the class is at hand.
     """
 
-    module: Any = field(metadata={"saved": False})
+    module: Any
     dissipative: bool = True
     monotone_tail: bool = True
     width: float = 0.02
     shape: str = "tanh"
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
-    network: ClassVar[bool] = True
+    left_out_of_files: ClassVar[tuple[str, ...]] = ("module",)
 
     def __post_init__(self) -> None:
         check_sign("torch_module", self.width, self.shape)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return HEAD + weight_names(self._count)
+    def sizes(self) -> tuple[int, ...]:
+        return (2, 1)
 
     @property
-    def units(self) -> tuple[str, ...]:
-        return UNITS + ("1",) * self._count
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return BOUNDS + (FREE,) * self._count
+    def weights(self) -> int:
+        return sum(p.numel() for p in self.module.parameters())
 
     @property
     def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((*START, *self._weights().tolist()),)
+        return ((*(scale.start for scale in self.scales), *self._own().tolist()),)
 
-    @property
-    def _count(self) -> int:
-        return sum(p.numel() for p in self.module.parameters())
-
-    def _weights(self) -> Array:
+    def _own(self) -> Array:
+        """Weights of the module."""
         parts = [p.detach().double().numpy().ravel() for p in self.module.parameters()]
         return np.concatenate(parts)
 
-    def begin(self, torque: Array, speed: Array, rng: np.random.Generator) -> Array:
-        """Parameters (..., n, P) to learn from; a tenth of the weights' size is drawn."""
-        head = np.stack([torque, speed, 0.0 * torque + START[2]], axis=-1)
-        first = self._weights()
-        drawn = first + 0.1 * first.std() * rng.standard_normal((torque.shape[-1], len(first)))
-        return np.concatenate([head, np.broadcast_to(drawn, (*torque.shape, len(first)))], axis=-1)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return ()
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        speed = namespace(x.w).abs(x.w)
-        return self._level(theta, speed, side_of(x.w)) * smooth_sign(x.w, self.width, self.shape)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return memory
+    def drawn(self, rng: np.random.Generator) -> Array:
+        own = self._own()  # and a tenth of their size at random
+        return own + 0.1 * own.std() * rng.standard_normal(len(own))
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = self._level(theta, 0.0 * x.w, side_of(x.w))
-        return namespace(level).maximum(level, 0.0 * level)
+        still = 0.0 * (x.w + theta[..., 0])
+        return above_zero(self.level(theta, stacked([still, side_of(x.w)]), still))
 
-    def _level(self, theta: Array, speed: Array, side: Array) -> Array:
-        share = speed / theta[..., 1]
-        y = self._outputs(theta[..., 3:], stacked([within(share), side]))
+    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
+        share = namespace(x.w).abs(x.w) / theta[..., 1]
+        z = stacked([within(share), side_of(x.w)])
+        return Features(z, share, smooth_sign(x.w, self.width, self.shape))
+
+    def level(self, theta: Array, z: Array, share: Array) -> Array:
+        y = self._outputs(theta[..., 3:], z)
         return level_of(theta, y, share, self.dissipative, self.monotone_tail)
 
     def _outputs(self, weights: Array, z: Array) -> Array:
@@ -106,11 +85,11 @@ class TorchModule:
         sets = np.broadcast_shapes(row.shape[:-1], inputs.shape[:-2])
         row = row.expand(*sets, row.shape[-1]).reshape(-1, row.shape[-1])
         inputs = inputs.expand(*sets, *inputs.shape[-2:]).reshape(-1, *inputs.shape[-2:])
-        y = torch.func.vmap(self._one, randomness="error")(row, inputs)
+        y = torch.func.vmap(self._applied, randomness="error")(row, inputs)
         out = unlaid(y.reshape(*sets, *y.shape[-2:]), many)[..., 0]
         return out if torch.is_tensor(weights) or torch.is_tensor(z) else out.detach().numpy()
 
-    def _one(self, row: Any, inputs: Any) -> Any:
+    def _applied(self, row: Any, inputs: Any) -> Any:
         """Outputs (rows, 1) of the module with one row of weights."""
         import torch
 

@@ -10,19 +10,14 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import check_hidden, count, drawn, outputs, slopes
-from frictionid.friction.laws.learned import (
-    BOUNDS,
-    FREE,
-    HEAD,
-    START,
-    UNITS,
-    Seen,
+from frictionid.friction.laws.layers import check_hidden, outputs, slopes
+from frictionid.friction.laws.levels import above_zero
+from frictionid.friction.laws.network_law import (
+    Features,
+    NetworkLaw,
     check_samples,
     fine,
     fine_slope,
@@ -31,15 +26,13 @@ from frictionid.friction.laws.learned import (
     side_of,
     softplus,
     stacked,
-    start_of,
-    weight_names,
     within,
 )
 from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
 
 
 @dataclass(frozen=True)
-class WindowMLP:
+class WindowMLP(NetworkLaw):
     """Tf = level sgn(w), the level a network of w and of the newest `samples` of the velocity.
 
     sample_time : [s] between those samples; the memory begins as if the velocity had been constant
@@ -57,9 +50,7 @@ class WindowMLP:
     width: float = 0.02
     shape: str = "tanh"
     presliding: float = 0.0
-    uses_load: ClassVar[bool] = False
-    network: ClassVar[bool] = True
-    window: ClassVar[bool] = True  # its memory holds samples of the motion, whatever theta is
+    reads_window: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("window_mlp", self.hidden))
@@ -72,31 +63,7 @@ class WindowMLP:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of inputs, units and outputs of the network's layers."""
         return (1 + (not self.odd) + self.samples + (self.presliding > 0), *self.hidden, 1)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return HEAD + weight_names(count(self.sizes))
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return UNITS + ("1",) * count(self.sizes)
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return BOUNDS + (FREE,) * count(self.sizes)
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((*START, *start_of(self.sizes)),)
-
-    def begin(self, torque: Array, speed: Array, rng: np.random.Generator) -> Array:
-        """Parameters (..., n, P) to learn from, for torques and speeds (..., n) of these sizes."""
-        head = np.stack([torque, speed, 0.0 * torque + START[2]], axis=-1)
-        weights = np.stack([drawn(self.sizes, rng) for _ in range(torque.shape[-1])])
-        shape = (*torque.shape, weights.shape[-1])
-        return np.concatenate([head, np.broadcast_to(weights, shape)], axis=-1)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         w = x.w + 0.0 * theta[..., 0]
@@ -104,20 +71,11 @@ class WindowMLP:
             return (w,) * self.samples
         return (w, *(x.q - k * self.sample_time * w for k in range(self.samples)))
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        seen = self.seen(theta, x, memory)
-        return self.level(theta, seen.z, seen.share) * seen.sign
-
-    def gradient(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        """Derivatives (..., n, P) of the torque in theta."""
-        return self.slopes(theta, x, memory)[0]
-
     def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
-        """Derivatives of the torque in theta (..., n, P), and in each entry of the memory."""
         xp, side = namespace(theta, x.w), side_of(x.w)
         reach, tail = theta[..., 1], theta[..., 2]
         share = xp.abs(x.w) / reach
-        z = self._features(theta, x, xp.abs(x.w), memory)
+        z = self._inputs(theta, x, xp.abs(x.w), memory)
         y, by_weights, by_z = slopes(theta[..., 3:], z, self.sizes)
         slope = softplus(tail) if self.monotone_tail else tail
         y = y + slope * share
@@ -152,21 +110,19 @@ class WindowMLP:
         return (newest, x.q + 0.0 * newest, *memory[1:-1])
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = self.level(theta, self._features(theta, x, 0.0 * x.w, memory), 0.0 * x.w)
-        return namespace(level).maximum(level, 0.0 * level)
+        level = self.level(theta, self._inputs(theta, x, 0.0 * x.w, memory), 0.0 * x.w)
+        return above_zero(level)
 
-    def seen(self, theta: Array, x: Inputs, memory: Memory) -> Seen:
-        """What the network sees; of theta it depends on the scales alone."""
+    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         speed = namespace(x.w).abs(x.w)
-        z = self._features(theta, x, speed, memory)
-        return Seen(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
+        z = self._inputs(theta, x, speed, memory)
+        return Features(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
 
     def level(self, theta: Array, z: Array, share: Array) -> Array:
-        """Level (..., n) [N m] at what the network sees."""
         y = outputs(theta[..., 3:], z, self.sizes)[..., 0]
         return level_of(theta, y, share, self.dissipative, self.monotone_tail)
 
-    def _features(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
+    def _inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
         reach, side = theta[..., 1], side_of(x.w)
         own = [fine(speed / reach)] + ([] if self.odd else [side])
         if not self.presliding:

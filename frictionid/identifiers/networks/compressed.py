@@ -8,7 +8,7 @@ small as there are speeds [MacKay1992].
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws.ensemble import together
-from frictionid.friction.laws.learned import is_learned
+from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.networks.compressed_problem import Compressed, compressed, node_speeds
 from frictionid.identifiers.networks.early_stopping import check_share, held_out
@@ -56,15 +56,13 @@ class CompressedNetwork(Identifier):
     tolerance: float = 1e-5
 
     def __post_init__(self) -> None:
-        law, missing = (
-            self.law,
-            [x for x in ("gradient", "begin", "others") if not hasattr(self.law, x)],
-        )
-        if missing or law.others:
-            why = "sees other joints" if not missing else f"has no {missing[0]}"
+        law = self.law
+        known = isinstance(law, NetworkLaw) and law.has_gradient and not law.has_memory
+        if not known or law.others:
+            reason = "sees other joints" if known else "is no static network with a gradient"
             raise InputError(
-                f"Levenberg-Marquardt on compressed squares needs a network of its own joint's "
-                f'velocity, {law} {why}: choose solver = "adam"'
+                "Levenberg-Marquardt on compressed squares needs a network of its own joint's "
+                f'velocity, {law} {reason}: choose solver = "adam"'
             )
         for name in ("nodes", "iterations"):
             if not (type(getattr(self, name)) is int and getattr(self, name) >= 2):
@@ -77,11 +75,11 @@ class CompressedNetwork(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        sizes = torque_scale(problem, weights), speed_scale(problem, weights)
+        scales = np.stack([torque_scale(problem, weights), speed_scale(problem, weights)], axis=-1)
         whole = self._squares(problem, weights)
         thetas = []
         for own in member_seeds(seed, self.members):
-            start = self.law.begin(*sizes, np.random.default_rng(own))
+            start = self.law.initial_parameters(scales, np.random.default_rng(own))
             freedom = np.full(len(weights), self.freedom[0])
             if len(self.freedom) > 1:
                 inner = held_out(problem, weights, self.share, own)
@@ -156,13 +154,13 @@ def _inputs(speeds: Array) -> Inputs:
 
 def _torque(law: Any, theta: Array, speeds: Array) -> Array:
     """Torque (F, n, V) at the nodes."""
-    sharp = replace(law, width=_SHARP)
+    sharp = law.with_width(_SHARP)
     return np.swapaxes(sharp.torque(theta[:, None], _inputs(speeds), ()), 1, 2)
 
 
 def _stand(law: Any, squares: Compressed, prior: _Prior, theta: Array) -> _Stand:
     torque = _torque(law, theta, squares.speeds)
-    slopes = replace(law, width=_SHARP).gradient(theta[:, None], _inputs(squares.speeds))
+    slopes = law.with_width(_SHARP).gradient(theta[:, None], _inputs(squares.speeds))
     off = (theta - prior.start) / prior.freedom[:, None, None]
     cost = prior.precision * squares.cost(torque) + (off**2).sum((1, 2))
     return _Stand(theta, torque, np.swapaxes(slopes, 1, 2) * prior.learned, cost)

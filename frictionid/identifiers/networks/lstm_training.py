@@ -44,9 +44,10 @@ class Sequences:
         self.r = self.tensor(np.pad(problem.r, pad))
         self.G = self.tensor(np.pad(problem.G, ((0, 1), (0, 0), (0, 0))))
         self.coefficients = [float(c) for c in problem.coefficients]
-        seen = law.seen(theta[:, None], nodes.inputs)
-        parts = [by_fold(s, theta, k) for s, k in zip(seen, (2, 2, 1, 1), strict=True)]
-        self.z, self.own, self.share, self.sign = map(self.tensor, parts)
+        of = law.features(theta[:, None], nodes.inputs)
+        parts = ((of.read, 2), (of.z, 2), (of.share, 1), (of.sign, 1))
+        tensors = [self.tensor(by_fold(part, theta, axes)) for part, axes in parts]
+        self.z, self.own, self.share, self.sign = tensors
         self.before = self.tensor(np.arange(self.folds) * len(nodes.time))[:, None, None]
         self._rows = rows
 

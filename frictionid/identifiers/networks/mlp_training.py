@@ -13,7 +13,8 @@ import torch
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Nodes
+from frictionid.friction import Nodes
+from frictionid.friction.laws.network_law import NetworkLaw
 from frictionid.identifiers.residual import Problem
 
 Tensor = Any  # of torch
@@ -27,7 +28,9 @@ class Rows:
 
     rows = 1  # in each item that is drawn
 
-    def __init__(self, law: Any, problem: Problem, theta: Array, weights: Array, device: str):
+    def __init__(
+        self, law: NetworkLaw, problem: Problem, theta: Array, weights: Array, device: str
+    ):
         self.law, self.device = law, device
         memory = window(law, problem.nodes)
         self.items, self.nodes = len(problem.r), len(problem.nodes.time)
@@ -39,13 +42,9 @@ class Rows:
         self.stencil = self.tensor(np.pad(problem.stencil, ((0, 1), (0, 0))))
         self.coefficients = self.tensor(problem.coefficients)[:, None]
         self.before = self.tensor(np.arange(self.folds) * self.nodes)[:, None]
-        if hasattr(law, "seen"):
-            seen = law.seen(theta[:, None], problem.nodes.inputs, memory)
-            self.seen = [
-                self.tensor(by_fold(s, theta, k)) for s, k in zip(seen, (2, 1, 1), strict=True)
-            ]
-        else:
-            self.seen = [self.tensor(x) for x in (*problem.nodes.inputs, *memory)]
+        of = law.features(theta[:, None], problem.nodes.inputs, memory)
+        parts = ((of.z, 2), (of.share, 1), (of.sign, 1))
+        self.features = [self.tensor(by_fold(part, theta, axes)) for part, axes in parts]
 
     def counted(self, weights: Array) -> Array:
         """Which items count under weights (F, K)."""
@@ -64,14 +63,9 @@ class Rows:
 
     def _torque(self, theta: Tensor, nodes: Tensor) -> Tensor:
         """Torque (F, N, n) at nodes (F, N)."""
-        by_fold = theta[:, None]
-        if not hasattr(self.law, "seen"):
-            q, w, u, load, *memory = (values[nodes] for values in self.seen)
-            torque: Tensor = self.law.torque(by_fold, Inputs(q, w, u, load), tuple(memory))
-            return torque
         flat = (nodes + self.before).flatten()
-        z, share, sign = (s.index_select(0, flat).unflatten(0, nodes.shape) for s in self.seen)
-        level: Tensor = self.law.level(by_fold, z, share)
+        z, share, sign = (s.index_select(0, flat).unflatten(0, nodes.shape) for s in self.features)
+        level: Tensor = self.law.level(theta[:, None], z, share)
         return level * sign
 
 
@@ -87,7 +81,7 @@ def told(weights: Array, problem: Problem) -> Array:
     return weights * ((weights > 0).sum(axis=1) / np.maximum(squares, 1e-300))[:, None]
 
 
-def window(law: Any, nodes: Nodes) -> tuple[Array, ...]:
+def window(law: NetworkLaw, nodes: Nodes) -> tuple[Array, ...]:
     """Memory (S, n) at each node of a law that remembers samples of the velocity, newest first.
 
     Raises
@@ -95,10 +89,9 @@ def window(law: Any, nodes: Nodes) -> tuple[Array, ...]:
     InputError
         Where a law has a memory of another kind.
     """
-    theta = np.reshape(law.initial[0], (1, -1))
-    if not law.start(theta, Inputs(*(x[:1] for x in nodes.inputs))):
+    if not law.has_memory:
         return ()
-    if not hasattr(law, "samples") or callable(law.samples):
+    if not law.reads_window:
         raise InputError(f"{law}: its memory is none of those that training knows")
     first = np.repeat(nodes.first[:-1], np.diff(nodes.first))
     place = np.arange(len(nodes.time)) - first
@@ -106,7 +99,7 @@ def window(law: Any, nodes: Nodes) -> tuple[Array, ...]:
     ages = [np.maximum(newest - age, 0) for age in range(law.samples)]
     places = [first + age * nodes.per_sample for age in ages]
     q, w = nodes.inputs.q, nodes.inputs.w
-    if not getattr(law, "presliding", 0.0):
+    if not law.presliding:
         return tuple(w[at] for at in places)
     # before a recording's begin, as the law's memory starts: as if the velocity had been constant
     missing = [np.maximum(age - newest, 0)[:, None] for age in range(law.samples)]

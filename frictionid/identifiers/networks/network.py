@@ -18,8 +18,8 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws.ensemble import together
-from frictionid.friction.laws.learned import is_learned
 from frictionid.friction.laws.mlp import MLP
+from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.networks.adam import Adam
 from frictionid.identifiers.networks.batches import batches, side_by_side
@@ -70,7 +70,7 @@ class Network(Identifier):
     compile: bool = False
 
     def __post_init__(self) -> None:
-        if not hasattr(self.law, "begin"):
+        if not isinstance(self.law, NetworkLaw):
             raise InputError(f"{self.law} has no weights to train: choose least squares")
         for name in ("epochs", "batch", "patience", "targets", "members"):
             if type(getattr(self, name)) is not int or getattr(self, name) < 1:
@@ -82,7 +82,7 @@ class Network(Identifier):
         check_share(self.share)
         if self.inputs not in ("own", "all"):
             raise InputError(f"inputs = {self.inputs!r} is unknown; known are own, all")
-        if self.inputs == "all" and not hasattr(self.law, "others"):
+        if self.inputs == "all" and not isinstance(self.law, MLP):
             raise InputError(f'inputs = "all" needs a law that sees other joints, such as {MLP()}')
         if self.device not in ("cpu", "cuda"):
             raise InputError(f"device = {self.device!r} is unknown; known are cpu, cuda")
@@ -98,9 +98,10 @@ class Network(Identifier):
             law = replace(law, sample_time=float(np.median(problem.dt)))
         if self.inputs == "all":
             law = replace(law, others=problem.r.shape[1] - 1)
-        sizes = torque_scale(problem, weights), speed_scale(problem, weights)
+        scales = np.stack([torque_scale(problem, weights), speed_scale(problem, weights)], axis=-1)
         seeds = member_seeds(seed, self.members)
-        start = np.concatenate([law.begin(*sizes, np.random.default_rng(s)) for s in seeds])
+        draws = [np.random.default_rng(s) for s in seeds]
+        start = np.concatenate([law.initial_parameters(scales, rng) for rng in draws])
         inner = np.concatenate([held_out(problem, weights, self.share, s) for s in seeds])
         every = np.tile(weights, (self.members, 1))
         queues = [s for s in seeds for _ in weights]
@@ -163,7 +164,7 @@ class Network(Identifier):
         from frictionid.identifiers.networks.lstm_training import Sequences
         from frictionid.identifiers.networks.mlp_training import Rows
 
-        if hasattr(law, "cells"):
+        if law.cells:
             longest = -(-int(np.diff(problem.nodes.first).max()) // problem.nodes.per_sample)
             if self.burn_in > max(longest, Network.burn_in):
                 raise InputError(

@@ -43,7 +43,9 @@ class StateNetwork(Identifier):
         if law.sample_time is not None:
             law = replace(law, sample_time=float(np.median(problem.dt)))
         scales, seeds = _scales(problem, weights), member_seeds(seed, own.members)
-        start = np.concatenate([law.begin(scales, np.random.default_rng(s)) for s in seeds])
+        start = np.concatenate(
+            [law.initial_parameters(scales, np.random.default_rng(s)) for s in seeds]
+        )
         inner = np.concatenate([held_out(problem, weights, own.share, s) for s in seeds])
         every = np.tile(weights, (own.members, 1))
         queues = [s for s in seeds for _ in weights]

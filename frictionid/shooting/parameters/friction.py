@@ -62,11 +62,8 @@ class FrictionBlock:
 
 
 def on_support(blocks: Sequence[Block], friction: Friction) -> tuple[Block, ...]:
-    """The blocks; where the law is sparse, friction's only frees what the friction (n, P) has.
-
-    A law says by `sparse = True` that a parameter of zero is one that it does not have.
-    """
-    if not getattr(friction.law, "sparse", False):
+    """The blocks; where the law is sparse, friction's only frees what the friction (n, P) has."""
+    if not friction.law.is_sparse:
         return tuple(blocks)
     has = tuple((int(j), int(i)) for j, i in np.argwhere(np.asarray(friction.theta) != 0))
     return tuple(replace(b, support=has) if isinstance(b, FrictionBlock) else b for b in blocks)

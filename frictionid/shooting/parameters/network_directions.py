@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from frictionid.friction import Friction
 from frictionid.shooting.combined import Combined
 from frictionid.shooting.parameters.parameter_block import Entry, Guess
 from frictionid.shooting.torque_samples import Points
-from frictionid.shooting.wrapped import smoothing_of
 
 _TURNS = 12  # of Gauss and Newton towards wanted torques
 _RIDGE = (1e-4, 10.0)  # of the largest singular value, and its growth after a step too far
@@ -58,7 +58,7 @@ class Combinations:
                 left, _, right = np.linalg.svd(own.T @ before[j])
                 own = own @ (left @ right)
             directions[j] = own
-        few = Combined(law, *smoothing_of(law), theta, directions)
+        few = Combined(law, law.width, law.shape, theta, directions)
         return replace(friction, law=few, theta=np.zeros((friction.n, self.count)))
 
     @property
@@ -83,7 +83,7 @@ class Combinations:
         )
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        law = guess.friction.law
+        law: Any = guess.friction.law  # of `of`: Combined
         step = -self._values(guess.friction)
         for entry, value in zip(entries, values, strict=True):
             step[entry.place] += value
@@ -95,8 +95,8 @@ class Combinations:
 
     def _values(self, friction: Friction) -> Array:
         """How far (n, r) the numbers are from where they began."""
-        directions = friction.law.directions
-        off = friction.law.numbers(friction.theta) - self.begin
+        law: Any = friction.law
+        directions, off = law.directions, law.numbers(friction.theta) - self.begin
         return np.einsum("np,npr->nr", off, directions) / self._scale[:, None] ** 2
 
     def _moved(self, friction: Friction, change: Array, wanted: Array) -> Friction:

@@ -9,7 +9,7 @@ import torch
 from fixtures.memory_laws import Sampled
 
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction import Friction, Inputs, Law, at_rest
 from frictionid.friction.laws import (
     AsymmetricCoulombViscous,
     AsymmetricFilmLag,
@@ -212,7 +212,7 @@ def test_starts_lie_within_the_bounds_and_cover_the_stribeck_velocities(law):
 
 
 @dataclass(frozen=True)
-class Plain:
+class Plain(Law):
     """Coulomb and viscous friction without a gradient, which keeps to the contract."""
 
     width: float = 0.02
@@ -220,20 +220,12 @@ class Plain:
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")), (0.0, 2.0))
     initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.1, 0.0),)
-    sample_time: ClassVar[float | None] = None
-    uses_load: ClassVar[bool] = False
 
     def __repr__(self):
         return type(self).__name__
 
-    def start(self, theta, x):
-        return ()
-
     def torque(self, theta, x, memory):
         return theta[..., 0] * np.tanh(x.w / self.width) + theta[..., 1] * x.w
-
-    def advance(self, theta, x, memory, dt):
-        return memory
 
     def limit(self, theta, x, memory):
         return theta[..., 0] + 0.0 * x.w
@@ -241,9 +233,10 @@ class Plain:
 
 @dataclass(frozen=True, repr=False)
 class Rough(Plain):
-    """A smoothing that the check cannot narrow, and a level that follows the load."""
+    """A smoothing that must not be narrowed, and a level that follows the load."""
 
     width: ClassVar[float] = 0.02
+    shape: ClassVar[str] = ""
     uses_load: ClassVar[bool] = True
 
     def torque(self, theta, x, memory):
@@ -331,6 +324,69 @@ class Wide(Plain):
         return (np.zeros(7),)
 
 
+@dataclass(frozen=True, repr=False)
+class Fixed(Plain):
+    width: ClassVar[float] = 0.02
+
+
+@dataclass(frozen=True, repr=False)
+class Hidden(Fixed):
+    """A smoothing that is not declared."""
+
+    width: ClassVar[float] = 0.0
+
+    def torque(self, theta, x, memory):
+        return theta[..., 0] * np.tanh(x.w / 0.02) + theta[..., 1] * x.w
+
+
+@dataclass(frozen=True, repr=False)
+class Fast(Plain):
+    def limit(self, theta, x, memory):
+        return theta[..., 0] * abs(x.w)
+
+
+@dataclass(frozen=True, repr=False)
+class Linear(Plain):
+    """Linear, as it says, but without a gradient."""
+
+    is_linear: ClassVar[bool] = True
+
+
+@dataclass(frozen=True, repr=False)
+class Curved(Linear):
+    def torque(self, theta, x, memory):
+        return super().torque(theta**2, x, memory)
+
+    def limit(self, theta, x, memory):
+        return super().limit(theta**2, x, memory)
+
+    def gradient(self, theta, x):
+        return 2.0 * theta * CoulombViscous().gradient(theta, x)
+
+
+@dataclass(frozen=True, repr=False)
+class Manifold(Plain):
+    names: ClassVar[tuple[str, ...]] = tuple(f"a{i}" for i in range(20))
+    units: ClassVar[tuple[str, ...]] = ("N m",) * 20
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0),) * 20
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0,) * 20,)
+
+
+@dataclass(frozen=True, repr=False)
+class Learning(Sampled):
+    reads_window: ClassVar[bool] = True
+
+    def advance(self, theta, x, memory, dt):
+        return (*memory[1:], theta[..., 0] * x.w)
+
+
+class Duck:
+    """Everything that a law has, but not declared."""
+
+    width, names, units, bounds = 0.02, Plain.names, Plain.units, Plain.bounds
+    torque, limit = Plain.torque, Plain.limit
+
+
 def described(**changes):
     """A law of the class Plain whose description is changed."""
     return type("Changed", (Plain,), changes)()
@@ -348,6 +404,16 @@ VIOLATIONS = [
     (described(uses_load=None), "uses_load must be True or False"),
     (described(sample_time=0.0), "sample_time must be None, or positive"),
     (described(), "it must pickle"),
+    (Duck(), "it must subclass frictionid.friction.Law"),
+    (Fixed(), "width must be a field"),
+    (Hidden(), "its torque is smoothed at rest, but declares no width"),
+    (Fast(), "limit must not depend on the speed"),
+    (Linear(), "is_linear is True, so it needs a gradient"),
+    (Curved(), "is_linear is True, so the torque must be gradient times theta"),
+    (Manifold(), "20 parameters need a gradient, or is_network = True"),
+    (Learning(), "reads_window is True, so its memory must not depend on theta"),
+    (Plain(width=-1.0), "width = -1.0 rad/s must be zero, or a finite number above"),
+    (described(shape="step"), "shape = 'step' must be"),
     (Summed(), "must not depend on the others"),
     (Flat(), "must not depend on the others in its batch"),
     (Loaded(), "uses_load is False"),

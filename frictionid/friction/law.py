@@ -1,0 +1,191 @@
+"""Law: what a friction law declares and computes, with the defaults of a static law."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+
+Memory = tuple[Array, ...]
+
+
+class Inputs(NamedTuple):
+    """What friction may depend on: q [rad], w [rad/s], motor torque u [N m], bearing load [N].
+
+    Each has shape (..., n), one entry for each joint.
+    """
+
+    q: Array
+    w: Array
+    u: Array
+    load: Array
+
+
+def at_rest(w: Array) -> Inputs:
+    """Inputs with velocities w (..., n) and all else zero.
+
+    >>> at_rest(np.ones(2)).u
+    array([0., 0.])
+    """
+    zero = 0.0 * w
+    return Inputs(zero, w, zero, zero)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Law(ABC):
+    """The form of a friction torque Tf; its numbers are the parameters theta (..., n, P).
+
+    A law is a frozen dataclass: its fields are its settings. It says the names of its P parameters,
+    their units and bounds, its torque and its break-away level. All else has a default, that of a
+    static law whose derivatives are found by differences. The batch axes of theta and of the inputs
+    broadcast against each other; laws compute alike with NumPy and, for networks, with torch.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass, replace
+    >>> @dataclass(frozen=True)
+    ... class Viscous(Law):
+    ...     names = ("viscous",)
+    ...     units = ("N m s/rad",)
+    ...     bounds = ((0.0, np.inf),)
+    ...     def torque(self, theta, x, memory):
+    ...         return theta[..., 0] * x.w
+    ...     def limit(self, theta, x, memory):
+    ...         return 0.0 * (theta[..., 0] + x.w)
+    >>> Viscous().initial, Viscous().has_memory
+    (((0.0,),), False)
+    """
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Names of the P parameters of one joint."""
+
+    @property
+    @abstractmethod
+    def units(self) -> tuple[str, ...]:
+        """Their units, for joints that turn."""
+
+    @property
+    @abstractmethod
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        """Lower and upper bound of each."""
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        """Values to start a fit from, a tuple of P for each start; by default zero, or a bound."""
+        return (tuple(min(max(0.0, low), high) for low, high in self.bounds),)
+
+    @property
+    def width(self) -> float:
+        """Smoothing of sgn(w) [rad/s], a field of laws that smooth it; 0 for those that do not.
+
+        Up to 0.02 rad/s the smoothing counts as numerical: the physics step goes round it. A wider
+        one is part of the law.
+        """
+        return 0.0
+
+    @property
+    def shape(self) -> str:
+        """How sgn(w) is smoothed over `width`: "tanh", "arctan", or "" in another way.
+
+        The physics step narrows a tanh, by setting the field `width`.
+        """
+        return "tanh"
+
+    @property
+    def sample_time(self) -> float | None:
+        """Time [s] of the samples at which the memory advances; None: it does so continuously."""
+        return None
+
+    @property
+    def uses_load(self) -> bool:
+        """Whether the law depends on the bearing load, which costs time to compute."""
+        return False
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the torque is `gradient` times theta, so that linear least squares fit it."""
+        return False
+
+    @property
+    def is_sparse(self) -> bool:
+        """Whether a parameter of zero is a term that friction does not have, and stays out."""
+        return False
+
+    @property
+    def is_network(self) -> bool:
+        """Whether parameters are weights: not printed, stored in binary, refined in combination."""
+        return False
+
+    @property
+    def reads_window(self) -> bool:
+        """Whether the memory holds samples of the motion, whatever theta is."""
+        return False
+
+    @property
+    def left_out_of_files(self) -> tuple[str, ...]:
+        """Settings that model files leave out; the class has defaults for them."""
+        return ()
+
+    @property
+    def cannot_be_saved(self) -> str:
+        """Reason why a model file cannot hold the law; "" where it can."""
+        return ""
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether friction depends on the motion before: whether `start` gives anything."""
+        return bool(self.start(np.array(self.initial[:1]), at_rest(np.zeros((1, 1)))))
+
+    @property
+    def has_gradient(self) -> bool:
+        """Whether the law knows its derivatives: by `gradient`, or `slopes` if it has memory."""
+        own = type(self)
+        return own.gradient is not Law.gradient or own.slopes is not Law.slopes
+
+    @abstractmethod
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        """Friction torque Tf, shape (..., n) [N m], opposing positive velocity."""
+
+    @abstractmethod
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        """Break-away level (..., n) [N m]: smaller loads cannot move the joint from rest.
+
+        Of x.w only the sign counts, the direction of the impending motion; memory is that at this
+        moment. Zero where the memory itself holds the joint, as a bristle does.
+        """
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        """Initial memory state, entries (..., n); () for static laws."""
+        return ()
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        """Memory after dt [s], shape (..., 1), at inputs x."""
+        return memory
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        """Derivatives (..., n, P) of a static law's torque in each joint's theta, or None."""
+        return None
+
+    def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory] | None:
+        """Derivatives of the torque in theta (..., n, P) and in each memory entry, or None."""
+        return None
+
+    def with_width(self, width: float) -> Law:
+        """The law smoothed over another width [rad/s]."""
+        return replace(self, width=width)  # type: ignore[call-arg]
+
+    def equation(
+        self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
+    ) -> list[str]:
+        """One line for each joint of a sparse law: its terms with coefficients theta (n, P).
+
+        `half` (n, P) is half the width of an interval of each coefficient, written behind it where
+        it is finite.
+        """
+        return []
