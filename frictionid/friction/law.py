@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,6 @@ def at_rest(w: Array) -> Inputs:
     return Inputs(zero, w, zero, zero)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Law(ABC):
     """The form of a friction torque Tf; its numbers are the parameters theta (..., n, P).
 
@@ -43,6 +42,32 @@ class Law(ABC):
     their units and bounds, its torque and its break-away level. All else has a default, that of a
     static law whose derivatives are found by differences. The batch axes of theta and of the inputs
     broadcast against each other; laws compute alike with NumPy and, for networks, with torch.
+
+    Attributes
+    ----------
+    width : float
+        Smoothing of sgn(w) [rad/s], a field of laws that smooth it; 0: they do not. Up to 0.02 it
+        counts as numerical, the physics step goes round it; a wider one is a part of friction.
+    shape : str
+        How sgn(w) is smoothed: "tanh", "arctan", or "" in another way. The physics step narrows a
+        tanh by setting `width`.
+    sample_time : float or None
+        Time [s] of the samples at which the memory advances; None: it does so continuously.
+    uses_load : bool
+        Whether friction depends on the bearing load, which costs time to compute.
+    is_linear : bool
+        Whether the torque is `gradient` times theta, so that linear least squares fit it.
+    is_sparse : bool
+        Whether a parameter of zero is a term that friction does not have, and that stays out.
+    is_network : bool
+        Whether the parameters are weights: not printed, stored in binary, and refined by shooting
+        in those combinations that the motion shows.
+    reads_window : bool
+        Whether the memory holds samples of the motion, whatever theta is.
+    left_out_of_files : tuple of str
+        Settings that model files leave out; the class has defaults for them.
+    cannot_be_saved : str
+        Reason why a model file cannot hold the law; "": it can.
 
     Examples
     --------
@@ -59,6 +84,18 @@ class Law(ABC):
     >>> Viscous().initial, Viscous().has_memory
     (((0.0,),), False)
     """
+
+    width: float = 0.0
+    shape: str = "tanh"
+    sample_time: float | None = None
+    uses_load: bool = False
+    is_linear: bool = False
+    is_sparse: bool = False
+    is_network: bool = False
+    reads_window: bool = False
+    left_out_of_files: tuple[str, ...] = ()
+    cannot_be_saved: str = ""
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # every law is a dataclass
 
     @property
     @abstractmethod
@@ -79,63 +116,6 @@ class Law(ABC):
     def initial(self) -> tuple[tuple[float, ...], ...]:
         """Values to start a fit from, a tuple of P for each start; by default zero, or a bound."""
         return (tuple(min(max(0.0, low), high) for low, high in self.bounds),)
-
-    @property
-    def width(self) -> float:
-        """Smoothing of sgn(w) [rad/s], a field of laws that smooth it; 0 for those that do not.
-
-        Up to 0.02 rad/s the smoothing counts as numerical: the physics step goes round it. A wider
-        one is part of the law.
-        """
-        return 0.0
-
-    @property
-    def shape(self) -> str:
-        """How sgn(w) is smoothed over `width`: "tanh", "arctan", or "" in another way.
-
-        The physics step narrows a tanh, by setting the field `width`.
-        """
-        return "tanh"
-
-    @property
-    def sample_time(self) -> float | None:
-        """Time [s] of the samples at which the memory advances; None: it does so continuously."""
-        return None
-
-    @property
-    def uses_load(self) -> bool:
-        """Whether the law depends on the bearing load, which costs time to compute."""
-        return False
-
-    @property
-    def is_linear(self) -> bool:
-        """Whether the torque is `gradient` times theta, so that linear least squares fit it."""
-        return False
-
-    @property
-    def is_sparse(self) -> bool:
-        """Whether a parameter of zero is a term that friction does not have, and stays out."""
-        return False
-
-    @property
-    def is_network(self) -> bool:
-        """Whether parameters are weights: not printed, stored in binary, refined in combination."""
-        return False
-
-    @property
-    def reads_window(self) -> bool:
-        """Whether the memory holds samples of the motion, whatever theta is."""
-        return False
-
-    @property
-    def left_out_of_files(self) -> tuple[str, ...]:
-        """Settings that model files leave out; the class has defaults for them."""
-        return ()
-
-    @property
-    def cannot_be_saved(self) -> str:
-        """Reason why a model file cannot hold the law; "" where it can."""
-        return ""
 
     @property
     def has_memory(self) -> bool:
@@ -178,7 +158,7 @@ class Law(ABC):
 
     def with_width(self, width: float) -> Law:
         """The law smoothed over another width [rad/s]."""
-        return replace(self, width=width)  # type: ignore[call-arg]
+        return replace(self, width=width)
 
     def equation(
         self, theta: Array, half: Array | None = None, angle_unit: str = "rad"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from frictionid.arrays import Array
 from frictionid.dynamics.stiction import SLOW
@@ -21,7 +20,7 @@ class BackEMF(Law):
     """
 
     base: Law
-    shape: ClassVar[str] = ""  # the step must not narrow it, see `sharpened`
+    shape = ""  # the step must not narrow it, see `sharpened`
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -40,15 +39,15 @@ class BackEMF(Law):
         return tuple((*start, 0.0) for start in self.base.initial)
 
     @property
-    def sample_time(self) -> float | None:
+    def sample_time(self) -> float | None:  # type: ignore[override]
         return self.base.sample_time
 
     @property
-    def uses_load(self) -> bool:
+    def uses_load(self) -> bool:  # type: ignore[override]
         return self.base.uses_load
 
     @property
-    def width(self) -> float:
+    def width(self) -> float:  # type: ignore[override]
         """Smoothing [rad/s] of the base law."""
         return self.base.width
 

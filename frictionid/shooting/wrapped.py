@@ -12,7 +12,7 @@ class Wrapped(Law):
     """A law around another, with the other's smoothing at rest, of `width` and `shape`."""
 
     law: Law
-    width: float = field()  # of their own, without `Law`'s defaults
+    width: float = field()  # without the default of `Law`
     shape: str = field()
 
     def __repr__(self) -> str:
@@ -35,15 +35,15 @@ class Wrapped(Law):
         return tuple(self.law.initial)
 
     @property
-    def sample_time(self) -> float | None:
+    def sample_time(self) -> float | None:  # type: ignore[override]
         return self.law.sample_time
 
     @property
-    def uses_load(self) -> bool:
+    def uses_load(self) -> bool:  # type: ignore[override]
         return self.law.uses_load
 
     @property
-    def reads_window(self) -> bool:
+    def reads_window(self) -> bool:  # type: ignore[override]
         return self.law.reads_window
 
     @property

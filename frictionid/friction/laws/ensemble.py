@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from typing import Any
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
@@ -24,7 +24,7 @@ class Ensemble(Law):
     members: int = 2
     width: float = 0.02
     shape: str = "tanh"
-    is_network: ClassVar[bool] = True
+    is_network = True
 
     def __post_init__(self) -> None:
         if type(self.members) is not int or self.members < 2:
@@ -48,12 +48,12 @@ class Ensemble(Law):
         return tuple(tuple(start) * self.members for start in self.base.initial)
 
     @property
-    def sample_time(self) -> float | None:
+    def sample_time(self) -> float | None:  # type: ignore[override]
         """That of the base."""
         return self.base.sample_time
 
     @property
-    def uses_load(self) -> bool:
+    def uses_load(self) -> bool:  # type: ignore[override]
         """Whether the base does."""
         return self.base.uses_load
 

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -77,8 +77,8 @@ class Library(Law):
     load: bool = False
     direction: bool = False
     other: bool = False
-    is_linear: ClassVar[bool] = True
-    is_sparse: ClassVar[bool] = True
+    is_linear = True
+    is_sparse = True
 
     def __post_init__(self) -> None:
         for name in ("widths", "powers", "velocities", "harmonics"):
@@ -120,7 +120,7 @@ class Library(Law):
         return ((0.0,) * len(self.candidates),)
 
     @property
-    def uses_load(self) -> bool:
+    def uses_load(self) -> bool:  # type: ignore[override]
         return self.load
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:

@@ -28,7 +28,7 @@ class LoadDependent(Law):
     names: ClassVar[tuple[str, ...]] = ("coulomb", "load_coefficient", "viscous")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m/N", "N m s/rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
-    uses_load: ClassVar[bool] = True
+    uses_load = True
 
     def __post_init__(self) -> None:
         check_sign("load_dependent", self.width, self.shape)
@@ -68,7 +68,7 @@ class LoadDependentStribeck(Law):
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, ws, 0.0, 0.0) for ws in VELOCITIES
     )
-    uses_load: ClassVar[bool] = True
+    uses_load = True
 
     def __post_init__(self) -> None:
         check_sign("load_dependent", self.width, self.shape)

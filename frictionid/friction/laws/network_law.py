@@ -13,7 +13,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,9 +64,27 @@ class NetworkLaw(Law):
 
     Tf = level(theta, z, share) sign, of the `features` z, share and sign. Of theta these depend on
     the scales alone, so that training computes them once.
+
+    Attributes
+    ----------
+    cells : int
+        Number of recurrent cells, which read the motion sample by sample; 0: none.
+    odd : bool
+        Whether friction is the same in both directions; cells then read -w as well.
+    samples : int
+        Number of past samples in the memory of a law that reads a window of them.
+    presliding : float
+        Scale [rad] of angles in that window; 0: it holds velocities.
+    others : int
+        Number of other joints whose velocities are inputs.
     """
 
-    is_network: ClassVar[bool] = True
+    is_network = True
+    cells: int = 0
+    odd: bool = False
+    samples: int = 0
+    presliding: float = 0.0
+    others: int = 0
 
     @property
     def scales(self) -> tuple[Scale, ...]:
@@ -79,34 +97,9 @@ class NetworkLaw(Law):
         """Numbers of inputs, units and outputs of the network's layers."""
 
     @property
-    def cells(self) -> int:
-        """Number of recurrent cells, which read the motion sample by sample; 0: none."""
-        return 0
-
-    @property
     def gate_sizes(self) -> tuple[int, int]:
         """Inputs and outputs of the cells' gates: of input, forgetting, output, and new content."""
         return (0, 0)
-
-    @property
-    def odd(self) -> bool:
-        """Whether friction is the same in both directions; cells then read -w as well."""
-        return False
-
-    @property
-    def samples(self) -> int:
-        """Number of past samples in the memory of a law that reads a window of them."""
-        return 0
-
-    @property
-    def presliding(self) -> float:
-        """Scale [rad] of angles in that window; 0.0: it holds velocities."""
-        return 0.0
-
-    @property
-    def others(self) -> int:
-        """Number of other joints whose velocities are inputs."""
-        return 0
 
     @abstractmethod
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:

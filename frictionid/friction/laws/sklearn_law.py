@@ -28,10 +28,8 @@ class Predicted(Law):
     names: ClassVar[tuple[str, ...]] = ("model",)
     units: ClassVar[tuple[str, ...]] = ("1",)
     bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")),)
-    shape: ClassVar[str] = ""
-    cannot_be_saved: ClassVar[str] = (
-        "regressors of more than the velocity are no curve: use them in Python"
-    )
+    shape = ""
+    cannot_be_saved = "regressors of more than the velocity are no curve: use them in Python"
 
     def __repr__(self) -> str:
         return f"Predicted({len(self.models)} models of {', '.join(self.inputs)})"

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
@@ -39,7 +39,7 @@ class Spline(Law):
     degree: int = 2
     width: float = 0.02
     shape: str = "tanh"
-    is_linear: ClassVar[bool] = True
+    is_linear = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))  # model files give lists
@@ -82,7 +82,7 @@ class AsymmetricSpline(Law):
     degree: int = 2
     width: float = 0.02
     shape: str = "tanh"
-    is_linear: ClassVar[bool] = True
+    is_linear = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations_with_replacement
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,9 +59,9 @@ class StateLibrary(Law):
     degree: int = 3
     turning: bool = True
     width: float = 0.1
-    shape: ClassVar[str] = ""  # of an input, not of friction
-    is_linear: ClassVar[bool] = True
-    is_sparse: ClassVar[bool] = True
+    shape = ""  # of an input, not of friction
+    is_linear = True
+    is_sparse = True
 
     def __post_init__(self) -> None:
         for name in ("joints", "degree"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -42,7 +41,7 @@ class StateLSTM(NetworkLaw):
     hidden: tuple[int, ...] = (32,)
     turning: bool = True
     width: float = 0.1
-    shape: ClassVar[str] = ""
+    shape = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("state_lstm", self.hidden))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Memory
@@ -31,7 +30,7 @@ class StateMLP(NetworkLaw):
     hidden: tuple[int, ...] = (32, 32)
     turning: bool = True
     width: float = 0.1
-    shape: ClassVar[str] = ""  # of an input, not of friction
+    shape = ""  # of an input, not of friction
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("state_mlp", self.hidden))

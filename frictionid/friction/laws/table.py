@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
@@ -35,7 +34,7 @@ class Table(Law):
     speeds: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
     width: float = 0.02
     shape: str = "tanh"
-    is_linear: ClassVar[bool] = True
+    is_linear = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "speeds", tuple(self.speeds))  # model files give lists

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class TorchModule(NetworkLaw):
     monotone_tail: bool = True
     width: float = 0.02
     shape: str = "tanh"
-    left_out_of_files: ClassVar[tuple[str, ...]] = ("module",)
+    left_out_of_files = ("module",)
 
     def __post_init__(self) -> None:
         check_sign("torch_module", self.width, self.shape)

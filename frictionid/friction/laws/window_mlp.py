@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
@@ -50,7 +49,7 @@ class WindowMLP(NetworkLaw):
     width: float = 0.02
     shape: str = "tanh"
     presliding: float = 0.0
-    reads_window: ClassVar[bool] = True
+    reads_window = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("window_mlp", self.hidden))

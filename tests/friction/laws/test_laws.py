@@ -1,0 +1,205 @@
+"""Friction laws: the contract, their curves, and what they refuse."""
+
+import numpy as np
+import pytest
+import torch
+from fixtures.memory_laws import Sampled
+
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction.laws import (
+    AsymmetricCoulombViscous,
+    AsymmetricFilmLag,
+    AsymmetricLuGre,
+    AsymmetricSpline,
+    AsymmetricStribeck,
+    CoulombViscous,
+    Dahl,
+    FilmLag,
+    LoadDependent,
+    LoadDependentStribeck,
+    LuGre,
+    MotorLoad,
+    NoFriction,
+    Quadratic,
+    Ripple,
+    Spline,
+    Stribeck,
+    check_law,
+)
+from frictionid.friction.laws.smooth_sign import smooth_sign
+
+LAWS = [
+    NoFriction(),
+    *(MotorLoad(shape=shape) for shape in ("tanh", "arctan")),
+    *(CoulombViscous(shape=shape) for shape in ("tanh", "arctan")),
+    *(Stribeck(width, shape) for width in (0.005, 0.02) for shape in ("tanh", "arctan")),
+    *(AsymmetricStribeck(shape=shape) for shape in ("tanh", "arctan")),
+    *(law(shape="arctan") for law in (AsymmetricCoulombViscous, Quadratic, LoadDependent)),
+    *(LoadDependentStribeck(), AsymmetricCoulombViscous(), Quadratic(), LoadDependent()),
+    *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), AsymmetricSpline()),
+    *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple("stribeck_asymmetric", (2,))),
+]
+REMEMBERING = [FilmLag(), AsymmetricFilmLag(), Dahl(), LuGre(), AsymmetricLuGre()]
+W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
+
+
+def draws(law, rng, *batch):
+    """Parameters of two joints, shape (*batch, 2, P)."""
+    theta = rng.uniform(0.05, 1.0, (*batch, 2, len(law.names)))
+    theta *= np.minimum(1.0, [high for _, high in law.bounds])
+    if "stribeck_velocity" in law.names:
+        theta[..., law.names.index("stribeck_velocity")] *= 5.0
+    return theta
+
+
+def speeds(n=2):
+    return at_rest(np.repeat(W[:, None], n, axis=1))
+
+
+@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING, Sampled()], ids=str)
+def test_laws_keep_to_the_contract(law):
+    check_law(law)
+    assert repr(law).startswith(type(law).__name__)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
+    theta = draws(law, np.random.default_rng(0), 5, 1)
+    gradient = law.gradient(theta, speeds())
+    assert gradient.shape == (5, len(W), 2, len(law.names))
+    for i in range(len(law.names)):
+        step = np.zeros(theta.shape, dtype=complex)
+        step[..., i] = 1e-30j
+        slope = law.torque(theta + step, speeds(), ()).imag / 1e-30
+        np.testing.assert_allclose(gradient[..., i], slope, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_laws_run_alike_on_torch(law):
+    theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
+    tensors = torch.as_tensor(theta), Inputs(*(torch.as_tensor(field) for field in x))
+    methods = (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ()))
+    for method in (*methods, law.gradient):
+        np.testing.assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
+
+
+@pytest.mark.parametrize("law", REMEMBERING, ids=str)
+def test_laws_with_memory_run_alike_on_torch(law):
+    theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
+    tensors = torch.as_tensor(theta), Inputs(*(torch.as_tensor(field) for field in x))
+    memory, dt = law.start(theta, x._replace(w=-x.w)), np.array([0.003])
+    same = tuple(torch.as_tensor(entry) for entry in memory)
+    pairs = [
+        (law.start(*tensors)[0], law.start(theta, x)[0]),
+        (law.torque(*tensors, same), law.torque(theta, x, memory)),
+        (law.advance(*tensors, same, torch.as_tensor(dt))[0], law.advance(theta, x, memory, dt)[0]),
+        (law.limit(*tensors, same), law.limit(theta, x, memory)),
+    ]
+    for found, expected in pairs:
+        np.testing.assert_allclose(found.numpy(), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
+def test_torque_has_slopes_in_torch_at_every_velocity(law):
+    theta = torch.tensor(draws(law, np.random.default_rng(3), 4, 1), requires_grad=bool(law.names))
+    w = torch.tensor([[0.0, 0.0], *speeds().w.tolist()], dtype=torch.float64, requires_grad=True)
+    x = Inputs(*(torch.as_tensor(field) for field in at_rest(w.detach().numpy())))._replace(w=w)
+    memory = law.advance(theta, x, law.start(theta, x), torch.tensor([0.01], dtype=torch.float64))
+    law.torque(theta, x, memory).sum().backward()
+    assert torch.isfinite(w.grad).all()
+    assert theta.grad is None or torch.isfinite(theta.grad).all()
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_friction_opposes_motion_and_without_velocity_there_is_none(law):
+    theta = draws(law, np.random.default_rng(2), 20, 1)
+    assert (law.torque(theta, speeds(), ()) * W[:, None] >= 0).all()
+    still = law.torque(theta[:, 0], at_rest(np.zeros(2)), ())
+    np.testing.assert_array_equal(still, np.zeros((20, 2)))
+
+
+def test_curves_at_high_and_low_speed_are_the_levels_that_the_names_say():
+    theta = np.array([[0.5, 0.25, 2.0, 0.01]])
+    curve = Friction(Stribeck(width=1e-6), theta).curve(np.array([-50.0, -1e-3, 1e-3, 50.0]))
+    np.testing.assert_allclose(curve[:, 0], [-1.0, -0.75, 0.75, 1.0], rtol=1e-4)
+    theta = np.array([[0.5, 0.4, 0.25, 0.1, 2.0, 0.01]])
+    curve = Friction(AsymmetricStribeck(width=1e-6), theta).curve(
+        np.array([-50.0, -1e-3, 1e-3, 50])
+    )
+    np.testing.assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
+
+
+def test_the_dip_falls_to_exp_minus_one_at_the_stribeck_velocity():
+    theta = np.array([[0.0, 1.0, 2.0, 0.0]])
+    assert Friction(Stribeck(), theta).curve(np.array([2.0]))[0, 0] == pytest.approx(np.exp(-1))
+
+
+def test_the_smoothing_is_written_in_rad_per_second():
+    for shape, value in (("tanh", np.tanh(1.0)), ("arctan", 0.5)):
+        law = CoulombViscous(width=0.3, shape=shape)
+        torque = law.torque(np.array([[2.0, 0.0]]), at_rest(np.array([0.3])), ())
+        assert torque[0] == pytest.approx(2.0 * value)
+
+
+def test_laws_are_nested_no_friction_in_coulomb_in_stribeck_in_asymmetric_stribeck():
+    rng = np.random.default_rng(3)
+    x, (fc, fv, fp, ws) = speeds(1), rng.uniform(0.1, 2.0, 4)
+
+    def torque(law, *theta):
+        return law.torque(np.array([theta]), x, ())
+
+    same = np.testing.assert_allclose
+    same(torque(CoulombViscous(), 0.0, 0.0), torque(NoFriction()), atol=0.0)
+    same(torque(Stribeck(), fc, 0.0, ws, fv), torque(CoulombViscous(), fc, fv), rtol=1e-15)
+    asymmetric = torque(AsymmetricStribeck(), fc, fc, fp, fp, ws, fv)
+    same(asymmetric, torque(Stribeck(), fc, fp, ws, fv), rtol=1e-14)
+
+
+def test_turning_the_axis_round_swaps_the_directions():
+    theta = np.array([[0.5, 0.4, 0.25, 0.1, 2.0, 0.01]])
+    turned = theta[:, [1, 0, 3, 2, 4, 5]]
+    law, x = AsymmetricStribeck(), speeds(1)
+    back = x._replace(w=-x.w)
+    np.testing.assert_array_equal(law.torque(theta, x, ()), -law.torque(turned, back, ()))
+    np.testing.assert_array_equal(law.limit(theta, x, ()), law.limit(turned, back, ()))
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        *(CoulombViscous, Stribeck, AsymmetricStribeck, Quadratic, LoadDependent, Spline, Ripple),
+        *(AsymmetricCoulombViscous, LoadDependentStribeck, AsymmetricSpline),
+        *(FilmLag, AsymmetricFilmLag, Dahl, LuGre, AsymmetricLuGre),
+    ],
+)
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"width": 0.0}, "width = 0.0 rad/s must be positive"),
+        ({"width": -0.1}, "width = -0.1 rad/s must be positive"),
+        ({"width": float("inf")}, "width = inf rad/s must be positive and finite"),
+        ({"width": float("nan")}, "width = nan rad/s must be positive"),
+        ({"shape": "tan"}, "shape = 'tan' is unknown; known are tanh, arctan"),
+    ],
+)
+def test_laws_refuse_settings_that_mean_nothing(law, settings, complaint):
+    with pytest.raises(InputError, match=complaint):
+        law(**settings)
+
+
+def test_the_smooth_sign_refuses_unknown_shapes():
+    with pytest.raises(ValueError, match="'tanh' or 'arctan', got 'step'"):
+        smooth_sign(np.zeros(1), 0.1, "step")
+
+
+@pytest.mark.parametrize(
+    "law", [Stribeck(), AsymmetricStribeck(), LoadDependentStribeck()], ids=str
+)
+def test_starts_lie_within_the_bounds_and_cover_the_stribeck_velocities(law):
+    place = law.names.index("stribeck_velocity")
+    low, high = law.bounds[place]
+    velocities = np.array([start[place] for start in law.initial])
+    assert low <= velocities.min() < 2 * low
+    assert high / 2 < velocities.max() <= high
+    assert (velocities[1:] / velocities[:-1] < 2).all()
