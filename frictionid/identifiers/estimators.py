@@ -3,61 +3,46 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
+from types import MappingProxyType
 from typing import Any
 
 from frictionid.errors import InputError
 
 
-def _gradient_boosting() -> tuple[type, dict[str, Any]]:
-    from sklearn.ensemble import GradientBoostingRegressor
-
-    return GradientBoostingRegressor, {"max_depth": 2, "min_samples_leaf": 5}
-
-
-def _random_forest() -> tuple[type, dict[str, Any]]:
-    from sklearn.ensemble import RandomForestRegressor
-
-    return RandomForestRegressor, {"n_estimators": 50, "min_samples_leaf": 5}
-
-
-def _kernel_ridge() -> tuple[type, dict[str, Any]]:
-    from sklearn.kernel_ridge import KernelRidge
-
-    return KernelRidge, {"kernel": "rbf", "gamma": 1.0, "alpha": 0.1}
-
-
-def _svr() -> tuple[type, dict[str, Any]]:
-    from sklearn.svm import SVR
-
-    return SVR, {"C": 10.0, "epsilon": 0.05}
-
-
-def _knn() -> tuple[type, dict[str, Any]]:
-    from sklearn.neighbors import KNeighborsRegressor
-
-    return KNeighborsRegressor, {"n_neighbors": 9}
-
-
-def _gaussian_process() -> tuple[type, dict[str, Any]]:
-    from sklearn.gaussian_process import GaussianProcessRegressor
+def _smooth_and_noise() -> Any:
     from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
-    return GaussianProcessRegressor, {"kernel": 1.0 * RBF([1.0, 1.0]) + WhiteKernel(0.01)}
+    return 1.0 * RBF([1.0, 1.0]) + WhiteKernel(0.01)
 
 
-NAMED: Mapping[str, Callable[[], tuple[type, dict[str, Any]]]] = {
-    "gradient_boosting": _gradient_boosting,
-    "random_forest": _random_forest,
-    "kernel_ridge": _kernel_ridge,
-    "svr": _svr,
-    "knn": _knn,
-    "gaussian_process": _gaussian_process,
-}
+# Class and default settings of each name; what is callable is made when it is needed.
+NAMED: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "gradient_boosting": (
+            "sklearn.ensemble.GradientBoostingRegressor",
+            {"max_depth": 2, "min_samples_leaf": 5},
+        ),
+        "random_forest": (
+            "sklearn.ensemble.RandomForestRegressor",
+            {"n_estimators": 50, "min_samples_leaf": 5},
+        ),
+        "kernel_ridge": (
+            "sklearn.kernel_ridge.KernelRidge",
+            {"kernel": "rbf", "gamma": 1.0, "alpha": 0.1},
+        ),
+        "svr": ("sklearn.svm.SVR", {"C": 10.0, "epsilon": 0.05}),
+        "knn": ("sklearn.neighbors.KNeighborsRegressor", {"n_neighbors": 9}),
+        "gaussian_process": (
+            "sklearn.gaussian_process.GaussianProcessRegressor",
+            {"kernel": _smooth_and_noise},
+        ),
+    }
+)
 
 
-def estimator_named(name: str, settings: Mapping[str, Any]) -> Any:
+def estimator_named(estimator: str, settings: Mapping[str, Any] = MappingProxyType({})) -> Any:
     """Regressor of a name in `NAMED`, or of a class "package.module:Class" or "package.Class".
 
     Raises
@@ -68,13 +53,16 @@ def estimator_named(name: str, settings: Mapping[str, Any]) -> Any:
     >>> estimator_named("knn", {"n_neighbors": 5})
     KNeighborsRegressor()
     """
-    made, usual = NAMED[name]() if name in NAMED else (_imported(name), {})
+    name, defaults = NAMED.get(estimator, (estimator, {}))
+    made = _imported(name)
+    usual = {key: value() if callable(value) else value for key, value in defaults.items()}
     try:
-        found = made(**{**usual, **settings})
+        regressor = made(**{**usual, **settings})
+        if hasattr(regressor, "_validate_params"):  # of scikit-learn: now, not in the first fit
+            regressor._validate_params()
     except (TypeError, ValueError) as error:
-        raise InputError(f"sklearn: estimator {name!r}: {error}") from None
-    _check_settings(found, name)
-    return found
+        raise InputError(f"sklearn: estimator {estimator!r}: {error}") from None
+    return regressor
 
 
 def _imported(name: str) -> Any:
@@ -90,13 +78,3 @@ def _imported(name: str) -> Any:
         return getattr(importlib.import_module(module), last)
     except (ImportError, AttributeError) as error:
         raise InputError(f"sklearn: estimator {name!r} cannot be imported ({error})") from None
-
-
-def _check_settings(estimator: Any, name: str) -> None:
-    """Have scikit-learn look at the settings now, and not in the first fit."""
-    check = getattr(estimator, "_validate_params", None)
-    try:
-        if check is not None:
-            check()
-    except ValueError as error:
-        raise InputError(f"sklearn: estimator {name!r}: {error}") from None

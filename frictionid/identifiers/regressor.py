@@ -1,6 +1,6 @@
-"""Any regressor of scikit-learn, taught the torque that the rows of a problem leave to friction.
+"""Any regressor of scikit-learn, trained on the friction torques that the rows of a problem imply.
 
-The torque of a row is what takes its residual away, G Tf = r, and counts by how well it is known:
+The torque of a row is the one whose residual is zero, G Tf = r. Its weight is its inverse variance:
 the variance of Tf_j is that of the residuals times [(G'G)^-1]_jj.
 """
 
@@ -9,11 +9,13 @@ from __future__ import annotations
 import inspect
 import warnings
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array, times
+from frictionid.config import check_settings
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws.sklearn_law import Predicted, features
@@ -22,22 +24,21 @@ from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import normalised
 
-INPUTS = ("w", "q", "u")
 _SPEEDS = 24
 _WIDTH = 0.02  # [rad/s]
 _SMALL = 1e-9
 
 
-class Lesson(NamedTuple):
-    """What the regressor of one joint learns: inputs, torque [N m] and share (B,) of each line."""
+class TrainingSet(NamedTuple):
+    """What the regressor of one joint is trained on: inputs, torque (B,) [N m], weight (B,)."""
 
     x: Inputs
     torque: Array
-    share: Array
+    weight: Array
 
 
-class Taught(NamedTuple):
-    """A fitted regressor, with the scales of what it was taught."""
+class _Trained(NamedTuple):
+    """A trained regressor of scaled features and torques."""
 
     estimator: Any
     centre: Array
@@ -47,26 +48,26 @@ class Taught(NamedTuple):
 
     def predict(self, table: Array) -> Array:
         """Torque (B,) [N m] at features (B, p)."""
-        found = self.estimator.predict((table - self.centre) / self.size)
-        return np.asarray(self.level + self.scale * found)
+        scaled = self.estimator.predict((table - self.centre) / self.size)
+        return np.asarray(self.level + self.scale * scaled)
 
 
 @dataclass(frozen=True)
 class Regressor(Identifier):
     """Fits a scikit-learn regressor to the torques of each joint, a copy for each fold.
 
-    inputs : what it sees: the joint's velocity "w"; "q" and "u" on request
-    bins : lines that it is taught where it sees the velocity only: means of the rows over ranges of
-        velocity that tell equally much; its cost then does not grow with the data
+    inputs : of the regressor: the joint's velocity "w"; "q" and "u" on request
+    bins : samples that a regressor of the velocity alone is trained on: means of the rows over
+        ranges of velocity of equal weight, so that its cost does not grow with the data
     speeds : [rad/s] at which the curve is tabulated; None spreads 24 over those of the data
 
-    From the velocity only, friction is a `Table`, the curve held beyond the speeds of each joint.
-    With other inputs it keeps the regressors, and cannot be saved.
+    From the velocity only, friction is a `Table`, constant beyond the speeds of each joint. With
+    other inputs friction keeps the regressors, and cannot be saved.
 
     Raises
     ------
     InputError
-        For what is no regressor or no input, and for folds in which a joint never slides.
+        For an estimator that is no regressor, settings out of range, and joints that do not slide.
 
     Examples
     --------
@@ -79,120 +80,113 @@ class Regressor(Identifier):
     """
 
     estimator: Any
-    inputs: tuple[str, ...] = ("w",)
-    bins: int = 200
+    inputs: tuple[Literal["w", "q", "u"], ...] = ("w",)
+    bins: Annotated[int, Field(ge=2)] = 200
     speeds: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "inputs", tuple(self.inputs))
-        if not all(callable(getattr(self.estimator, m, None)) for m in ("fit", "predict")):
-            raise InputError(f"sklearn: {self.estimator!r} is no regressor with fit and predict")
-        _check_kind(self.estimator)
-        if "w" not in self.inputs or not set(self.inputs) <= set(INPUTS):
-            raise InputError(f"sklearn: inputs = {list(self.inputs)} must be w, with q and u if so")
-        if self.bins < 2:
-            raise InputError(f"sklearn: bins = {self.bins} must be at least 2")
+        check_settings(self)
+        _check_estimator(self.estimator)
+        if "w" not in self.inputs:
+            raise InputError(f"sklearn: inputs = {list(self.inputs)} must include w")
         if self.speeds is not None:
-            Table(self.speeds)  # now, and not after the first fit
+            Table(self.speeds)  # checks them now, not after the first fit
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
         x, torque, known = torques(problem)
-        taught = [
-            [
-                self._taught(_lesson(x, torque, known, w, j), seed, (f, j))
-                for j in range(x.w.shape[-1])
-            ]
-            for f, w in enumerate(weights)
-        ]
         F, n = len(weights), x.w.shape[-1]
+        sets = [
+            _training_set(x, torque, weights[f] * known[:, j], (f, j)) for f, j in np.ndindex(F, n)
+        ]
+        trained = [self._trained(data, seed) for data in sets]
         if self.inputs != ("w",):
-            models = tuple(model for row in taught for model, _ in row)
-            return Friction(Predicted(models, self.inputs), np.arange(F * n).reshape(F, n, 1) + 0.0)
+            which = np.arange(F * n).reshape(F, n, 1) + 0.0
+            return Friction(Predicted(tuple(trained), self.inputs), which)
         law = Table(self.speeds or _spread(problem))
-        theta = np.array([[_tabulated(law, *one) for one in row] for row in taught])
-        return Friction(law, theta)
+        theta = [_tabulated(law, *pair) for pair in zip(trained, sets, strict=True)]
+        return Friction(law, np.reshape(theta, (F, n, -1)))
 
-    def _taught(self, lesson: Lesson, seed: int, place: tuple[int, int]) -> tuple[Taught, Lesson]:
-        if not lesson.share.sum() > 0:
-            fold, joint = place
+    def _trained(self, data: TrainingSet, seed: int) -> _Trained:
+        """A copy of the estimator, fitted to scaled features and torques."""
+        from sklearn.base import clone
+
+        if self.inputs == ("w",):
+            data = _binned(data, self.bins)
+        estimator = clone(self.estimator)
+        if "random_state" in estimator.get_params():
+            estimator.set_params(random_state=seed)
+        table = np.stack(features(data.x, self.inputs, _WIDTH), axis=-1)
+        centre, size = table.mean(0), table.std(0)
+        size = np.where(size > _SMALL, size, 1.0)
+        weight = data.weight / data.weight.mean()
+        level = float(np.average(data.torque, weights=weight))
+        spread = np.sqrt(np.average((data.torque - level) ** 2, weights=weight))
+        scale = max(float(spread), _SMALL)
+        trained = _Trained(estimator, centre, size, level, scale)
+        try:
+            _fit(estimator, (table - centre) / size, (data.torque - level) / scale, weight)
+            trained.predict(table[:1])
+        # some estimators refuse a setting for this number of samples only now
+        except (TypeError, ValueError) as error:
             raise InputError(
-                f"joint {joint + 1} slides in no row of fold {fold}: give recordings in which it "
-                "moves, or use fewer folds"
-            )
-        lines = _binned(lesson, self.bins) if self.inputs == ("w",) else lesson
-        return _learnt(self.estimator, lines, self.inputs, seed), lesson
+                f"sklearn: {self.estimator} cannot learn from {len(table)} samples: {error}"
+            ) from None
+        return trained
 
 
 def torques(problem: Problem) -> tuple[Inputs, Array, Array]:
-    """Inputs, torques and their shares of the rows, (K, n) each: see the top of this file.
+    """Inputs, torques [N m] and weights of the rows, (K, n) each: see the top of this file.
 
-    Shares are inverse variances, but for a factor; zero where a joint does not slide.
+    Weights are inverse variances, but for a factor; zero where a joint does not slide.
     """
-    back = np.linalg.pinv(problem.G, rcond=_SMALL)
-    variance = (back**2).sum(-1)
+    inverse = np.linalg.pinv(problem.G, rcond=_SMALL)
+    variance = (inverse**2).sum(-1)
     slides = (np.abs(problem.G).max(axis=1) > 0) & (variance > 0)
-    share = np.where(slides, 1.0 / np.where(slides, variance, 1.0), 0.0)
+    weight = np.where(slides, 1.0 / np.where(slides, variance, 1.0), 0.0)
     x = Inputs(*(problem.mean(part) for part in problem.nodes.inputs))
-    return x, times(back, problem.r), share
+    return x, times(inverse, problem.r), weight
 
 
-def _lesson(x: Inputs, torque: Array, known: Array, weights: Array, joint: int) -> Lesson:
-    share = weights * known[:, joint]
-    rows = share > 0
+def _training_set(x: Inputs, torque: Array, weight: Array, place: tuple[int, int]) -> TrainingSet:
+    """Rows of a fold and a joint (their `place`) that have a weight (K,)."""
+    fold, joint = place
+    rows = weight > 0
+    if not rows.any():
+        raise InputError(
+            f"joint {joint + 1} slides in no row of fold {fold}: give recordings in which it "
+            "moves, or use fewer folds"
+        )
     own = Inputs(*(part[rows, joint] for part in x))
-    return Lesson(own, torque[rows, joint], share[rows] / max(share.max(), 1e-300))
+    return TrainingSet(own, torque[rows, joint], weight[rows] / weight.max())
 
 
-def _binned(lesson: Lesson, bins: int) -> Lesson:
-    """Means over ranges of velocity that weigh the same, none of them across rest."""
-    w = lesson.x.w
-    order = np.argsort(w, kind="stable")
-    share = lesson.share[order]
-    passed = np.cumsum(share) - 0.5 * share
-    label = np.minimum((passed / share.sum() * bins).astype(int), bins - 1) * 2 + (w[order] > 0)
-    _, cell = np.unique(label, return_inverse=True)
-    total = np.bincount(cell, share)
-    x = Inputs(*(np.bincount(cell, share * part[order]) / total for part in lesson.x))
-    return Lesson(x, np.bincount(cell, share * lesson.torque[order]) / total, total)
+def _binned(data: TrainingSet, bins: int) -> TrainingSet:
+    """Means over ranges of velocity of equal weight, none of them across zero."""
+    order = np.argsort(data.x.w, kind="stable")
+    weight = data.weight[order]
+    cumulated = np.cumsum(weight) - 0.5 * weight
+    label = np.minimum((cumulated / weight.sum() * bins).astype(int), bins - 1)
+    _, bin_of = np.unique(label * 2 + (data.x.w[order] > 0), return_inverse=True)
+    total = np.bincount(bin_of, weight)
+    x = Inputs(*(np.bincount(bin_of, weight * part[order]) / total for part in data.x))
+    return TrainingSet(x, np.bincount(bin_of, weight * data.torque[order]) / total, total)
 
 
-def _learnt(estimator: Any, lesson: Lesson, inputs: tuple[str, ...], seed: int) -> Taught:
-    """A copy of the estimator, fitted to scaled features and torques."""
-    from sklearn.base import clone
-
-    copy = clone(estimator)
-    if "random_state" in copy.get_params():
-        copy.set_params(random_state=seed)
-    table = np.stack(features(lesson.x, inputs, _WIDTH), axis=-1)
-    centre, size = table.mean(0), table.std(0)
-    size = np.where(size > _SMALL, size, 1.0)
-    share = lesson.share / lesson.share.mean()
-    level = float(np.average(lesson.torque, weights=share))
-    scale = max(float(np.sqrt(np.average((lesson.torque - level) ** 2, weights=share))), _SMALL)
-    weighs = "sample_weight" in inspect.signature(copy.fit).parameters
-    taught = Taught(copy, centre, size, level, scale)
-    # what a setting is to the number of lines, some estimators only say when they fit or predict
-    with warnings.catch_warnings():  # of the estimator's own convergence
+def _fit(estimator: Any, x: Array, y: Array, weight: Array) -> None:
+    """Fit an estimator, with weights if it takes them; its warnings of convergence are dropped."""
+    takes_weights = "sample_weight" in inspect.signature(estimator.fit).parameters
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        try:
-            copy.fit(
-                (table - centre) / size,
-                (lesson.torque - level) / scale,
-                **({"sample_weight": share} if weighs else {}),
-            )
-            taught.predict(table[:1])
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"sklearn: {estimator} cannot learn from {len(table)} lines: {error}"
-            ) from None
-    return taught
+        estimator.fit(x, y, **({"sample_weight": weight} if takes_weights else {}))
 
 
-def _check_kind(estimator: Any) -> None:
-    """Refuse what scikit-learn itself says is something else than a regressor."""
+def _check_estimator(estimator: Any) -> None:
+    """Refuse what has no fit and predict, or is no regressor by scikit-learn's own word."""
     from sklearn.base import BaseEstimator, is_regressor
 
+    if not all(callable(getattr(estimator, name, None)) for name in ("fit", "predict")):
+        raise InputError(f"sklearn: {estimator!r} is no regressor with fit and predict")
     if isinstance(estimator, BaseEstimator) and not is_regressor(estimator):
         raise InputError(
             f"sklearn: {estimator} is no regressor: choose one, such as sklearn.svm.LinearSVR"
@@ -206,13 +200,12 @@ def _spread(problem: Problem) -> tuple[float, ...]:
     return tuple(float(f"{v:.4g}") for v in speeds)
 
 
-def _tabulated(law: Table, taught: Taught, lesson: Lesson) -> Array:
-    """Levels (P,) at the law's speeds; beyond the lesson's the last one holds."""
+def _tabulated(law: Table, trained: _Trained, data: TrainingSet) -> Array:
+    """Levels (P,) at the law's speeds; beyond those of the data the last one holds."""
     levels = []
     for side in (1.0, -1.0):
-        reached = (side * lesson.x.w)[side * lesson.x.w > 0]
-        last = float(reached.max()) if reached.size else 0.0
-        w = side * np.minimum(np.array(law.speeds), last)
+        fastest = max(float((side * data.x.w).max()), 0.0)
+        w = side * np.minimum(np.array(law.speeds), fastest)
         table = np.stack(features(at_rest(w), ("w",), _WIDTH), axis=-1)
-        levels.append(np.maximum(side * taught.predict(table), 0.0))
+        levels.append(np.maximum(side * trained.predict(table), 0.0))
     return np.concatenate(levels)

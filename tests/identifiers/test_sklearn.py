@@ -173,7 +173,7 @@ def test_its_settings_choose_the_estimator():
 def test_settings_that_mean_nothing_are_refused(settings, rule):
     with pytest.raises(InputError, match=rule):
         identifier_named("sklearn", settings)
-    with pytest.raises(InputError, match=r"inputs = \['q'\] must be w"):
+    with pytest.raises(InputError, match=r"inputs = .* must include w"):
         Regressor(RIDGE, ("q",))
 
 
@@ -187,7 +187,7 @@ def test_a_joint_that_never_slides_is_refused():
 
 @pytest.mark.parametrize(("neighbours", "bins"), [(1000, 200), (9, 2)])
 def test_what_an_estimator_says_only_when_it_learns_is_one_line_too(neighbours, bins):
-    with pytest.raises(InputError, match=r"cannot learn from \d+ lines: .*n_neighbors") as caught:
+    with pytest.raises(InputError, match=r"cannot learn from \d+ samples: .*n_neighbors") as caught:
         fit(synthetic_problem(1), KNeighborsRegressor(neighbours), bins=bins)
     assert "\n" not in str(caught.value)
 
