@@ -28,7 +28,7 @@ def evaluate(
     from frictionid.comparison.suite import friction_of
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
-    from frictionid.evaluation import Protocol, judge, prepare, prepared_for
+    from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
     from frictionid.files import write_text
     from frictionid.report import show_scores
 
@@ -39,16 +39,16 @@ def evaluate(
     protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time, whole=whole)
     dataset = load_dataset(place, data)
     prepared = prepare(dataset, protocol)
-    rows = {}
+    scores = {}
     with counted(len(models), f"evaluating ({dataset.name})") as done:
         for name, path in zip(_names(models), models, strict=True):
             friction = frictions[path]
             try:
-                rows[name], _ = judge(friction, prepared_for(prepared, friction))
+                scores[name] = score_model(friction, prepared_for(prepared, friction)).scores
             except InputError as error:
                 raise InputError(f"{path}: {error}") from None
             done(name)
-    table = model_scores(dataset.name, rows)
+    table = model_scores(dataset.name, scores)
     write_text(out, table.to_csv(index=False, float_format="%.9g"))
     show_scores(table)
     print(f"written to {out}")

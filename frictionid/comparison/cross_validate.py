@@ -12,26 +12,28 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.equations import equations
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import (
+    CalibratedView,
     Folds,
     Prepared,
     Protocol,
-    Row,
+    calibrated_views,
     curves,
     initial_state_folds,
-    judge,
-    judge_folds,
     member_curves,
     prepare,
     prepared_for,
+    score_folds,
+    score_model,
+    score_value,
     training_of,
     trajectory_folds,
-    with_calibration,
     without_physics,
 )
 from frictionid.evaluation.hysteresis import Loop, Loops, loops_of
@@ -45,7 +47,6 @@ from frictionid.shooting import CalibratedRecipe, Refined, Shooting, refine_fold
 from frictionid.shooting.calibrated_recipe import (
     PARTS,
     calibrations_of,
-    groups,
     part_of_calibration,
 )
 from frictionid.shooting.intervals import Track, track_of
@@ -54,19 +55,20 @@ Method = Recipe | Shooting | CalibratedRecipe
 
 
 class Result(NamedTuple):
-    """What a task found: rows of scores, friction of the folds and of all data, pictures' data.
+    """What a task found: scores, friction of the folds and of all data, pictures' data.
 
-    `curves` stand at the velocities (V, n) of `grid`; `refined` is what shooting knows of the
-    friction of all data. `loops` are of the folds and of all data. `members` (N, V, n) are curves
-    of the N members of an ensemble of all data, none where it is no ensemble.
+    `scores`, and `tests` by the names of the data sets, are score frames. `curves` stand at the
+    velocities (V, n) of `grid`; `refined` is what shooting knows of the friction of all data.
+    `loops` are of the folds and of all data. `members` (N, V, n) are curves of the N members of an
+    ensemble of all data, none where it is no ensemble.
     """
 
-    rows: tuple[Row, ...]
+    scores: pd.DataFrame
     friction: Friction
     overall: Friction
     curves: Array
     motions: tuple[dict[str, Any], ...]
-    tests: Mapping[str, tuple[Row, ...]]
+    tests: Mapping[str, pd.DataFrame]
     seconds: Mapping[str, float]
     grid: Array
     refined: Refined | None = None
@@ -83,11 +85,7 @@ class Result(NamedTuple):
         InputError
             Where there is no such score.
         """
-        for row in self.rows:
-            found = (row.score, row.statistic, row.horizon_s, row.joint)
-            if row.fold == "all" and found == (score, statistic, horizon, joint):
-                return row.value
-        raise InputError(f"no score {score!r}, {statistic!r} at {horizon} s for joint {joint}")
+        return score_value(self.scores, score, statistic, horizon, joint)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +110,7 @@ class PreparedBenchmark(NamedTuple):
     calibrations: Mapping[
         str, Calibration
     ] = {}  # of all folds and all data, by the name of the recipe they serve
+    views: Mapping[str, tuple[CalibratedView, ...]] = {}  # the data as these calibrations see them
 
 
 def prepare_benchmark(benchmark: Benchmark, recipes: Sequence[Method]) -> PreparedBenchmark:
@@ -123,7 +122,7 @@ def prepare_benchmark(benchmark: Benchmark, recipes: Sequence[Method]) -> Prepar
         Where recordings, folds and protocol do not fit together.
     """
     prepared = prepare(benchmark.dataset, benchmark.protocol)
-    initial_state_folds(prepared.starts, benchmark.folds, prepared.observed.causal)
+    initial_state_folds(prepared.initial_states, benchmark.folds, prepared.causal)
     if prepared.trajectory is not None:
         trajectory_folds(prepared.trajectory, benchmark.folds)
     begins = [r.by.start for r in recipes if isinstance(r, CalibratedRecipe)]
@@ -133,11 +132,16 @@ def prepare_benchmark(benchmark: Benchmark, recipes: Sequence[Method]) -> Prepar
     tests = tuple(prepare(test, benchmark.protocol) for test in benchmark.tests)
     if not any(isinstance(recipe, Shooting | CalibratedRecipe) for recipe in recipes):
         return PreparedBenchmark(prepared, tests, problems, weights)
-    track = track_of(prepared.dataset, states=prepared.observed.smoothed)
+    track = track_of(prepared.dataset, states=prepared.smoothed)
     training = benchmark.folds.training(track.recording, track.time, track.dt)
     training = np.concatenate([training, np.ones((1, len(track.dt)))])
     shared = PreparedBenchmark(prepared, tests, problems, weights, track, training)
-    return shared._replace(calibrations=_calibrations(benchmark, shared, recipes))
+    calibrations = _calibrations(benchmark, shared, recipes)
+    views = {
+        name: calibrated_views(prepared, calibration, len(training))
+        for name, calibration in calibrations.items()
+    }
+    return shared._replace(calibrations=calibrations, views=views)
 
 
 def first_step(recipe: Method) -> Recipe:
@@ -218,11 +222,11 @@ def run(
     done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]
     prepared = prepared_for(shared.prepared, fitted)
-    rows, motions = judge_folds(friction, overall, prepared, benchmark.folds)
+    views = None if identifier.fixed else shared.views.get(recipe.name)
+    scores, motions = score_folds(friction, overall, prepared, benchmark.folds, views)
     tests, pictures = {}, list(motions)
     for test in shared.tests:
-        own, shown = judge(overall, prepared_for(test, fitted))
-        tests[test.dataset.name] = tuple(own)
+        tests[test.dataset.name], shown = score_model(overall, prepared_for(test, fitted))
         pictures += shown
     lines = np.concatenate([curves(friction, prepared.grid), curves(overall, prepared.grid)[None]])
     members = member_curves(overall, prepared.grid)
@@ -230,7 +234,7 @@ def run(
         lines, members = np.full_like(lines, np.nan), members[:0]
     seconds = {"prepare": ready - begin, "fit": done - ready, "score": time.perf_counter() - done}
     return Result(
-        *(tuple(rows), friction, overall, lines, tuple(pictures)),
+        *(scores, friction, overall, lines, tuple(pictures)),
         *(tests, seconds, prepared.grid, found, _loops(fitted, prepared, benchmark.protocol)),
         members,
     )
@@ -246,10 +250,8 @@ def _fit_calibrated(
     """Friction (F + 1, n, P) with the calibration of each fold, and the problem of all data."""
     calibration, weights = shared.calibrations[recipe.name], shared.weights[recipe.step.name]
     parts: list[Friction | None] = [None] * len(weights)
-    for folds in groups(calibration, len(weights)):
-        problem = training_of(
-            with_calibration(shared.prepared, calibration[int(folds[0])]), recipe.step
-        )
+    for folds, data in shared.views[recipe.name]:
+        problem = training_of(data, recipe.step)
         fitted = fit(identifier, problem, weights[folds], seed, unit)
         for place, fold in enumerate(folds):
             parts[fold] = fitted[place]

@@ -26,7 +26,15 @@ from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.tasks import Task, file_name
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import Prepared, Row, curves, speeds, steady_state, true_friction
+from frictionid.evaluation import (
+    SCORE_COLUMNS,
+    Prepared,
+    curves,
+    score_frame,
+    speeds,
+    steady_state,
+    true_friction,
+)
 from frictionid.evaluation.curves import SLOW
 from frictionid.files import read_json, remove_unfinished, write_json, write_text
 from frictionid.mechanics import mechanism_of, parameters_of
@@ -37,20 +45,7 @@ DOCUMENT = (
     *("dataset", "identifier", "fit", "seed", "settings", "rows"),
     *("model", "folds", "curves", "motions", "seconds"),
 )
-COLUMNS = (
-    "suite",
-    "dataset",
-    "identifier",
-    "fit",
-    "fold",
-    "score",
-    "statistic",
-    "horizon_s",
-    "joint",
-    "value",
-    "unit",
-    "seed",
-)
+COLUMNS = ("suite", "dataset", "identifier", "fit", *SCORE_COLUMNS, "seed")  # of scores.csv
 _LEVELS = (0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
 _SHOWN = 1200  # velocities in a scatter, about
 _PACKAGES = (
@@ -100,7 +95,7 @@ def _make_room(folder: Path) -> None:
 
 def _about(prepared: Prepared) -> dict[str, Any]:
     dataset, grid = prepared.dataset, prepared.grid
-    w = speeds(dataset, prepared.observed.smoothed)
+    w = speeds(dataset, prepared.smoothed)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
     d = mechanism_of(dataset.mechanism).description
@@ -125,8 +120,8 @@ def _about(prepared: Prepared) -> dict[str, Any]:
 
 def _speeds(prepared: Prepared, w: Array) -> dict[str, Any]:
     """How fast each joint is: levels that shares of its samples stay below, rest, reversals."""
-    each = [s.w for s in prepared.observed.smoothed]
-    seconds = sum(float(s.time[-1] - s.time[0]) for s in prepared.observed.smoothed)
+    each = [s.w for s in prepared.smoothed]
+    seconds = sum(float(s.time[-1] - s.time[0]) for s in prepared.smoothed)
     joints = [
         {
             "speeds": np.quantile(np.abs(w[:, j]), _LEVELS),
@@ -216,31 +211,27 @@ def _whole(task: Mapping[str, Any], about: Mapping[str, Any]) -> bool:
     if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(about):
         return False
     lengths = {len(row) if isinstance(row, list) else 0 for own in rows.values() for row in own}
-    return lengths <= {len(Row._fields)}
+    return lengths <= {len(SCORE_COLUMNS)}
 
 
 def scores(folder: Path) -> pd.DataFrame:
     """All scores of a result folder as one long table with the columns of scores.csv."""
     suite = read_json(folder / "provenance.json")["suite"]
     about = read_json(folder / "datasets.json")
-    lines = [
-        (
-            *(suite, dataset, task["identifier"], task["fit"]),
-            *_values(row, about[dataset]["angle_unit"]),
-            task["seed"],
-        )
-        for task in task_documents(folder)
-        for dataset, rows in task["rows"].items()
-        for row in rows
-    ]
-    return pd.DataFrame(lines, columns=list(COLUMNS))
+    frames = []
+    for task in task_documents(folder):
+        for dataset, rows in task["rows"].items():
+            frame = score_frame(rows)
+            frame["unit"] = frame["unit"].str.replace("rad", about[dataset]["angle_unit"])
+            names = suite, dataset, task["identifier"], task["fit"]
+            frames.append(_long(frame, names, task["seed"]))
+    return pd.concat(frames, ignore_index=True)
 
 
-def _values(row: Sequence[Any], angle_unit: str = "rad") -> tuple[Any, ...]:
-    """A row as scores.csv has it; rows count angles, positions of prismatic joints are in m."""
-    fold, score, statistic, horizon, joint, value, unit = row
-    number = float("nan") if value is None else float(value)
-    return fold, score, statistic, horizon, joint, number, unit.replace("rad", angle_unit)
+def _long(frame: pd.DataFrame, names: Sequence[str], seed: int) -> pd.DataFrame:
+    """A score frame in the columns of scores.csv; `names` of suite, data set, identifier, fit."""
+    known = dict(zip(COLUMNS[:4], names, strict=True))
+    return frame.assign(**known, seed=seed)[list(COLUMNS)]
 
 
 def reduce(folder: Path) -> pd.DataFrame:
@@ -269,9 +260,9 @@ def _model(task: Mapping[str, Any]) -> dict[str, Any]:
     return {**model, "provenance": {**model.get("provenance", {}), **source}}
 
 
-def model_scores(dataset: str, rows: Mapping[str, Sequence[Any]]) -> pd.DataFrame:
+def model_scores(dataset: str, frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Scores of given models on one data set, in the columns of scores.csv; `fit` is "given"."""
-    lines = [
-        ("", dataset, name, "given", *_values(row), 0) for name, own in rows.items() for row in own
-    ]
-    return pd.DataFrame(lines, columns=list(COLUMNS))
+    return pd.concat(
+        [_long(frame, ("", dataset, name, "given"), 0) for name, frame in frames.items()],
+        ignore_index=True,
+    )

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -73,6 +73,11 @@ def _loops(table: Any) -> Any:
 class Suite(Strict):
     """A suite's tables as they are written."""
 
+    renamed: ClassVar[Mapping[str, str]] = {
+        "starts": "initial_states",
+        "true_starts": "true_initial_states",
+    }
+
     name: Name
     title: str = ""
     horizons: Annotated[list[Positive], Field(min_length=1)] = list(Protocol.horizons)
@@ -80,8 +85,8 @@ class Suite(Strict):
     history: Annotated[float, Field(ge=0)] = Protocol.history
     sample_time: Positive | None = None
     whole: bool = False
-    starts: Literal["filter", "model"] = "filter"
-    true_starts: bool = False
+    initial_states: Literal["filter", "model"] = "filter"
+    true_initial_states: bool = False
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
     loops: Annotated[Loops | None, BeforeValidator(_loops)] = None
@@ -204,8 +209,8 @@ def benchmark_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | N
         suite.history,
         suite.sample_time,
         suite.whole,
-        suite.starts,
-        suite.true_starts,
+        suite.initial_states,
+        suite.true_initial_states,
         suite.loops,
     )
     return Benchmark(

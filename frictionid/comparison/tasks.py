@@ -340,8 +340,8 @@ def _way(recipe: Method) -> dict[str, Any]:
 def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
     """JSON document of a result, all that tables and figures need."""
     dataset = task.benchmark.dataset
-    rows = {dataset.name: [list(row) for row in result.rows]}
-    rows |= {name: [list(row) for row in test] for name, test in result.tests.items()}
+    frames = {dataset.name: result.scores, **result.tests}
+    rows = {name: [list(row) for row in f.itertuples(index=False)] for name, f in frames.items()}
     return {
         "digest": task.digest,
         "dataset": dataset.name,

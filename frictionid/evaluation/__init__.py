@@ -1,8 +1,8 @@
-"""Judging friction: folds, one-step and rollout scores, curves, statistics."""
+"""Evaluation of friction models: folds, one-step and rollout scores, curves, statistics."""
 
 from frictionid.evaluation.curves import (
     curve_error,
-    curve_rows,
+    curve_scores,
     curves,
     member_curves,
     velocity_grid,
@@ -10,70 +10,76 @@ from frictionid.evaluation.curves import (
 from frictionid.evaluation.folds import Folds, Split, make_folds
 from frictionid.evaluation.free_run import (
     free_run,
-    free_run_rows,
+    free_run_scores,
     make_trajectory,
-    powered,
     trajectory_folds,
+    with_motor_torque,
 )
 from frictionid.evaluation.ground_truth import steady_state, true_calibration, true_friction
-from frictionid.evaluation.one_step import held_out_residual, one_step_rows
-from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.rollout_starts import (
+from frictionid.evaluation.initial_states import (
     InitialStates,
     initial_state_folds,
     make_initial_states,
 )
-from frictionid.evaluation.rollouts import predict, rollout_rows
-from frictionid.evaluation.score_rows import Row
-from frictionid.evaluation.scoring import (
-    Observed,
+from frictionid.evaluation.one_step import held_out_residual, one_step_scores
+from frictionid.evaluation.prepared import (
+    CalibratedView,
+    EstimatedStates,
     Prepared,
-    judge,
-    judge_folds,
+    calibrated_views,
     prepare,
     prepared_for,
     speeds,
     training_of,
-    under,
     with_calibration,
+    with_parameters,
     without_physics,
 )
+from frictionid.evaluation.protocol import Protocol
+from frictionid.evaluation.rollouts import predict, rollout_scores
+from frictionid.evaluation.score_frame import SCORE_COLUMNS, score_frame, score_value
+from frictionid.evaluation.scoring import Evaluation, score_folds, score_model
 
 __all__ = [
+    "SCORE_COLUMNS",
+    "CalibratedView",
+    "EstimatedStates",
+    "Evaluation",
     "Folds",
-    "Observed",
+    "InitialStates",
     "Prepared",
     "Protocol",
-    "Row",
     "Split",
-    "InitialStates",
-    "trajectory_folds",
+    "calibrated_views",
     "curve_error",
-    "curve_rows",
+    "curve_scores",
     "curves",
-    "prepared_for",
     "free_run",
-    "free_run_rows",
+    "free_run_scores",
     "held_out_residual",
-    "judge",
-    "judge_folds",
-    "make_trajectory",
+    "initial_state_folds",
     "make_folds",
     "make_initial_states",
+    "make_trajectory",
     "member_curves",
-    "one_step_rows",
-    "powered",
+    "one_step_scores",
     "predict",
     "prepare",
-    "rollout_rows",
+    "prepared_for",
+    "rollout_scores",
+    "score_folds",
+    "score_frame",
+    "score_model",
+    "score_value",
     "speeds",
-    "initial_state_folds",
     "steady_state",
     "training_of",
-    "true_friction",
+    "trajectory_folds",
     "true_calibration",
-    "under",
-    "with_calibration",
-    "without_physics",
+    "true_friction",
     "velocity_grid",
+    "with_calibration",
+    "with_motor_torque",
+    "with_parameters",
+    "without_physics",
 ]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.score_rows import Row
+from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.friction.laws import Ensemble, members_of
 
@@ -49,11 +49,11 @@ def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:
     return np.sqrt(off / np.where(size > 0, size, np.nan))
 
 
-def curve_rows(errors: Array, overall: Array) -> Iterator[Row]:
-    """Rows of curve errors: (F, n) of the folds, and (n,) of the friction fitted to all data.
+def curve_scores(errors: Array, overall: Array) -> Iterator[Score]:
+    """Scores of curve errors: (F, n) of the folds, and (n,) of the friction fitted to all data.
 
-    Joints without a curve error have no row.
+    Joints without a curve error have no score.
     """
     for fold, error in [*((str(f), e) for f, e in enumerate(errors)), ("all", overall)]:
         for j in np.flatnonzero(np.isfinite(error)):
-            yield Row(fold, "curve_error", "rms", None, str(j + 1), float(error[j]), "1")
+            yield Score(fold, "curve_error", "rms", None, str(j + 1), float(error[j]), "1")

@@ -1,9 +1,9 @@
-"""Free runs: whole recordings simulated from their start, and never put right on the way.
+"""Free runs: whole recordings simulated from their initial state, without any correction.
 
 Where a servo drives, it drives the simulation, too: the firmware acts on the *simulated* angle and
-the back-EMF is that of the simulated velocity, as in the position errors of [Duclusaud2025]; the
-recorded voltage would take the motion away within a second, because nothing pulls it back to the
-goal. All other recordings run under their recorded torque.
+the back-EMF is that of the simulated velocity, as in the position errors of [Duclusaud2025]; under
+the recorded voltage it would drift away within a second, because nothing pulls it back to the goal.
+All other recordings run under their recorded torque.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State, inputs, step, substeps
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.score_rows import Row
+from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 from frictionid.mechanics.calibration import Calibration
@@ -36,7 +36,7 @@ _PIECE = 4e-3
 class Trajectory(NamedTuple):
     """Whole recordings side by side, R over at most T intervals.
 
-    names; time (T + 1, R) [s]; q, w (R, n): where they start; u (T, R, n) [N m] recorded torque;
+    names; time (T + 1, R) [s]; q, w (R, n): initial states; u (T, R, n) [N m] recorded torque;
     measured (T + 1, R, n) [rad], NaN behind a recording's end; servos: empty, or one for each.
     """
 
@@ -53,8 +53,20 @@ class Trajectory(NamedTuple):
         """Length of each interval, (T, R) [s]."""
         return np.diff(self.time, axis=0)
 
+    def take(self, rows: Array) -> Trajectory:
+        """Some of the recordings."""
+        return Trajectory(
+            tuple(self.names[r] for r in rows),
+            self.time[:, rows],
+            self.q[rows],
+            self.w[rows],
+            self.u[:, rows],
+            self.measured[:, rows],
+            tuple(self.servos[r] for r in rows) if self.servos else (),
+        )
 
-def powered(dataset: Dataset, plant: Plant) -> Dataset:
+
+def with_motor_torque(dataset: Dataset, plant: Plant) -> Dataset:
     """The data set with the torque that the plant's motors make of its voltages.
 
     It is the same where the plant has no motor constants, or a recording knows no servo.
@@ -63,10 +75,10 @@ def powered(dataset: Dataset, plant: Plant) -> Dataset:
         return dataset
     pairs = zip(plant.parameters["kt"], plant.parameters["R"], strict=True)
     each = zip(dataset.recordings, pairs, strict=True)
-    return replace(dataset, recordings=tuple(_powered(r, *motor) for r, motor in each))
+    return replace(dataset, recordings=tuple(_with_motor_torque(r, *motor) for r, motor in each))
 
 
-def _powered(recording: Recording, kt: float, R: float) -> Recording:
+def _with_motor_torque(recording: Recording, kt: float, R: float) -> Recording:
     if recording.servo is None or kt <= 0 or R <= 0:
         return recording
     servo = recording.servo.with_motor(kt, R)
@@ -76,7 +88,7 @@ def _powered(recording: Recording, kt: float, R: float) -> Recording:
 def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0.0) -> Trajectory:
     """All recordings from `begin` [s] after their first sample to their end.
 
-    The states (`KalmanFilter`, for a fair prediction) give the start, the recordings all else.
+    The states (`KalmanFilter`, for a fair prediction) give the initial state.
     """
     first = [int(np.searchsorted(s.time, s.time[0] + begin - 1e-9)) for s in states]
     times = [s.time[k:] for s, k in zip(states, first, strict=True)]
@@ -100,21 +112,8 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
     )
 
 
-def some_of(trajectory: Trajectory, rows: Array) -> Trajectory:
-    """Some of the recordings."""
-    return Trajectory(
-        tuple(trajectory.names[r] for r in rows),
-        trajectory.time[:, rows],
-        trajectory.q[rows],
-        trajectory.w[rows],
-        trajectory.u[:, rows],
-        trajectory.measured[:, rows],
-        tuple(trajectory.servos[r] for r in rows) if trajectory.servos else (),
-    )
-
-
 def _lengthened(time: Array, length: int) -> Array:
-    """A clock that ticks on behind its end at its usual step_size."""
+    """A clock that ticks on behind its end at its usual interval."""
     more = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))
     return np.concatenate([time, time[-1] + more])
 
@@ -127,7 +126,7 @@ def _side_by_side(series: Sequence[Array], length: int, fill: float) -> Array:
 
 
 def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
-    """Angles (T + 1, R, n) [rad] of all recordings, simulated from their start only.
+    """Angles (T + 1, R, n) [rad] of all recordings, simulated from their initial state only.
 
     plant, friction : with one batch entry for each recording, or one for all; what the friction's
         calibration does to a servo's torque is done here, the rest is in the recordings already
@@ -216,8 +215,8 @@ def trajectory_folds(trajectory: Trajectory, folds: Folds) -> Array:
     return np.array([-1 if fold is None else fold for fold in found])
 
 
-def free_run_rows(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[Row]:
-    """Rows of mean and RMS position errors of free runs q (T + 1, R, n).
+def free_run_scores(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[Score]:
+    """Mean and RMS position errors of free runs q (T + 1, R, n).
 
     Both are taken over each recording, then over the recordings: of each fold (R,), and of all that
     a fold holds out; a recording's own stand under the statistic "mean NAME" and "rms NAME".
@@ -236,9 +235,9 @@ def free_run_rows(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[Row
         yield from _pooled(norm[:, [r]], known[:, [r]], "all", "all", f" {trajectory.names[r]}")
 
 
-def _pooled(error: Array, known: Array, fold: str, joint: str, name: str = "") -> Iterator[Row]:
+def _pooled(error: Array, known: Array, fold: str, joint: str, name: str = "") -> Iterator[Score]:
     count = known.sum(axis=0)
     mean, square = error.sum(axis=0) / count, (error**2).sum(axis=0) / count
     values = {"mean": float(mean.mean()), "rms": float(np.sqrt(square.mean()))}
     for statistic, value in values.items():
-        yield Row(fold, "free_run", f"{statistic}{name}", None, joint, value, "rad")
+        yield Score(fold, "free_run", f"{statistic}{name}", None, joint, value, "rad")

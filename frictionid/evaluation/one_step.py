@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.score_rows import Row, summarise
+from frictionid.evaluation.score_frame import Score, summarise
 from frictionid.friction import Friction, along
 from frictionid.identifiers.residual import Problem
 
@@ -21,8 +21,8 @@ def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Ar
     return residual[fold, np.flatnonzero(use)]
 
 
-def one_step_rows(residual: Array, fold: Array, score: str) -> Iterator[Row]:
-    """Rows of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled."""
+def one_step_scores(residual: Array, fold: Array, score: str) -> Iterator[Score]:
+    """Scores of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled."""
     norm = np.linalg.norm(residual, axis=-1)
     for f in np.unique(fold):
         yield from summarise(norm[fold == f], str(f), score, "all", "rad/s")

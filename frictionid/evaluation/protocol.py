@@ -1,4 +1,4 @@
-"""What is judged, and where: the same for all identifiers."""
+"""What is scored, and where: the same for all identifiers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from frictionid.evaluation.hysteresis import Loops
 class Protocol:
     """Horizons of the rollouts [s], `every` how many seconds one starts, and what comes before.
 
-    history : [s] of each recording that nobody is scored on, at least the longest memory
+    history : [s] of each recording before its first score, at least the longest memory
     sample_time : [s] between the samples used, None for all
     whole : whether recordings are also simulated as a whole, from their start, see `free_run`
-    starts : who knows the state a rollout starts from, by samples up to there only: a kinematic
-        "filter", the same state for all, or each "model" itself, see `observer`
-    true_starts : whether simulated motion is also predicted from its true states, with memories of
-        the true motion before: what is off then is the model's alone
-    loops : sinusoids on which friction is shown, of all laws; None: of laws that remember, some
+    initial_states : estimator of the states that rollouts start from, by samples up to there only:
+        a kinematic "filter", the same state for all, or each "model" itself, see `state_estimator`
+    true_initial_states : whether simulated motion is also predicted from its true states, with
+        memories of the true motion before, so that only the model's error remains
+    loops : sinusoids of the hysteresis loops, shown of all laws; None: the usual ones, of laws with
+        memory only
 
     >>> Protocol(horizons=(0.5,)).every
     0.25
@@ -31,8 +32,8 @@ class Protocol:
     history: float = 0.15
     sample_time: float | None = None
     whole: bool = False
-    starts: str = "filter"
-    true_starts: bool = False
+    initial_states: str = "filter"
+    true_initial_states: bool = False
     loops: Loops | None = None
 
     def __post_init__(self) -> None:
@@ -43,7 +44,8 @@ class Protocol:
         _check("every", self.every, math.isfinite(self.every) and self.every > 0, "positive [s]")
         fine = math.isfinite(self.history) and self.history >= 0
         _check("history", self.history, fine, "0 s or more, and finite")
-        _check("starts", self.starts, self.starts in ("filter", "model"), '"filter" or "model"')
+        known = self.initial_states in ("filter", "model")
+        _check("initial_states", self.initial_states, known, '"filter" or "model"')
         apart = self.sample_time
         if apart is not None:
             _check("sample_time", apart, math.isfinite(apart) and apart > 0, "positive [s]")

@@ -1,4 +1,4 @@
-"""Rollout scores: how far predictions from many starts are off after given times."""
+"""Rollout scores: the error of predictions from many initial states after given times."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.step import State
-from frictionid.evaluation.model_observer import PrecedingSamples, found
-from frictionid.evaluation.rollout_starts import InitialStates
-from frictionid.evaluation.score_rows import Row, far, summarise_rollouts
+from frictionid.evaluation.initial_states import InitialStates
+from frictionid.evaluation.score_frame import Score, divergence_limit, summarise_rollouts
+from frictionid.evaluation.state_estimator import PrecedingSamples, estimate_initial_states
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
 
@@ -19,70 +19,70 @@ from frictionid.mechanics import Plant
 def predict(
     plant: Plant,
     friction: Friction,
-    starts: InitialStates,
+    initial: InitialStates,
     preceding: PrecedingSamples | None = None,
 ) -> Rollout:
-    """Motion from all starts; plant and friction have one entry for each start, theta (S, n, P).
+    """Motion from all initial states; plant and friction have one entry for each, theta (S, n, P).
 
-    preceding : where each friction finds the start states itself, see `observer`
+    preceding : where each friction estimates its own initial states, see `state_estimator`
     """
     if preceding is None:
-        state = State(starts.q, starts.w, _memory(friction, starts))
+        state = State(initial.q, initial.w, _memory(friction, initial))
     else:
-        state = found(plant, friction, preceding, starts)
-    return rollout(plant, friction, state, starts.u, starts.dt)
+        state = estimate_initial_states(plant, friction, preceding, initial)
+    return rollout(plant, friction, state, initial.u, initial.dt)
 
 
-def _memory(friction: Friction, starts: InitialStates) -> Memory:
-    """Memory at each start, from the motion before it."""
+def _memory(friction: Friction, initial: InitialStates) -> Memory:
+    """Memory at each initial state, from the motion before it."""
     if not friction.law.has_memory:
         return ()
     unique, back = np.unique(np.asarray(friction.theta), axis=0, return_inverse=True)
     back = np.reshape(back, -1)  # NumPy 2.0 gives it more axes
-    steps = memory_along(Friction(friction.law, unique), starts.nodes)  # entries (U, R, n)
+    steps = memory_along(Friction(friction.law, unique), initial.nodes)  # entries (U, R, n)
     parts = range(len(steps[0]))
-    chosen = zip(starts.index, back, starts.recording, strict=True)
+    chosen = zip(initial.index, back, initial.recording, strict=True)
     rows = [[steps[k][m][u, r] for m in parts] for k, u, r in chosen]
     return tuple(np.stack([row[m] for row in rows]) for m in parts)
 
 
-def rollout_rows(
-    motion: Rollout, starts: InitialStates, fold: Array, angle_unit: str = "rad"
-) -> Iterator[Row]:
-    """Rows for every horizon against the measured angles, and the true ones where they are known.
+def rollout_scores(
+    motion: Rollout, initial: InitialStates, fold: Array, angle_unit: str = "rad"
+) -> Iterator[Score]:
+    """Scores for every horizon against the measured angles, and the true ones where they are known.
 
     fold (H, S) as `initial_state_folds` gives it, or zeros where nothing was fitted to these data.
     """
-    limit = far(angle_unit, starts.measured)
-    yield from _rows(motion, starts, starts.measured, fold, "rollout_angle", limit)
-    if starts.truth is not None:
-        yield from _rows(motion, starts, starts.truth, fold, "rollout_angle_truth", limit)
+    limit = divergence_limit(angle_unit, initial.measured)
+    yield from _scores(motion, initial, initial.measured, fold, "rollout_angle", limit)
+    if initial.truth is not None:
+        yield from _scores(motion, initial, initial.truth, fold, "rollout_angle_truth", limit)
 
 
-def true_start_rows(
-    motion: Rollout, starts: InitialStates, fold: Array, angle_unit: str = "rad"
-) -> Iterator[Row]:
-    """Rows of predictions from true states, against the true angles."""
-    assert starts.truth is not None
-    limit = far(angle_unit, starts.truth)
-    yield from _rows(motion, starts, starts.truth, fold, "rollout_true_start", limit)
+def true_initial_state_scores(
+    motion: Rollout, initial: InitialStates, fold: Array, angle_unit: str = "rad"
+) -> Iterator[Score]:
+    """Scores of predictions from true initial states, against the true angles."""
+    assert initial.truth is not None
+    limit = divergence_limit(angle_unit, initial.truth)
+    yield from _scores(motion, initial, initial.truth, fold, "rollout_true_start", limit)
 
 
-def _rows(
-    motion: Rollout, starts: InitialStates, reference: Array, fold: Array, score: str, limit: Array
-) -> Iterator[Row]:
-    for h, horizon in enumerate(starts.horizons):
-        use = (starts.last[h] > 0) & (fold[h] >= 0)
+def _scores(
+    motion: Rollout, initial: InitialStates, reference: Array, fold: Array, score: str, limit: Array
+) -> Iterator[Score]:
+    for h, horizon in enumerate(initial.horizons):
+        use = (initial.last[h] > 0) & (fold[h] >= 0)
         if not use.any():
             continue
-        at = starts.last[h, use], np.flatnonzero(use)
+        at = initial.last[h, use], np.flatnonzero(use)
         error = motion.q[at] - reference[at]
-        yield from _horizon_rows(error, fold[h, use], score, float(horizon), limit)
+        yield from _horizon_scores(error, fold[h, use], score, float(horizon), limit)
 
 
-def _horizon_rows(
+def _horizon_scores(
     error: Array, fold: Array, score: str, horizon: float, limit: Array
-) -> Iterator[Row]:
+) -> Iterator[Score]:
     norm, most = np.linalg.norm(error, axis=-1), float(limit.max())
     for f in np.unique(fold):
         yield from summarise_rollouts(norm[fold == f], str(f), score, "all", horizon, most)

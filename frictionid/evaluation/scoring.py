@@ -1,289 +1,107 @@
-"""Judging one friction on one data set: the same scores for whatever made it."""
+"""Score a friction model on a data set: one step ahead, rollouts, free runs, curves.
+
+A model may consist of several frictions, one for each fold. Every row of a one-step problem, every
+rollout and every whole recording is then predicted by the friction of the fold that holds it out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.recordings import Dataset
-from frictionid.data.states import KalmanFilter, States
 from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
-from frictionid.evaluation.curves import curve_error, curve_rows, curves, velocity_grid
+from frictionid.evaluation.curves import curve_error, curve_scores, curves
 from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.free_run import (
-    Trajectory,
-    free_run,
-    free_run_rows,
-    make_trajectory,
-    powered,
-    some_of,
-    trajectory_folds,
-)
+from frictionid.evaluation.free_run import free_run, free_run_scores, trajectory_folds
 from frictionid.evaluation.ground_truth import steady_state
-from frictionid.evaluation.model_observer import PrecedingSamples, preceding_samples
-from frictionid.evaluation.one_step import held_out_residual, one_step_rows
-from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.rollout_starts import (
-    InitialStates,
-    initial_state_folds,
-    make_initial_states,
-    true_states,
-)
-from frictionid.evaluation.rollouts import predict, rollout_rows, true_start_rows
-from frictionid.evaluation.score_rows import Row
+from frictionid.evaluation.initial_states import InitialStates, initial_state_folds
+from frictionid.evaluation.one_step import held_out_residual, one_step_scores
+from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_views
+from frictionid.evaluation.rollouts import predict, rollout_scores, true_initial_state_scores
+from frictionid.evaluation.score_frame import Score, score_frame
 from frictionid.friction import Friction
-from frictionid.identifiers.formulation import (
-    INTEGRAL,
-    STUDY,
-    Recipe,
-    problem_of,
-    states_of,
-    training_problem,
-)
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics import Plant, plant_of, unit_inertia_plant
-from frictionid.mechanics.calibration import Calibration, calibrated_dataset, calibrated_plant
 
 
-class Observed(NamedTuple):
-    """Motion of a data set as its samples show it, whatever the mechanism's parameters."""
+class Evaluation(NamedTuple):
+    """Scores of a model, and some of the motions that it predicts.
 
-    backward: tuple[States, ...]
-    smoothed: tuple[States, ...]
-    causal: tuple[States, ...]
-
-
-class Prepared(NamedTuple):
-    """A data set made ready for judging under one set of mechanism parameters.
-
-    true : starts at the true states, at the same times, where these are wanted and known
+    scores : score frame, see `frictionid.evaluation.score_frame`
+    motions : predicted and measured angles over the longest horizon, as result files have them
     """
 
-    dataset: Dataset
-    protocol: Protocol
-    observed: Observed
-    plant: Plant
-    euler: Problem
-    integral: Problem
-    starts: InitialStates
-    true: InitialStates | None
-    trajectory: Trajectory | None
-    preceding: PrecedingSamples | None
-    grid: Array
+    scores: pd.DataFrame
+    motions: list[dict[str, Any]]
 
 
-def prepare(
-    dataset: Dataset, protocol: Protocol, parameters: Mapping[str, float] | None = None
-) -> Prepared:
-    """A data set made ready for judging: problems, causal starts, velocities for the curves.
+class HeldOut(NamedTuple):
+    """The fold that holds out each thing that is scored, -1 where none does: that is not scored.
 
-    `parameters` replace the mechanism's, for models that bring their own; with motor constants
-    among them, torques that follow from voltages follow them.
-
-    Raises
-    ------
-    InputError
-        Where the recordings are too short for the protocol, or a parameter is unknown.
+    rows : (K,) of both one-step problems; rollouts : (H, S) up to each horizon; recordings : (R,)
     """
-    apart = protocol.sample_time
-    estimators = (STUDY.states, INTEGRAL.states, KalmanFilter())
-    plant = plant_of(dataset, parameters)
-    return _prepared(
-        powered(dataset, plant),
-        protocol,
-        Observed(*(states_of(dataset, estimator, apart) for estimator in estimators)),
-        plant,
-    )
+
+    rows: tuple[Array, Array]
+    rollouts: Array
+    recordings: Array
 
 
-def under(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:
-    """The same data under other mechanism parameters; nothing is estimated anew."""
-    if not parameters:
-        return prepared
-    plant = plant_of(prepared.dataset, parameters)
-    dataset = powered(prepared.dataset, plant)
-    return _prepared(dataset, prepared.protocol, prepared.observed, plant)
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """F frictions (F, n, P), and the data as each of them sees them."""
+
+    friction: Friction
+    views: Sequence[CalibratedView]
+
+    def owned(self, owner: Array) -> Iterator[tuple[Prepared, Array]]:
+        """The data, and which of the things that friction `owner` (N,) predicts are seen so."""
+        for folds, data in self.views:
+            yield data, np.flatnonzero(np.isin(owner, folds))
 
 
-def without_physics(prepared: Prepared) -> Prepared:
-    """The same data for models of all of the acceleration, see `unit_inertia_plant`."""
-    dataset = prepared.dataset
-    return _prepared(dataset, prepared.protocol, prepared.observed, unit_inertia_plant(dataset))
-
-
-def prepared_for(prepared: Prepared, friction: Friction) -> Prepared:
-    """The data under the mechanism, or its parameters, that a friction brings."""
-    if friction.mechanism == "unit":
-        return without_physics(prepared)
-    return under(prepared, friction.parameters)
-
-
-def with_calibration(prepared: Prepared, calibration: Calibration | None) -> Prepared:
-    """The data corrected by a calibration, and prepared with its base parameters."""
-    if calibration is None:
-        return prepared
-    dataset, protocol = prepared.dataset, prepared.protocol
-    observed = Observed(*(_shifted(own, calibration.offset) for own in prepared.observed))
-    return _prepared(
-        calibrated_dataset(dataset, calibration),
-        protocol,
-        observed,
-        calibrated_plant(dataset, calibration),
-    )
-
-
-def _shifted(states: tuple[States, ...], offset: Array) -> tuple[States, ...]:
-    return tuple(s._replace(q=s.q - offset) for s in states)
-
-
-def _prepared(dataset: Dataset, protocol: Protocol, observed: Observed, plant: Plant) -> Prepared:
-    if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
-        raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
-    told = dataset, plant
-    limits = protocol.sample_time, protocol.history
-    euler = problem_of(*told, STUDY, *limits, observed.backward)
-    integral = problem_of(*told, INTEGRAL, *limits, observed.smoothed)
-    starts = _starts(dataset, observed.causal, plant, protocol)
-    true = true_states(dataset, observed.causal) if protocol.true_starts else None
-    own = protocol.starts == "model"
-    return Prepared(
-        dataset=dataset,
-        protocol=protocol,
-        observed=observed,
-        plant=plant,
-        euler=euler,
-        integral=integral,
-        starts=starts,
-        true=None if true is None else _starts(dataset, true, plant, protocol),
-        trajectory=make_trajectory(dataset, observed.causal, protocol.history)
-        if protocol.whole
-        else None,
-        preceding=preceding_samples(dataset, observed.causal, starts) if own else None,
-        grid=velocity_grid(speeds(dataset, observed.smoothed)),
-    )
-
-
-def _starts(
-    dataset: Dataset, states: Sequence[States], plant: Plant, protocol: Protocol
-) -> InitialStates:
-    every, begin = protocol.every, protocol.history
-    return make_initial_states(dataset, states, plant, protocol.horizons, every=every, begin=begin)
-
-
-def training_of(prepared: Prepared, recipe: Recipe) -> Problem:
-    """The problem that identifiers fit by a recipe."""
-    seen = {STUDY.states: prepared.observed.backward, INTEGRAL.states: prepared.observed.smoothed}
-    states = next((known for estimator, known in seen.items() if estimator == recipe.states), None)
-    protocol = prepared.protocol
-    limits = protocol.sample_time, protocol.history
-    return training_problem(prepared.dataset, prepared.plant, recipe, *limits, states)
-
-
-def speeds(dataset: Dataset, smoothed: Iterable[States]) -> Array:
-    """True velocities where they are known, else smoothed ones, (K, n) [rad/s]."""
-    true = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
-    return np.concatenate(true if true else [s.w for s in smoothed])
-
-
-def judge_folds(
-    friction: Friction, overall: Friction, prepared: Prepared, folds: Folds
-) -> tuple[list[Row], list[dict[str, Any]]]:
-    """Rows of held-out scores of the folds' frictions, and example motions.
-
-    A friction with a calibration is judged on the data corrected by it.
-    """
-    views = list(_views(friction, prepared))
-    rows: list[Row] = []
-    for k, (score, problem) in enumerate(_problems(prepared)):
-        held = folds.held_out(problem.recording, problem.time)
-        residual = np.empty_like(problem.r)
-        for own, view in views:
-            use = np.isin(held, own)
-            place = np.searchsorted(own, held[use])
-            part = held_out_residual(friction[own], _problems(view)[k][1], use, place)
-            residual[use] = part
-        rows += one_step_rows(residual, held, score)
-    fold = initial_state_folds(prepared.starts, folds, prepared.observed.causal)
-    # whatever of a start is held out, is held out by one fold: its friction predicts
-    owner = np.maximum(fold.max(axis=0), 0)
-    seen = [(own, view.plant, view.starts, view.preceding) for own, view in views]
-    starts, motion = _predicted(friction, seen, owner)
-    rows += rollout_rows(motion, starts, fold, _angle_unit(prepared))
-    if prepared.true is not None:
-        known = [(own, v.plant, v.true, None) for own, v in views if v.true is not None]
-        true, ideal = _predicted(friction, known, owner)
-        rows += true_start_rows(ideal, true, fold, _angle_unit(prepared))
-    if prepared.trajectory is not None:
-        held = trajectory_folds(prepared.trajectory, folds)
-        rows += free_run_rows(*_ran(friction, views, prepared.trajectory, held), held)
-    rows += curve_scores(friction, overall, prepared)
-    rows.append(_count(friction))
-    shown = prepared._replace(starts=starts)
-    return rows, _examples(motion.q, shown, fold[-1] >= 0, friction_of="fold")
-
-
-def _views(friction: Friction, prepared: Prepared) -> Iterator[tuple[Array, Prepared]]:
-    """Folds that see the data alike, and the data as they see them."""
-    folds = np.arange(len(friction.theta))
-    if friction.calibration is None:
-        yield folds, prepared
-        return
-    alike: dict[bytes, list[int]] = {}
-    for f in folds:
-        parts = [
-            np.asarray(x).tobytes() for x in vars(friction.calibration[f]).values() if x is not None
-        ]
-        alike.setdefault(b"".join(parts), []).append(int(f))
-    for own in alike.values():
-        yield np.array(own), with_calibration(prepared, friction.calibration[own[0]])
-
-
-def _predicted(
+def score_folds(
     friction: Friction,
-    seen: Sequence[tuple[Array, Plant, InitialStates, PrecedingSamples | None]],
-    owner: Array,
-) -> tuple[InitialStates, Rollout]:
-    """Starts with the measured angles that their owners (S,) see, and the motion they predict.
+    overall: Friction,
+    prepared: Prepared,
+    folds: Folds,
+    views: Sequence[CalibratedView] | None = None,
+) -> Evaluation:
+    """Held-out scores of the frictions (F, n, P) of the folds.
 
-    seen : folds that see the data alike, with plant, starts and preceding as they see them
+    A friction with a calibration is scored on the data corrected by it.
+
+    Parameters
+    ----------
+    friction, overall : of the folds, and of all data, which has a curve error
+    prepared : the uncorrected data
+    folds : of the same recordings
+    views : `calibrated_views` of the frictions' calibrations, where they have been made before;
+        those of further folds are left out
     """
-    _, first, starts, preceding = seen[0]
-    starts = starts._replace(q=starts.q.copy(), u=starts.u.copy(), measured=starts.measured.copy())
-    plant = first[starts.recording]
-    p = np.array(plant.p)
-    for own, theirs, view, before in seen:
-        use = np.flatnonzero(np.isin(owner, own))
-        starts.q[use], p[use] = view.q[use], theirs.p[starts.recording[use]]
-        starts.u[:, use], starts.measured[:, use] = (x[:, use] for x in (view.u, view.measured))
-        if preceding is not None and before is not None:
-            preceding = preceding.mixed(before, np.isin(preceding.owner, use))
-    return starts, predict(replace(plant, p=p), friction[owner], starts, preceding)
+    held_out = HeldOut(
+        (_held_out_rows(prepared.euler, folds), _held_out_rows(prepared.integral, folds)),
+        initial_state_folds(prepared.initial_states, folds, prepared.causal),
+        np.zeros(0, dtype=int)
+        if prepared.trajectory is None
+        else trajectory_folds(prepared.trajectory, folds),
+    )
+    if views is None:
+        views = calibrated_views(prepared, friction.calibration, len(friction.theta))
+    known = [view.of_folds(len(friction.theta)) for view in views]
+    own = [view for view in known if len(view.folds)]
+    rows, motions = _scored(_Model(friction, own), overall, prepared, held_out)
+    return Evaluation(score_frame(rows), [{**m, "friction_of": "fold"} for m in motions])
 
 
-def _ran(
-    friction: Friction, views: Sequence[tuple[Array, Prepared]], trajectory: Trajectory, held: Array
-) -> tuple[Array, Trajectory]:
-    """Simulated angles of whole recordings, each by the friction that has not seen it."""
-    owner = np.maximum(held, 0)
-    measured, q = np.empty_like(trajectory.measured), np.empty_like(trajectory.measured)
-    for own, view in views:
-        assert view.trajectory is not None
-        use = np.isin(owner, own)
-        measured[:, use] = view.trajectory.measured[:, use]
-        if len(views) == 1:
-            return free_run(view.plant, friction[owner], view.trajectory), view.trajectory
-        part = some_of(view.trajectory, np.flatnonzero(use))
-        q[:, use] = free_run(view.plant[np.flatnonzero(use)], friction[owner[use]], part)
-    return q, trajectory._replace(measured=measured)
+def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
+    """Scores of one friction (n, P) on data that it was not fitted to.
 
-
-def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[str, Any]]]:
-    """Rows of scores of one friction (n, P) on data that it was not fitted to, and examples.
+    A friction with a calibration is scored on the data corrected by it.
 
     Raises
     ------
@@ -296,81 +114,131 @@ def judge(friction: Friction, prepared: Prepared) -> tuple[list[Row], list[dict[
             f"data set {prepared.dataset.name!r} has {n} joints, the model's theta has shape "
             f"{tuple(friction.theta.shape)}: it must be ({n}, {len(friction.law.names)})"
         )
-    prepared = with_calibration(prepared, friction.calibration)
-    calibration, friction = friction.calibration, replace(friction, calibration=None)
-    rows: list[Row] = []
+    recordings = 0 if prepared.trajectory is None else len(prepared.trajectory.names)
+    everything = HeldOut(
+        (np.zeros(len(prepared.euler.r), int), np.zeros(len(prepared.integral.r), int)),
+        np.where(prepared.initial_states.last > 0, 0, -1),
+        np.zeros(recordings, dtype=int),
+    )
     batch = friction[None]
-    for score, problem in _problems(prepared):
-        whole = np.zeros(len(problem.r), dtype=int)
-        residual = held_out_residual(batch, problem, whole == 0, whole)
-        rows += _pooled(one_step_rows(residual, whole, score))
-    starts = prepared.starts
-    everyone = np.zeros(len(starts.recording), dtype=int)
-    plant = prepared.plant[starts.recording]
-    motion = predict(plant, batch[everyone], starts, prepared.preceding)
-    everywhere = np.zeros_like(starts.last)
-    rows += _pooled(rollout_rows(motion, starts, everywhere, _angle_unit(prepared)))
-    if prepared.true is not None:
-        ideal = predict(plant, batch[everyone], prepared.true)
-        rows += _pooled(true_start_rows(ideal, prepared.true, everywhere, _angle_unit(prepared)))
+    model = _Model(batch, calibrated_views(prepared, batch.calibration, 1))
+    rows, motions = _scored(model, friction, prepared, everything)
+    pooled = [row for row in rows if row.fold == "all"]
+    return Evaluation(score_frame(pooled), [{**m, "friction_of": "all"} for m in motions])
+
+
+def _held_out_rows(problem: Problem, folds: Folds) -> Array:
+    return folds.held_out(problem.recording, problem.time)
+
+
+def _scored(
+    model: _Model, overall: Friction, prepared: Prepared, held_out: HeldOut
+) -> tuple[list[Score], list[dict[str, Any]]]:
+    """All scores of a model, and examples of its rollouts."""
+    # where any horizon of a rollout is held out, one fold holds it out: its friction predicts
+    owner = np.maximum(held_out.rollouts.max(axis=0), 0)
+    initial, motion = _rollouts(model, owner)
+    scores = [
+        *_one_step_scores(model, held_out),
+        *rollout_scores(motion, initial, held_out.rollouts, prepared.angle_unit),
+    ]
+    if prepared.true_initial_states is not None:
+        true, ideal = _rollouts(model, owner, true=True)
+        unit = prepared.angle_unit
+        scores += true_initial_state_scores(ideal, true, held_out.rollouts, unit)
     if prepared.trajectory is not None:
-        all_ = np.zeros(len(prepared.trajectory.names), dtype=int)
-        q = free_run(
-            prepared.plant, replace(batch[all_], calibration=calibration), prepared.trajectory
-        )
-        rows += _pooled(free_run_rows(q, prepared.trajectory, all_))
-    rows += _pooled(curve_scores(batch, friction, prepared))
-    rows.append(_count(friction))
-    return rows, _examples(motion.q, prepared, starts.last[-1] > 0, friction_of="all")
+        scores += _free_run_scores(model, held_out.recordings)
+    scores += _curve_scores(model.friction, overall, prepared)
+    scores.append(_parameter_count(model.friction))
+    return scores, _examples(motion.q, initial, prepared, held_out.rollouts[-1] >= 0)
 
 
-def _angle_unit(prepared: Prepared) -> str:
-    return prepared.plant.mechanism.description.angle_unit
+def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
+    for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
+        residual = np.empty((len(held), model.friction.n))
+        for folds, data in model.views:
+            use = np.isin(held, folds)
+            place = np.searchsorted(folds, held[use])
+            problem: Problem = getattr(data, name)
+            residual[use] = held_out_residual(model.friction[folds], problem, use, place)
+        yield from one_step_scores(residual, held, f"one_step_{name}")
 
 
-def _problems(prepared: Prepared) -> tuple[tuple[str, Problem], ...]:
-    return ("one_step_euler", prepared.euler), ("one_step_integral", prepared.integral)
+def _rollouts(model: _Model, owner: Array, *, true: bool = False) -> tuple[InitialStates, Rollout]:
+    """Initial states with the angles as their owners (S,) see them, and the motion they predict.
+
+    true : from the true states
+    """
+    first = model.views[0].data
+    initial = _initial_states(first, true)
+    preceding = None if true else first.preceding
+    plant = first.plant[initial.recording]
+    p = np.array(plant.p)
+    for data, rows in model.owned(owner):
+        if data is first:
+            continue
+        initial = initial.with_rows(_initial_states(data, true), rows)
+        p[rows] = data.plant.p[initial.recording[rows]]
+        if preceding is not None and data.preceding is not None:
+            preceding = preceding.with_rows(data.preceding, np.isin(preceding.owner, rows))
+    plant = replace(plant, p=p)
+    return initial, predict(plant, model.friction[owner], initial, preceding)
 
 
-def curve_scores(friction: Friction, overall: Friction, prepared: Prepared) -> list[Row]:
+def _initial_states(data: Prepared, true: bool) -> InitialStates:
+    initial = data.true_initial_states if true else data.initial_states
+    assert initial is not None
+    return initial
+
+
+def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
+    """Scores of whole recordings (R,), each simulated by the friction that has not seen it."""
+    trajectory = model.views[0].data.trajectory
+    assert trajectory is not None
+    owner = np.maximum(held, 0)
+    measured, q = np.empty_like(trajectory.measured), np.empty_like(trajectory.measured)
+    for data, rows in model.owned(owner):
+        if len(rows) and data.trajectory is not None:
+            own = data.trajectory.take(rows)
+            measured[:, rows] = own.measured
+            q[:, rows] = free_run(data.plant[rows], model.friction[owner[rows]], own)
+    yield from free_run_scores(q, trajectory._replace(measured=measured), held)
+
+
+def _curve_scores(friction: Friction, overall: Friction, prepared: Prepared) -> Iterable[Score]:
     """Curve errors, where the truth is known and friction is a torque."""
     if prepared.dataset.truth is None or friction.mechanism:
-        return []
-    true = curves(steady_state(prepared.dataset.truth), prepared.grid)
-    each = curve_error(curves(friction, prepared.grid), true, prepared.grid)
-    return list(curve_rows(each, curve_error(curves(overall, prepared.grid), true, prepared.grid)))
+        return ()
+    grid = prepared.grid
+    true = curves(steady_state(prepared.dataset.truth), grid)
+    each, whole = (curve_error(curves(f, grid), true, grid) for f in (friction, overall))
+    return curve_scores(each, whole)
 
 
-def _pooled(rows: Iterable[Row]) -> list[Row]:
-    return [row for row in rows if row.fold == "all"]
-
-
-def _count(friction: Friction) -> Row:
+def _parameter_count(friction: Friction) -> Score:
     size = float(np.prod(friction.theta.shape[-2:]))
     if friction.law.is_sparse:  # zeros are terms that it does not have
         size = float(np.count_nonzero(np.asarray(friction.theta), axis=(-2, -1)).mean())
-    return Row("all", "n_parameters", "count", None, "all", size, "1")
+    return Score("all", "n_parameters", "count", None, "all", size, "1")
 
 
 def _examples(
-    q: Array, prepared: Prepared, use: Array, friction_of: str, most: int = 3
+    q: Array, initial: InitialStates, prepared: Prepared, use: Array, most: int = 3
 ) -> list[dict[str, Any]]:
-    """Predicted and measured motion over the longest horizon, from starts (S,) that may be used."""
-    starts = prepared.starts
+    """Predicted and measured motion over the longest horizon, of rollouts (S,) that may be used."""
     full = np.flatnonzero(use)
     chosen = full[np.linspace(0, len(full) - 1, most + 2).round().astype(int)[1:-1]]
     out = []
     for s in np.unique(chosen):
-        last = int(starts.last[-1, s])
-        r = starts.recording[s]
+        last = int(initial.last[-1, s])
+        r = initial.recording[s]
         out.append(
             {
                 "dataset": prepared.dataset.name,
                 "recording": prepared.dataset.recordings[r].name,
-                "start_s": float(prepared.observed.causal[r].time[starts.index[s]]),
-                "friction_of": friction_of,
-                "time": np.concatenate([[0.0], np.cumsum(starts.dt[:last, s])]),
-                "measured": starts.measured[: last + 1, s],
+                "start_s": float(prepared.causal[r].time[initial.index[s]]),
+                "time": np.concatenate([[0.0], np.cumsum(initial.dt[:last, s])]),
+                "measured": initial.measured[: last + 1, s],
                 "predicted": q[: last + 1, s],
             }
         )

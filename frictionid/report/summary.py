@@ -73,7 +73,9 @@ def summary(evidence: Evidence, parts: Mapping[tuple[str, str], Part]) -> str:
         shooting=any(part.found for part in parts.values()),
         settings={
             "every": provenance["settings"].get("every", "…"),
-            "true_starts": provenance["settings"].get("true_starts", False),
+            "true_initial_states": any(
+                provenance["settings"].get(key) for key in ("true_initial_states", "true_starts")
+            ),
         },
         data=_data(evidence),
         origins=_origins(evidence),

@@ -85,22 +85,3 @@ def part_of_calibration(calibration: Calibration, use: tuple[str, ...]) -> Calib
         for part in PARTS[1:]
     }
     return replace(calibration, base=calibration.base if "inertia" in use else None, **kept)
-
-
-def groups(calibration: Calibration, folds: int) -> list[Array]:
-    """Folds that have one and the same calibration, in groups; that of the last fold is the last.
-
-    >>> calibration = Calibration.ideal(1)
-    >>> sensors = {name: np.full((3, 1), value) for name, value in (("gain", 1), ("bias", 0))}
-    >>> both = replace(calibration, **sensors, offset=np.zeros((3, 1)))
-    >>> [g.tolist() for g in groups(replace(both, delay=np.array([0.01, 0.02, 0.01])), 3)]
-    [[1], [0, 2]]
-    """
-    parts = [calibration.gain, calibration.delay, calibration.bias, calibration.offset] + (
-        [] if calibration.base is None else [calibration.base]
-    )
-    rows = np.concatenate([np.reshape(part, (folds, -1)) for part in parts], axis=1)
-    _, group = np.unique(rows, axis=0, return_inverse=True)
-    flat = np.reshape(group, -1)  # NumPy 2.0 gives it more axes
-    found = [np.flatnonzero(flat == g) for g in dict.fromkeys(flat.tolist())]
-    return sorted(found, key=lambda own: int(own[-1]))

@@ -16,7 +16,7 @@ from frictionid.comparison.results import COLUMNS
 from frictionid.comparison.suite import friction_of, identifier_named
 from frictionid.comparison.tasks import lock
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.evaluation import Protocol, judge, prepare
+from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.mechanics import plant_of
 
@@ -110,9 +110,9 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     assert tuple(table.columns) == COLUMNS
     assert set(table["fold"]) == {"all"} and set(table["fit"]) == {"given"}
     assert set(table["identifier"]) == {"fitted"} and set(table["dataset"]) == {"tiny"}
-    rows, _ = judge(found, prepare(data, Protocol(horizons=(0.1, 0.3))))
-    np.testing.assert_allclose(table["value"], [row.value for row in rows], rtol=1e-8)
-    assert table["score"].tolist() == [row.score for row in rows]
+    scores, _ = score_model(found, prepare(data, Protocol(horizons=(0.1, 0.3))))
+    np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
+    assert table["score"].tolist() == scores["score"].tolist()
 
 
 def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):

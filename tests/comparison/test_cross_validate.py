@@ -13,7 +13,7 @@ from frictionid.comparison.suite import load_suite, tasks_of
 from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_tasks
 from frictionid.data.states import RTS, Backward, SavitzkyGolay
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds, true_friction
+from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true_friction
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.identifiers import Frictionless, Identifier, LeastSquares, Published
@@ -147,7 +147,7 @@ def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
         found = read_json(tmp_path / task.file)
         assert (found["fit"], found["seed"]) == (task.recipe.name, task.seed)
         assert found["digest"] == expected["digest"]
-        assert [tuple(row) for row in found["rows"]["tiny"]] == [tuple(r) for r in alone.rows]
+        assert score_frame(found["rows"]["tiny"]).equals(alone.scores)
 
 
 def test_the_table_of_a_few_lines_of_python():
@@ -161,7 +161,7 @@ def test_the_table_of_a_few_lines_of_python():
     ahead = ("rollout_angle", "median", 0.3)
     assert best.value(*ahead) < 0.2 * results["none", "integral"].value(*ahead)
     again = run(benchmark(data), identifiers["stribeck"], INTEGRAL)
-    assert again.rows == best.rows
+    assert again.scores.equals(best.scores)
     assert best.friction.theta.shape == (3, 1, 4) and best.overall.theta.shape == (1, 4)
     assert best.curves.shape == (4, 401, 1)
     with pytest.raises(InputError, match="no score 'rollout', 'median' at 0.3 s for joint all"):
@@ -172,9 +172,9 @@ def test_a_test_set_is_judged_by_what_all_data_gave():
     test = dataset(name="test", recordings=recordings()[:3])
     result = run(benchmark(tests=(test,)), FIT, INTEGRAL)
     assert set(result.tests) == {"test"}
-    assert {row.fold for row in result.tests["test"]} == {"all"}
+    assert set(result.tests["test"].fold) == {"all"}
     alone = run(benchmark(tests=(test,)), Published(result.overall), INTEGRAL)
-    assert alone.tests == result.tests
+    assert alone.tests["test"].equals(result.tests["test"])
     shown = {motion["dataset"]: motion["friction_of"] for motion in result.motions}
     assert shown == {"tiny": "fold", "test": "all"}
 
@@ -258,7 +258,7 @@ def test_recordings_may_differ_in_length():
     uneven = tuple(shortened(r, 0.5 + 0.09 * i) for i, r in enumerate(parts))
     result = run(benchmark(dataset(recordings=uneven)), FIT, INTEGRAL)
     assert result.value("curve_error", "rms", joint="1") < 0.1
-    assert {row.fold for row in result.rows} == {"0", "1", "2", "all"}
+    assert set(result.scores.fold) == {"0", "1", "2", "all"}
 
 
 # --- Identifiers that break the contract ---------------------------------------------------------

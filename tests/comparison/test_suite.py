@@ -283,3 +283,13 @@ def test_any_damage_to_the_text_is_taken_or_refused(place, where, length, instea
 
 def test_friction_files_are_read_by_the_names_of_the_laws(place):
     assert friction_of(place / "model.json").law == CoulombViscous()
+
+
+@pytest.mark.parametrize(
+    "names", [("initial_states", "true_initial_states"), ("starts", "true_starts")], ids=str
+)
+def test_keys_of_older_suites_mean_the_same(place, names):
+    table = suite(list(zip(names, ("model", True), strict=True)))
+    file = write_toml(place / "renamed.toml", table)
+    protocol = tasks_of(load_suite(file), file)[0].benchmark.protocol
+    assert (protocol.initial_states, protocol.true_initial_states) == ("model", True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
+from fixtures.score_frames import lines
 from fixtures.tiny_pendulums import dataset as torque_driven
 from fixtures.tiny_pendulums import recordings as torque_driven_recordings
 from scipy.integrate import solve_ivp
@@ -21,16 +22,16 @@ from frictionid.evaluation import (
     Protocol,
     Split,
     free_run,
-    free_run_rows,
-    judge,
-    judge_folds,
+    free_run_scores,
     make_folds,
     make_trajectory,
-    powered,
     prepare,
+    score_folds,
+    score_model,
     trajectory_folds,
     true_friction,
-    under,
+    with_motor_torque,
+    with_parameters,
 )
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
@@ -237,7 +238,9 @@ def test_without_servos_the_recorded_torque_drives():
 def test_a_models_motor_replaces_that_of_the_recordings(logs):
     data, _ = logs
     plant = plant_of(data, {"kt": 2 * KT, "R": R})
-    for before, after in zip(data.recordings, powered(data, plant).recordings, strict=True):
+    for before, after in zip(
+        data.recordings, with_motor_torque(data, plant).recordings, strict=True
+    ):
         assert (after.servo.kt, after.servo.R) == (2 * KT, R)
         again = servo_torque(before.servo.with_motor(2 * KT, R), before.angle)
         np.testing.assert_array_equal(after.torque.value, again.value)
@@ -245,10 +248,10 @@ def test_a_models_motor_replaces_that_of_the_recordings(logs):
 
 def test_without_motor_constants_torques_stay_as_they_are(logs):
     data, _ = logs
-    same = powered(data, plant_of(data)).recordings
+    same = with_motor_torque(data, plant_of(data)).recordings
     assert all(a is b for a, b in zip(data.recordings, same, strict=True))
     other = torque_driven()
-    assert powered(other, plant_of(other)) is other
+    assert with_motor_torque(other, plant_of(other)) is other
 
 
 def test_scores_of_a_model_are_those_under_its_own_motor(logs):
@@ -266,20 +269,22 @@ def test_scores_of_a_model_are_those_under_its_own_motor(logs):
     prepared = prepare(wrong, protocol)
 
     def scores(p):
-        rows, _ = judge(TRUTH, p)
-        return {(r.score, r.statistic): r.value for r in rows if r.joint == "all"}
+        rows, _ = score_model(TRUTH, p)
+        return {(r.score, r.statistic): r.value for r in lines(rows) if r.joint == "all"}
 
-    told, own = scores(prepared), scores(under(prepared, {"kt": KT, "R": R}))
+    told, own = scores(prepared), scores(with_parameters(prepared, {"kt": KT, "R": R}))
     for key in (("free_run", "mean"), ("rollout_angle", "median"), ("one_step_integral", "rms")):
         assert own[key] < 0.3 * told[key]
-    assert own == scores(prepare(powered(wrong, plant_of(wrong, {"kt": KT, "R": R})), protocol))
+    assert own == scores(
+        prepare(with_motor_torque(wrong, plant_of(wrong, {"kt": KT, "R": R})), protocol)
+    )
 
 
 # --- Scores --------------------------------------------------------------------------------------
 
 
 def rows_of(error, trajectory, fold):
-    rows = free_run_rows(trajectory.measured + error, trajectory, np.array(fold))
+    rows = free_run_scores(trajectory.measured + error, trajectory, np.array(fold))
     return {(r.fold, r.statistic, r.joint): r.value for r in rows}
 
 
@@ -315,8 +320,8 @@ def test_folds_judge_what_they_hold_out(logs):
     # one fold has the true friction, the others none
     theta = np.zeros((4, 1, 2))
     theta[held[1]] = TRUTH.theta
-    rows, _ = judge_folds(Friction(CoulombViscous(), theta), TRUTH, prepared, folds)
-    own = {r.fold: r.value for r in rows if (r.score, r.statistic) == ("free_run", "mean")}
+    rows, _ = score_folds(Friction(CoulombViscous(), theta), TRUTH, prepared, folds)
+    own = {r.fold: r.value for r in lines(rows) if (r.score, r.statistic) == ("free_run", "mean")}
     assert all(own[str(held[1])] < 0.1 * own[str(f)] for f in held if f != held[1])
 
 

@@ -13,11 +13,11 @@ from frictionid.data.states import KalmanFilter
 from frictionid.evaluation import (
     Split,
     free_run,
-    free_run_rows,
+    free_run_scores,
     make_folds,
     make_trajectory,
-    powered,
     trajectory_folds,
+    with_motor_torque,
 )
 from frictionid.friction.laws import MotorLoad
 from frictionid.identifiers import LeastSquares
@@ -56,7 +56,7 @@ def runs(logs, models):
     found = {}
     for name, friction in models.items():
         plant = plant_of(logs, friction.parameters)
-        trajectory = course_of(powered(logs, plant))
+        trajectory = course_of(with_motor_torque(logs, plant))
         found[name] = free_run(plant, friction, trajectory), trajectory
     return found
 
@@ -71,7 +71,7 @@ def errors(q, trajectory):
 
 
 def mean(q, trajectory, fold):
-    rows = free_run_rows(q, trajectory, fold)
+    rows = free_run_scores(q, trajectory, fold)
     return next(r.value for r in rows if (r.fold, r.statistic) == ("all", "mean"))
 
 

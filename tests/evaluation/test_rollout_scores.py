@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
+from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import (
     PENDULUM,
     RATE,
@@ -12,7 +13,6 @@ from fixtures.tiny_pendulums import (
     dataset,
     disturbed,
     recordings,
-    select,
     shortened,
 )
 
@@ -24,15 +24,15 @@ from frictionid.evaluation import (
     Protocol,
     Split,
     initial_state_folds,
-    judge,
-    judge_folds,
     make_folds,
     make_initial_states,
     predict,
     prepare,
-    rollout_rows,
+    rollout_scores,
+    score_folds,
+    score_model,
     true_friction,
-    under,
+    with_parameters,
 )
 from frictionid.friction import Friction, Nodes, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction
@@ -68,7 +68,7 @@ def test_the_truth_from_true_states_predicts_the_true_motion():
     starts = starts_of(data, true, horizons=(0.1, 0.5, 1.0))
     everyone = np.zeros(len(starts.recording), dtype=int)
     motion = predict(plant_of(data)[starts.recording], true_friction(TRUTH)[None][everyone], starts)
-    rows = list(rollout_rows(motion, starts, np.zeros_like(starts.last)))
+    rows = list(rollout_scores(motion, starts, np.zeros_like(starts.last)))
     for horizon in (0.1, 0.5, 1.0):
         truth = select(rows, score="rollout_angle_truth", statistic="q90", horizon_s=horizon)
         assert truth["all", "all"] < 2e-3
@@ -94,7 +94,7 @@ def test_the_truth_from_causal_states_beats_no_friction_by_far():
         "truth": true_friction(TRUTH),
         "none": Friction(NoFriction(), np.zeros((1, 0))),
     }.items():
-        rows, _ = judge(friction, prepared)
+        rows, _ = score_model(friction, prepared)
         scores[name] = select(rows, score="rollout_angle", statistic="median")["all", "all"]
     assert scores["truth"] < 0.05 * scores["none"]
 
@@ -233,7 +233,7 @@ def test_blocks_shorter_than_a_horizon_are_refused():
     prepared = prepare(data, Protocol(horizons=HORIZONS))
     folds = make_folds(data.recordings, Split(count=100, kind="blocks"))
     with pytest.raises(InputError, match=r"no fold holds out 0\.3 s of motion.*fewer folds"):
-        initial_state_folds(prepared.starts, folds, prepared.observed.causal)
+        initial_state_folds(prepared.initial_states, folds, prepared.causal)
 
 
 @pytest.mark.parametrize("kind", ["recordings", "blocks"])
@@ -242,16 +242,16 @@ def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
     folds = make_folds(data.recordings, Split(count=4, kind=kind))
     prepared = prepare(data, Protocol(horizons=HORIZONS))
     friction = Friction(CoulombViscous(), np.array([[[0.0, 0.1 * f]] for f in range(4)]))
-    rows, _ = judge_folds(friction, friction[0], prepared, folds)
-    starts = prepared.starts
-    fold = initial_state_folds(starts, folds, prepared.observed.causal)
+    rows, _ = score_folds(friction, friction[0], prepared, folds)
+    held_out, starts = lines(rows), prepared.initial_states
+    fold = initial_state_folds(starts, folds, prepared.causal)
     for f in range(4):
         alone = np.full(len(starts.recording), f)
         motion = predict(prepared.plant[starts.recording], friction[alone], starts)
-        own = list(rollout_rows(motion, starts, np.where(fold == f, f, -1)))
+        own = list(rollout_scores(motion, starts, np.where(fold == f, f, -1)))
         for row in own:
             if row.fold == str(f):
-                assert row in rows
+                assert row in held_out
 
 
 # --- Memory --------------------------------------------------------------------------------------
@@ -311,7 +311,7 @@ def _cold(starts):
 def test_one_step_scores_remember_along_the_recording_too():
     prepared = prepare(dataset(), Protocol(horizons=HORIZONS))
     friction = Friction(FilmLag(), np.array([[0.03, 0.01, 1.0, 0.004, 0.08]]))
-    rows, _ = judge(friction, prepared)
+    rows, _ = score_model(friction, prepared)
     residual = prepared.euler.residual(along(friction, prepared.euler.nodes))
     rms = select(rows, score="one_step_euler", statistic="rms")["all", "all"]
     assert rms == pytest.approx(np.sqrt(np.mean(residual**2)))
@@ -321,7 +321,7 @@ def test_a_friction_that_drives_the_motion_away_is_counted_and_not_an_error():
     data = dataset()
     prepared = prepare(data, Protocol(horizons=(0.5,)))
     friction = Friction(CoulombViscous(), np.array([[0.0, -5.0]]))
-    rows, motions = judge(friction, prepared)
+    rows, motions = score_model(friction, prepared)
     assert select(rows, statistic="diverged", score="rollout_angle")["all", "all"] > 0.9
     assert select(rows, statistic="median", score="rollout_angle")["all", "all"] == np.inf
     assert not np.isfinite(motions[0]["predicted"]).all()
@@ -332,15 +332,15 @@ def test_a_friction_that_drives_the_motion_away_is_counted_and_not_an_error():
 
 def test_other_parameters_replace_the_mechanisms_and_nothing_is_estimated_anew():
     prepared = prepare(dataset(), Protocol(horizons=HORIZONS))
-    heavy = under(prepared, {"mass": 0.4})
-    assert heavy.observed is prepared.observed and under(prepared, {}) is prepared
+    heavy = with_parameters(prepared, {"mass": 0.4})
+    assert heavy.estimated is prepared.estimated and with_parameters(prepared, {}) is prepared
     told = dataset(mechanism={**PENDULUM, "parameters": {"mass": 0.4, "length": 0.2}})
     other = prepare(told, Protocol(horizons=HORIZONS))
     friction = true_friction(TRUTH)
-    rows = [judge(friction, p)[0] for p in (prepared, heavy, other)]
-    assert rows[1] == rows[2] != rows[0]
+    rows = [score_model(friction, p)[0] for p in (prepared, heavy, other)]
+    assert rows[1].equals(rows[2]) and not rows[1].equals(rows[0])
     with pytest.raises(InputError, match="pendulum has no parameter 'mas'; did you mean 'mass'"):
-        under(prepared, {"mas": 0.4})
+        with_parameters(prepared, {"mas": 0.4})
 
 
 def test_examples_are_predictions_beside_what_was_measured():
@@ -349,8 +349,8 @@ def test_examples_are_predictions_beside_what_was_measured():
     folds = make_folds(data.recordings, Split(count=4, kind="blocks"))
     friction = true_friction(TRUTH)
     for motions in (
-        judge(friction, prepared)[1],
-        judge_folds(friction[None][np.zeros(4, int)], friction, prepared, folds)[1],
+        score_model(friction, prepared)[1],
+        score_folds(friction[None][np.zeros(4, int)], friction, prepared, folds)[1],
     ):
         assert len(motions) == 3
         for motion in motions:

@@ -4,19 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import GRAVITY, INERTIA, TRUTH, dataset, true_torque
 
 from frictionid.errors import InputError
 from frictionid.evaluation import (
+    SCORE_COLUMNS,
     Protocol,
     Split,
     curve_error,
-    curve_rows,
+    curve_scores,
     curves,
-    judge,
-    judge_folds,
     make_folds,
     prepare,
+    score_folds,
+    score_model,
     steady_state,
     true_friction,
     velocity_grid,
@@ -59,18 +61,12 @@ def by_hand(recording, torque):
     return time[1:-1], w[:-1] + accel * dt[1:] - w[1:]
 
 
-def select(rows, **wanted):
-    """Rows that have these entries, by fold and joint."""
-    found = [r for r in rows if all(getattr(r, k) == v for k, v in wanted.items())]
-    return {(r.fold, r.joint): r.value for r in found}
-
-
 # --- One step ahead ------------------------------------------------------------------------------
 
 
 def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
     coefficients = (0.0, 0.004, 0.03)
-    rows, _ = judge_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
+    rows, _ = score_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
     errors = {fold: [] for fold in range(3)}
     for recording, label in zip(dataset().recordings, folds.labels, strict=True):
         fold = int(label[0])
@@ -87,9 +83,9 @@ def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
 
 def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
     data = dataset()
-    rows, _ = judge_folds(viscous(0.01, 0.01, 0.01), viscous(0.01)[0], prepared, folds)
+    rows, _ = score_folds(viscous(0.01, 0.01, 0.01), viscous(0.01)[0], prepared, folds)
     squares = []
-    for recording, s in zip(data.recordings, prepared.observed.smoothed, strict=True):
+    for recording, s in zip(data.recordings, prepared.smoothed, strict=True):
         dt, q, w = np.diff(s.time), s.q[:, 0], s.w[:, 0]
         middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
         middle_w = 1.5 * np.diff(q) / dt - (w[1:] + w[:-1]) / 4
@@ -106,7 +102,7 @@ def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
 
 
 def test_pooled_is_over_all_rows_and_not_the_mean_of_the_folds(prepared, folds):
-    rows, _ = judge_folds(viscous(0.0, 0.2, 0.4), viscous(0.0)[0], prepared, folds)
+    rows, _ = score_folds(viscous(0.0, 0.2, 0.4), viscous(0.0)[0], prepared, folds)
     median = select(rows, score="one_step_euler", statistic="median")
     each = [median[str(f), "all"] for f in range(3)]
     assert min(each) < median["all", "all"] < max(each)
@@ -120,10 +116,10 @@ def test_pooled_is_over_all_rows_and_not_the_mean_of_the_folds(prepared, folds):
 
 def test_no_fold_is_judged_on_what_trained_it(prepared, folds):
     base = [0.0, 0.0, 0.0]
-    rows, _ = judge_folds(viscous(*base), viscous(0.0)[0], prepared, folds)
+    rows, _ = score_folds(viscous(*base), viscous(0.0)[0], prepared, folds)
     for fold in range(3):
         other = [*base[:fold], 0.5, *base[fold + 1 :]]
-        changed, _ = judge_folds(viscous(*other), viscous(0.0)[0], prepared, folds)
+        changed, _ = score_folds(viscous(*other), viscous(0.0)[0], prepared, folds)
         for score in ("one_step_euler", "one_step_integral", "rollout_angle"):
             before, after = (select(r, score=score, statistic="median") for r in (rows, changed))
             differ = {key for key in before if before[key] != after[key]}
@@ -131,10 +127,10 @@ def test_no_fold_is_judged_on_what_trained_it(prepared, folds):
 
 
 def test_norms_are_over_the_joints():
-    from frictionid.evaluation import one_step_rows
+    from frictionid.evaluation import one_step_scores
 
     residual = np.array([[3.0, -4.0], [0.0, 5.0], [6.0, 8.0]])
-    rows = list(one_step_rows(residual, np.array([0, 0, 1]), "x"))
+    rows = list(one_step_scores(residual, np.array([0, 0, 1]), "x"))
     assert select(rows, statistic="mean") == {
         ("0", "all"): 5.0,
         ("1", "all"): 10.0,
@@ -151,22 +147,22 @@ def test_norms_are_over_the_joints():
 
 def test_a_data_set_that_only_tests_has_no_folds(prepared, folds):
     friction = viscous(0.004)[0]
-    alone, _ = judge(friction, prepared)
-    assert {row.fold for row in alone} == {"all"}
-    same, _ = judge_folds(friction[None][np.zeros(3, int)], friction, prepared, folds)
-    pooled = {row[1:5]: row.value for row in same if row.fold == "all"}
-    assert {row[1:5]: row.value for row in alone} == pytest.approx(pooled, rel=1e-12)
+    alone, _ = score_model(friction, prepared)
+    assert set(alone.fold) == {"all"}
+    same, _ = score_folds(friction[None][np.zeros(3, int)], friction, prepared, folds)
+    pooled = {row[1:5]: row.value for row in lines(same) if row.fold == "all"}
+    assert {row[1:5]: row.value for row in lines(alone)} == pytest.approx(pooled, rel=1e-12)
 
 
 @pytest.mark.parametrize("theta", [np.zeros((2, 2)), np.zeros((3, 1, 2))], ids=str)
 def test_models_of_another_machine_are_refused(prepared, theta):
     with pytest.raises(InputError, match=r"'tiny' has 1 joints.*must be \(1, 2\)"):
-        judge(Friction(CoulombViscous(), theta), prepared)
+        score_model(Friction(CoulombViscous(), theta), prepared)
 
 
 def test_every_score_has_all_its_statistics(prepared, folds):
-    rows, _ = judge_folds(viscous(0.0, 0.0, 0.0), viscous(0.0)[0], prepared, folds)
-    found = {(row.score, row.statistic, row.horizon_s) for row in rows}
+    rows, _ = score_folds(viscous(0.0, 0.0, 0.0), viscous(0.0)[0], prepared, folds)
+    found = {(row.score, row.statistic, row.horizon_s) for row in lines(rows)}
     steps = {(f"one_step_{s}", name, None) for s in ("euler", "integral") for name in STATISTICS}
     ahead = {
         (score, name, 0.1)
@@ -179,14 +175,13 @@ def test_every_score_has_all_its_statistics(prepared, folds):
         ("curve_error", "rms", None),
         ("n_parameters", "count", None),
     }
-    keys = [row[:5] for row in rows]
-    assert len(set(keys)) == len(keys)
-    assert all(np.isfinite(row.value) for row in rows)
+    assert not rows.duplicated(list(SCORE_COLUMNS[:5])).any()
+    assert np.isfinite(rows.value).all()
 
 
 def test_parameters_are_counted_over_the_joints(prepared, folds):
     for friction, count in ((viscous(0.0, 0.0, 0.0), 2.0), (nothing(3), 0.0)):
-        rows, _ = judge_folds(friction, friction[0], prepared, folds)
+        rows, _ = score_folds(friction, friction[0], prepared, folds)
         assert select(rows, score="n_parameters") == {("all", "all"): count}
 
 
@@ -248,7 +243,7 @@ def test_the_true_curve_is_that_of_the_simulation(prepared):
 
 
 def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():
-    rows = list(curve_rows(np.array([[0.1, np.nan], [0.2, np.nan]]), np.array([0.15, np.nan])))
+    rows = list(curve_scores(np.array([[0.1, np.nan], [0.2, np.nan]]), np.array([0.15, np.nan])))
     assert select(rows, score="curve_error", unit="1") == {
         ("0", "1"): 0.1,
         ("1", "1"): 0.2,
@@ -264,10 +259,10 @@ def test_a_joint_without_friction_or_motion_has_no_curve_error():
 
 def test_measured_data_have_neither_curve_error_nor_truth(folds):
     bare = tuple(replace(r, truth=None) for r in dataset().recordings)
-    rows, _ = judge_folds(
+    rows, _ = score_folds(
         nothing(3), nothing(3)[0], prepare(dataset(recordings=bare, truth=None), PROTOCOL), folds
     )
-    assert {row.score for row in rows} == {
+    assert set(rows.score) == {
         "one_step_euler",
         "one_step_integral",
         "rollout_angle",

@@ -12,7 +12,7 @@ from fixtures.paths import ROOT
 
 from frictionid.comparison.suite import friction_of, load_suite, tasks_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.evaluation import Protocol, judge, prepare, under
+from frictionid.evaluation import Protocol, prepare, score_model, score_value, with_parameters
 from frictionid.friction import Friction
 from frictionid.identifiers import Frictionless, Published
 from frictionid.identifiers.formulation import STUDY, training_problem
@@ -85,16 +85,10 @@ def test_swing_ups_never_seen_are_predicted_twice_as_well_as_by_the_published_mo
     published = friction_of(ROOT / "data" / "dfki_c1" / "model_1.0.json")
     swings = load_dataset(ROOT / "data" / "dfki_c1_swingup", data)
     prepared = prepare(swings, Protocol(horizons=(0.5, 1.0), sample_time=0.01))
-    own, _ = judge(found.friction, prepared)
-    other, _ = judge(published, under(prepared, published.parameters))
+    own, _ = score_model(found.friction, prepared)
+    other, _ = score_model(published, with_parameters(prepared, published.parameters))
     for horizon, most in ((0.5, 0.45), (1.0, 0.55)):
         mine, theirs = (
-            next(
-                row.value
-                for row in rows
-                if (row.score, row.statistic, row.horizon_s, row.joint)
-                == ("rollout_angle", "median", horizon, "all")
-            )
-            for rows in (own, other)
+            score_value(scores, "rollout_angle", "median", horizon) for scores in (own, other)
         )
         assert mine < most * theirs

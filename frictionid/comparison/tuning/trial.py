@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import pandas as pd
 
 from frictionid.comparison.cross_validate import Benchmark, Method, PreparedBenchmark, run
 from frictionid.comparison.registry import IDENTIFIERS
@@ -24,7 +27,7 @@ from frictionid.comparison.suite import (
 from frictionid.comparison.tasks import Task
 from frictionid.config import distinct
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol
+from frictionid.evaluation import Protocol, score_value
 
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for
 
@@ -140,21 +143,21 @@ def judged(task: Task, shared: PreparedBenchmark, objective: Objective) -> Judge
         value = result.value(*objective.key)
     except InputError as error:
         return Judged(math.nan, math.nan, str(error))
-    score, statistic, horizon = objective.key
-    rows = [row for test in result.tests.values() for row in test]
-    held = [
-        row.value
-        for row in rows
-        if (row.score, row.statistic, row.horizon_s) == (score, statistic, horizon)
-        and row.joint == "all"
-    ]
-    return Judged(value, held[0] if held else math.nan)
+    return Judged(value, _first(result.tests.values(), objective))
+
+
+def _first(frames: Iterable[pd.DataFrame], objective: Objective) -> float:
+    """The objective in the first score frame that has it, NaN where none does."""
+    for frame in frames:
+        with suppress(InputError):
+            return score_value(frame, *objective.key)
+    return math.nan
 
 
 def protocol_for(objective: Objective, protocol: Protocol) -> Protocol:
     """The protocol with as many rollouts as the objective needs."""
-    protocol = replace(protocol, whole=False, true_starts=False)
+    protocol = replace(protocol, whole=False, true_initial_states=False)
     if objective.horizon is None:
         least = (min(protocol.horizons),)
-        return replace(protocol, horizons=least, every=NEVER, starts="filter")
+        return replace(protocol, horizons=least, every=NEVER, initial_states="filter")
     return replace(protocol, horizons=(objective.horizon,))

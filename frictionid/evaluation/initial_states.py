@@ -1,4 +1,4 @@
-"""Where rollouts start, what drives them, what they are compared with, who holds them out."""
+"""Initial states of rollouts, the torque that follows, the reference, and the held-out fold."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from frictionid.mechanics import Plant
 class InitialStates(NamedTuple):
     """Rollouts to be made, S side by side over at most T intervals; behind a recording's end: NaN.
 
-    recording, index (S,): where each starts; q, w (S, n): start states; u (T, S, n) [N m];
+    recording, index (S,): where each starts; q, w (S, n): states there; u (T, S, n) [N m];
     dt (T, S) [s]; measured (T + 1, S, n) [rad]; truth the same or None; horizons (H,) [s] and
     last (H, S): interval count that reaches each horizon, -1 where the recording is too short;
     nodes: motion of all recordings up to the starts, for the friction's memory.
@@ -39,6 +39,13 @@ class InitialStates(NamedTuple):
     last: Array
     nodes: Nodes
 
+    def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
+        """The initial states with some (k,) of another calibration of the same data."""
+        q, u, measured = self.q.copy(), self.u.copy(), self.measured.copy()
+        q[rows], u[:, rows] = other.q[rows], other.u[:, rows]
+        measured[:, rows] = other.measured[:, rows]
+        return self._replace(q=q, u=u, measured=measured)
+
 
 def make_initial_states(
     dataset: Dataset,
@@ -49,7 +56,7 @@ def make_initial_states(
     every: float = 0.25,
     begin: float = 0.1,
 ) -> InitialStates:
-    """Starts each `every` seconds in every recording, from `begin` on, as long as a horizon fits.
+    """Initial states each `every` seconds of every recording from `begin` on, while a horizon fits.
 
     A horizon is reached at the sample nearest to it. `states` must be known from samples up to each
     time only (`KalmanFilter`) for a fair prediction.
@@ -160,24 +167,24 @@ def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
     return Nodes(Inputs(q, w, u, load), time, np.concatenate([[0], np.cumsum(sizes)]))
 
 
-def initial_state_folds(starts: InitialStates, folds: Folds, states: Sequence[States]) -> Array:
-    """Fold that holds out each start and horizon, (H, S); -1 where none does.
+def initial_state_folds(initial: InitialStates, folds: Folds, states: Sequence[States]) -> Array:
+    """Fold that holds out each rollout up to each horizon, (H, S); -1 where none does.
 
     Raises
     ------
     InputError
         When no fold holds out any rollout over one of the horizons.
     """
-    out = np.full(starts.last.shape, -1)
-    for h, s in np.argwhere(starts.last > 0):
-        r, k = int(starts.recording[s]), int(starts.index[s])
+    out = np.full(initial.last.shape, -1)
+    for h, s in np.argwhere(initial.last > 0):
+        r, k = int(initial.recording[s]), int(initial.index[s])
         time = states[r].time
-        fold = folds.whole(r, time[k], time[k + starts.last[h, s]])
+        fold = folds.whole(r, time[k], time[k + initial.last[h, s]])
         out[h, s] = -1 if fold is None else fold
     held = (out >= 0).any(axis=1)
     if not held.all():
         raise InputError(
-            f"no fold holds out {starts.horizons[np.argmin(held)]:g} s of motion in one piece: "
+            f"no fold holds out {initial.horizons[np.argmin(held)]:g} s of motion in one piece: "
             "choose shorter horizons or fewer folds"
         )
     return out

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from frictionid.evaluation import Protocol, prepare
-from frictionid.evaluation.model_observer import found
+from frictionid.evaluation.state_estimator import estimate_initial_states
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
@@ -33,17 +33,19 @@ def data(noise=0.0016, seed=3):
 
 
 def ready(dataset):
-    return prepare(dataset, Protocol(horizons=(0.5,), starts="model"))
+    return prepare(dataset, Protocol(horizons=(0.5,), initial_states="model"))
 
 
 def states(prepared, friction=TRUE):
-    starts = prepared.starts
+    starts = prepared.initial_states
     each = friction[None][np.zeros(len(starts.index), int)]
-    return found(prepared.plant[starts.recording], each, prepared.preceding, starts)
+    return estimate_initial_states(
+        prepared.plant[starts.recording], each, prepared.preceding, starts
+    )
 
 
 def errors(dataset, prepared, w):
-    starts = prepared.starts
+    starts = prepared.initial_states
     pairs = zip(starts.recording, starts.index, strict=True)
     true = np.stack([dataset.recordings[r].truth.velocity.value[k] for r, k in pairs])
     return np.abs(w - true)
@@ -53,7 +55,7 @@ def test_the_true_model_knows_velocities_ten_times_better_than_a_filter():
     dataset = data()
     prepared = ready(dataset)
     own = errors(dataset, prepared, states(prepared).w)
-    filtered = errors(dataset, prepared, prepared.starts.w)
+    filtered = errors(dataset, prepared, prepared.initial_states.w)
     assert np.median(own) < 0.1 * np.median(filtered)
     assert np.median(own) < 0.01
 
@@ -80,7 +82,7 @@ def test_what_comes_later_changes_nothing():
     )
     others = (dataset.recordings[0], later, dataset.recordings[2])
     changed = ready(replace(dataset, recordings=others))
-    early = (prepared.starts.recording == 1) & (prepared.starts.index <= at)
+    early = (prepared.initial_states.recording == 1) & (prepared.initial_states.index <= at)
     assert early.sum() > 3
     a, b = states(prepared), states(changed)
     np.testing.assert_allclose(a.w[early], b.w[early], atol=2e-3)
@@ -89,10 +91,12 @@ def test_what_comes_later_changes_nothing():
 
 def test_starts_side_by_side_are_each_alone():
     prepared = ready(data())
-    starts = prepared.starts
+    starts = prepared.initial_states
     theta = np.stack([TRUE.theta * (1 + 0.2 * (s % 2)) for s in range(len(starts.index))])
     plant = prepared.plant[starts.recording]
-    together = found(plant, Friction(CoulombViscous(), theta), prepared.preceding, starts)
+    together = estimate_initial_states(
+        plant, Friction(CoulombViscous(), theta), prepared.preceding, starts
+    )
     for factor in (0, 1):
         alone = states(prepared, replace(TRUE, theta=TRUE.theta * (1 + 0.2 * factor)))
         own = np.arange(len(starts.index)) % 2 == factor

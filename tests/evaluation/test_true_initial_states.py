@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.paths import DATA
-from fixtures.tiny_pendulums import TRUTH, dataset, select
+from fixtures.score_frames import select
+from fixtures.tiny_pendulums import TRUTH, dataset
 
 from frictionid import load_dataset
 from frictionid.evaluation import (
     Protocol,
     Split,
-    judge,
-    judge_folds,
     make_folds,
     prepare,
+    score_folds,
+    score_model,
     true_calibration,
     true_friction,
 )
@@ -23,7 +24,7 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import plant_of
 from frictionid.mechanics.calibration import Calibration, stack_calibrations
 
-PROTOCOL = Protocol(horizons=(0.5,), true_starts=True)
+PROTOCOL = Protocol(horizons=(0.5,), true_initial_states=True)
 
 
 def scores(rows, score="rollout_true_start"):
@@ -32,12 +33,12 @@ def scores(rows, score="rollout_true_start"):
 
 def test_what_is_off_from_true_states_is_the_models_alone():
     prepared = prepare(dataset(), PROTOCOL)
-    rows, _ = judge(true_friction(TRUTH), prepared)
+    rows, _ = score_model(true_friction(TRUTH), prepared)
     true, causal = scores(rows)["all", "all"], scores(rows, "rollout_angle_truth")["all", "all"]
     assert true < 2e-4
     assert causal > 5 * true
     without = CoulombViscous(), np.array([[0.03, 0.004]])
-    rows, _ = judge(Friction(*without), prepared)
+    rows, _ = score_model(Friction(*without), prepared)
     assert scores(rows)["all", "all"] > 20 * true
 
 
@@ -45,7 +46,7 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
     data = dataset()
     folds = make_folds(data.recordings, Split(count=3))
     prepared = prepare(data, PROTOCOL)
-    alone, _ = judge(true_friction(TRUTH), prepared)
+    alone, _ = score_model(true_friction(TRUTH), prepared)
     theta = true_friction(TRUTH).theta
     friction = replace(true_friction(TRUTH), theta=np.repeat(theta[None], 3, axis=0))
     calibration = Calibration.ideal(1, plant_of(data).p[0])
@@ -55,7 +56,7 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
         (stack_calibrations([calibration] * 3), True),
         (stack_calibrations([calibration, late, late]), False),
     ):
-        rows, _ = judge_folds(
+        rows, _ = score_folds(
             replace(friction, calibration=calibrations), true_friction(TRUTH), prepared, folds
         )
         found = scores(rows)
@@ -68,10 +69,10 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
 
 def test_they_are_made_only_where_they_are_wanted_and_the_truth_is_known():
     for data, protocol in (
-        (dataset(), replace(PROTOCOL, true_starts=False)),
+        (dataset(), replace(PROTOCOL, true_initial_states=False)),
         (dataset(recordings=tuple(replace(r, truth=None) for r in dataset().recordings)), PROTOCOL),
     ):
-        rows, _ = judge(true_friction(TRUTH), prepare(data, protocol))
+        rows, _ = score_model(true_friction(TRUTH), prepare(data, protocol))
         assert not scores(rows)
 
 
@@ -79,8 +80,10 @@ def test_the_truth_has_the_true_inertias_and_torque_clock():
     data = load_dataset(DATA / "acrobot_sim")
     data = replace(data, recordings=data.recordings[12:15])
     friction, calibration = true_friction(data.truth), true_calibration(data)
-    prepared = prepare(data, replace(PROTOCOL, true_starts=False))
-    own, told = (judge(replace(friction, calibration=r), prepared)[0] for r in (calibration, None))
+    prepared = prepare(data, replace(PROTOCOL, true_initial_states=False))
+    own, told = (
+        score_model(replace(friction, calibration=r), prepared)[0] for r in (calibration, None)
+    )
     assert float(calibration.delay) == data.truth["rig"]["torque_delay"]
     assert scores(own, "rollout_angle")["all", "all"] < (
         0.2 * scores(told, "rollout_angle")["all", "all"]

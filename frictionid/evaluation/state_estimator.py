@@ -1,4 +1,4 @@
-"""Start states that a friction finds itself: from the samples up to the start, by its own physics.
+"""Initial states by the model itself: from the samples up to the start, with its own physics.
 
 What a kinematic filter knows of a velocity comes from the last few angles only; a model knows how
 the joints must have moved to have come here. Over the last samples before each start the motion
@@ -19,7 +19,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.states import States
 from frictionid.dynamics.step import State
 from frictionid.dynamics.step_size import step_size_of
-from frictionid.evaluation.rollout_starts import InitialStates
+from frictionid.evaluation.initial_states import InitialStates
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Plant
 from frictionid.mechanics.calibration import Calibration
@@ -39,7 +39,7 @@ _LOST = 0.3  # [rad]
 
 
 class PrecedingSamples(NamedTuple):
-    """The intervals before S starts, one after the other, each with its own copy.
+    """The intervals before S initial, one after the other, each with its own copy.
 
     track : (K,) intervals; windows (S, N), their indices, -1 behind a window's end; u (pieces, K,
     n) [N m]; sigma (n,) [rad], about the noise of the angles
@@ -55,8 +55,8 @@ class PrecedingSamples(NamedTuple):
         """Start (K,) that each interval leads to."""
         return np.repeat(np.arange(len(self.windows)), (self.windows >= 0).sum(axis=1))
 
-    def mixed(self, other: PrecedingSamples, rows: Array) -> PrecedingSamples:
-        """The preceding with some (K,) rows of another."""
+    def with_rows(self, other: PrecedingSamples, rows: Array) -> PrecedingSamples:
+        """The preceding samples with some (K,) rows of another calibration of the same data."""
         names = ("before", "after", "q", "w")
         new = {}
         for name in names:
@@ -69,7 +69,7 @@ class PrecedingSamples(NamedTuple):
 
 
 def preceding_samples(
-    dataset: Dataset, states: Sequence[States], starts: InitialStates
+    dataset: Dataset, states: Sequence[States], initial: InitialStates
 ) -> PrecedingSamples:
     """What is known before each start: up to 20 samples, with filtered states (`KalmanFilter`)."""
     track = track_of(dataset, states=tuple(states))
@@ -77,9 +77,9 @@ def preceding_samples(
     place = np.full(int(sizes.sum()), -1)
     first = np.concatenate([[0], np.cumsum(sizes)])
     place[first[track.recording] + track.index] = np.arange(len(track.time))
-    rows, windows = [], np.full((len(starts.index), SAMPLES), -1)
+    rows, windows = [], np.full((len(initial.index), SAMPLES), -1)
     count = 0
-    for s, (r, k) in enumerate(zip(starts.recording, starts.index, strict=True)):
+    for s, (r, k) in enumerate(zip(initial.recording, initial.index, strict=True)):
         own = place[first[r] + max(0, k - SAMPLES) : first[r] + k]
         whole = own >= 0
         own = own[(np.flatnonzero(~whole)[-1] + 1 if (~whole).any() else 0) :]  # behind a gap
@@ -95,12 +95,12 @@ def preceding_samples(
     return PrecedingSamples(part, windows, u * driven, np.maximum(sigma, 1e-6))
 
 
-def found(
-    plant: Plant, friction: Friction, preceding: PrecedingSamples, starts: InitialStates
+def estimate_initial_states(
+    plant: Plant, friction: Friction, preceding: PrecedingSamples, initial: InitialStates
 ) -> State:
-    """Start states (S, n), with memory, of frictions (S, n, P) on plants with one entry each.
+    """Initial states (S, n), with memory, of frictions (S, n, P) on plants with one entry each.
 
-    Where a model finds no motion that leads to a start, the filter's state stands.
+    Where a model finds no motion that leads to the initial state, that of the filter stands.
     """
     track, windows, n, sigma = (
         preceding.track,
@@ -122,7 +122,7 @@ def found(
     chain = chained(track, lines, nodes, some, offset)
     gap = np.abs(chain.moved[..., :n]).max(axis=(1, 2))
     last = some.max(axis=1)
-    state = State(starts.q.copy(), starts.w.copy(), _memory(friction, starts))
+    state = State(initial.q.copy(), initial.w.copy(), _memory(friction, initial))
     end = lines.end[last]
     near = np.abs(end[:, :n] - track.after[last]).max(axis=-1) < _LOST
     good = np.flatnonzero(known)[near & (gap < 10.0 * sigma.max()) & np.isfinite(end).all(-1)]
@@ -133,10 +133,10 @@ def found(
     return state
 
 
-def _memory(friction: Friction, starts: InitialStates) -> tuple[Array, ...]:
-    zero = 0.0 * starts.q
-    first = friction.law.start(friction.theta, Inputs(starts.q, starts.w, zero, zero))
-    return tuple(np.array(np.broadcast_to(z, starts.q.shape)) for z in first)
+def _memory(friction: Friction, initial: InitialStates) -> tuple[Array, ...]:
+    zero = 0.0 * initial.q
+    first = friction.law.start(friction.theta, Inputs(initial.q, initial.w, zero, zero))
+    return tuple(np.array(np.broadcast_to(z, initial.q.shape)) for z in first)
 
 
 def _begin(friction: Friction, preceding: PrecedingSamples, owner: Array) -> Array:

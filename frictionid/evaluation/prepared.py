@@ -1,0 +1,275 @@
+"""Data prepared for scoring: problems, initial states and trajectories, each computed once.
+
+What follows from the samples alone (`EstimatedStates`) is shared by all views of the data: under
+other mechanism parameters, without physics, or corrected by a calibration. A view computes its
+problems and initial states when they are first asked for, and keeps them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.data.states import KalmanFilter, States
+from frictionid.errors import InputError
+from frictionid.evaluation.curves import velocity_grid
+from frictionid.evaluation.free_run import Trajectory, make_trajectory, with_motor_torque
+from frictionid.evaluation.ground_truth import steady_state
+from frictionid.evaluation.initial_states import InitialStates, make_initial_states, true_states
+from frictionid.evaluation.protocol import Protocol
+from frictionid.evaluation.state_estimator import PrecedingSamples, preceding_samples
+from frictionid.friction import Friction
+from frictionid.identifiers.formulation import (
+    INTEGRAL,
+    STUDY,
+    Recipe,
+    problem_of,
+    states_of,
+    training_problem,
+)
+from frictionid.identifiers.residual import Problem
+from frictionid.mechanics import Plant, plant_of, unit_inertia_plant
+from frictionid.mechanics.calibration import Calibration, calibrated_dataset, calibrated_plant
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedStates:
+    """States of all recordings by each estimator, whatever the mechanism's parameters.
+
+    sample_time : [s] between the samples used, None for all
+    """
+
+    dataset: Dataset
+    sample_time: float | None = None
+
+    @cached_property
+    def backward(self) -> tuple[States, ...]:
+        """By backward differences, as the study has them."""
+        return states_of(self.dataset, STUDY.states, self.sample_time)
+
+    @cached_property
+    def smoothed(self) -> tuple[States, ...]:
+        """By the RTS smoother."""
+        return states_of(self.dataset, INTEGRAL.states, self.sample_time)
+
+    @cached_property
+    def causal(self) -> tuple[States, ...]:
+        """By the Kalman filter, from samples up to each time only."""
+        return states_of(self.dataset, KalmanFilter(), self.sample_time)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A data set prepared for scoring under one plant and, where there is one, one calibration.
+
+    offset : (n,) [rad], that of the angles which the data set has been corrected by
+    """
+
+    dataset: Dataset
+    protocol: Protocol
+    estimated: EstimatedStates
+    plant: Plant
+    offset: Array | None = None
+
+    @cached_property
+    def backward(self) -> tuple[States, ...]:
+        """States by backward differences."""
+        return self._shifted(self.estimated.backward)
+
+    @cached_property
+    def smoothed(self) -> tuple[States, ...]:
+        """States by the RTS smoother."""
+        return self._shifted(self.estimated.smoothed)
+
+    @cached_property
+    def causal(self) -> tuple[States, ...]:
+        """States from samples up to each time only."""
+        return self._shifted(self.estimated.causal)
+
+    @cached_property
+    def euler(self) -> Problem:
+        """One-step problem of the study, all rows alike."""
+        return problem_of(self.dataset, self.plant, STUDY, *self._limits, self.backward)
+
+    @cached_property
+    def integral(self) -> Problem:
+        """One-step problem of the momentum balance, all rows alike."""
+        return problem_of(self.dataset, self.plant, INTEGRAL, *self._limits, self.smoothed)
+
+    @cached_property
+    def initial_states(self) -> InitialStates:
+        """Initial states of the rollouts."""
+        return self._initial_states(self.causal)
+
+    @cached_property
+    def true_initial_states(self) -> InitialStates | None:
+        """The same from the true states, where these are wanted and known."""
+        wanted = self.protocol.true_initial_states
+        true = true_states(self.dataset, self.causal) if wanted else None
+        return None if true is None else self._initial_states(true)
+
+    @cached_property
+    def preceding(self) -> PrecedingSamples | None:
+        """Samples before each initial state, where each model estimates its own."""
+        if self.protocol.initial_states != "model":
+            return None
+        return preceding_samples(self.dataset, self.causal, self.initial_states)
+
+    @cached_property
+    def trajectory(self) -> Trajectory | None:
+        """Whole recordings, where free runs are wanted."""
+        if not self.protocol.whole:
+            return None
+        return make_trajectory(self.dataset, self.causal, self.protocol.history)
+
+    @cached_property
+    def grid(self) -> Array:
+        """Velocities (V, n) [rad/s] of the friction curves."""
+        return velocity_grid(speeds(self.dataset, self.smoothed))
+
+    @property
+    def angle_unit(self) -> str:
+        """Unit of the joints' positions, "rad" or "m"."""
+        return self.plant.mechanism.description.angle_unit
+
+    @property
+    def _limits(self) -> tuple[float | None, float]:
+        return self.protocol.sample_time, self.protocol.history
+
+    def _shifted(self, states: tuple[States, ...]) -> tuple[States, ...]:
+        if self.offset is None:
+            return states
+        return tuple(s._replace(q=s.q - self.offset) for s in states)
+
+    def _initial_states(self, states: Sequence[States]) -> InitialStates:
+        p = self.protocol
+        every, begin = p.every, p.history
+        return make_initial_states(
+            self.dataset, states, self.plant, p.horizons, every=every, begin=begin
+        )
+
+
+_SCORED = (
+    *("euler", "integral", "initial_states", "true_initial_states"),
+    *("preceding", "trajectory", "grid"),
+)
+
+
+def prepare(
+    dataset: Dataset, protocol: Protocol, parameters: Mapping[str, float] | None = None
+) -> Prepared:
+    """A data set prepared for scoring, with all that the protocol asks for computed.
+
+    `parameters` replace the mechanism's, for models that bring their own; with motor constants
+    among them, torques that follow from voltages follow them.
+
+    Raises
+    ------
+    InputError
+        Where the recordings are too short for the protocol, or a parameter is unknown.
+    """
+    plant = plant_of(dataset, parameters)
+    if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
+        raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
+    estimated = EstimatedStates(dataset, protocol.sample_time)
+    prepared = Prepared(with_motor_torque(dataset, plant), protocol, estimated, plant)
+    for name in _SCORED:  # now, so that data too short are refused before anything is fitted
+        getattr(prepared, name)
+    return prepared
+
+
+def with_parameters(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:
+    """The data prepared under other mechanism parameters; no state is estimated anew."""
+    if not parameters:
+        return prepared
+    plant = plant_of(prepared.dataset, parameters)
+    return _view(prepared, with_motor_torque(prepared.dataset, plant), plant)
+
+
+def without_physics(prepared: Prepared) -> Prepared:
+    """The data prepared for models of the whole acceleration, see `unit_inertia_plant`."""
+    return _view(prepared, prepared.dataset, unit_inertia_plant(prepared.dataset))
+
+
+def prepared_for(prepared: Prepared, friction: Friction) -> Prepared:
+    """The data prepared with the model's own mechanism or parameters."""
+    if friction.mechanism == "unit":
+        return without_physics(prepared)
+    return with_parameters(prepared, friction.parameters)
+
+
+def with_calibration(prepared: Prepared, calibration: Calibration | None) -> Prepared:
+    """The data corrected by a calibration, and prepared with its base parameters."""
+    if calibration is None:
+        return prepared
+    dataset = calibrated_dataset(prepared.dataset, calibration)
+    plant = calibrated_plant(prepared.dataset, calibration)
+    offset = calibration.offset if prepared.offset is None else calibration.offset + prepared.offset
+    return Prepared(dataset, prepared.protocol, prepared.estimated, plant, offset)
+
+
+def _view(prepared: Prepared, dataset: Dataset, plant: Plant) -> Prepared:
+    return replace(prepared, dataset=dataset, plant=plant)
+
+
+class CalibratedView(NamedTuple):
+    """Folds (k,) that share one calibration, and the data corrected by it."""
+
+    folds: Array
+    data: Prepared
+
+    def of_folds(self, count: int) -> CalibratedView:
+        """The view of those of its folds that are among the first ones."""
+        return self._replace(folds=self.folds[self.folds < count])
+
+
+def calibrated_views(
+    prepared: Prepared, calibration: Calibration | None, folds: int
+) -> tuple[CalibratedView, ...]:
+    """The data as each of F folds sees them, one view for each distinct calibration.
+
+    Views are in the order of their last fold, so that the last one is that of the last fold.
+    """
+    if calibration is None:
+        return (CalibratedView(np.arange(folds), prepared),)
+    groups = _same_calibration(calibration, folds)
+    return tuple(
+        CalibratedView(own, with_calibration(prepared, calibration[int(own[0])])) for own in groups
+    )
+
+
+def _same_calibration(calibration: Calibration, folds: int) -> list[Array]:
+    """Folds (k,) of each distinct calibration, in the order of their last fold.
+
+    >>> sensors = {name: np.zeros((3, 1)) for name in ("gain", "bias", "offset")}
+    >>> late = replace(Calibration.ideal(1), **sensors, delay=np.array([0.01, 0.02, 0.01]))
+    >>> [own.tolist() for own in _same_calibration(late, 3)]
+    [[1], [0, 2]]
+    """
+    fields = [np.asarray(x) for x in vars(calibration).values() if x is not None]
+    groups: dict[bytes, list[int]] = {}
+    for fold in range(folds):
+        groups.setdefault(b"".join(x[fold].tobytes() for x in fields), []).append(fold)
+    return [np.array(own) for own in sorted(groups.values(), key=lambda own: own[-1])]
+
+
+def training_of(prepared: Prepared, recipe: Recipe) -> Problem:
+    """The one-step problem that identifiers fit by a recipe."""
+    known = {STUDY.states: "backward", INTEGRAL.states: "smoothed"}
+    name = next((name for estimator, name in known.items() if estimator == recipe.states), None)
+    states = None if name is None else getattr(prepared, name)
+    protocol = prepared.protocol
+    limits = protocol.sample_time, protocol.history
+    return training_problem(prepared.dataset, prepared.plant, recipe, *limits, states)
+
+
+def speeds(dataset: Dataset, smoothed: Iterable[States]) -> Array:
+    """True velocities where they are known, else smoothed ones, (K, n) [rad/s]."""
+    true = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
+    return np.concatenate(true if true else [s.w for s in smoothed])

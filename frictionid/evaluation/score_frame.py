@@ -1,0 +1,140 @@
+"""The score frame: one table of scores from the evaluation to the report, and its statistics.
+
+Columns of a score frame (`SCORE_COLUMNS`), one line for each score of one friction model:
+
+fold       "0", "1", ... for the scores of one fold, "all" for those pooled over the folds
+score      what is measured: "one_step_integral", "rollout_angle", "curve_error", ...
+statistic  how the errors are summarised: "mean", "rms", "median", "q90", "diverged", ...
+horizon_s  [s] ahead, NaN for scores without a horizon
+joint      "1", "2", ..., or "all" for the norm over the joints
+value      the score, infinite or NaN where a prediction is not finite
+unit       of the value; "rad" stands for the unit of the joints' positions
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+
+# A prediction further off than this, or not finite, has diverged: [rad], and for joints that slide
+# a share of their travel, for a metre is much for one machine and little for another.
+DIVERGED, TRAVEL = 1.0, 0.25
+
+
+class Score(NamedTuple):
+    """One line of a score frame."""
+
+    fold: str
+    score: str
+    statistic: str
+    horizon_s: float | None
+    joint: str
+    value: float
+    unit: str
+
+
+SCORE_COLUMNS = Score._fields
+
+
+def score_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
+    """Score frame of scores, or of the lines of a result file.
+
+    >>> score_frame([["0", "rollout_angle", "q90", 0.5, "all", "inf", "rad"]]).value.tolist()
+    [inf]
+    >>> score_frame([["0", "curve_error", "rms", None, "1", None, "1"]]).value.tolist()
+    [nan]
+    """
+    frame = pd.DataFrame(list(scores), columns=list(SCORE_COLUMNS))
+    return frame.astype({"horizon_s": float, "value": float})
+
+
+def score_value(
+    frame: pd.DataFrame,
+    score: str,
+    statistic: str,
+    horizon: float | None = None,
+    joint: str = "all",
+    fold: str = "all",
+) -> float:
+    """One value of a score frame.
+
+    Raises
+    ------
+    InputError
+        Where there is no such score.
+
+    Examples
+    --------
+    >>> frame = score_frame([["all", "rollout_angle", "median", 0.5, "all", 0.02, "rad"]])
+    >>> score_value(frame, "rollout_angle", "median", 0.5)
+    0.02
+    """
+    at = frame.horizon_s.isna() if horizon is None else frame.horizon_s == horizon
+    names = {"fold": fold, "score": score, "statistic": statistic, "joint": joint}
+    for column, name in names.items():
+        at &= frame[column] == name
+    if not at.any():
+        raise InputError(f"no score {score!r}, {statistic!r} at {horizon} s for joint {joint}")
+    return float(frame.value[at].iloc[0])
+
+
+def summarise(
+    errors: Array, fold: str, score: str, joint: str, unit: str, horizon: float | None = None
+) -> Iterator[Score]:
+    """Mean, rms, median and 90 % quantile of absolute errors (N,), all finite."""
+    statistics = {
+        "mean": np.mean(errors),
+        "rms": np.sqrt(np.mean(errors**2)),
+        "median": np.median(errors),
+        "q90": np.quantile(errors, 0.9),
+    }
+    for name, value in statistics.items():
+        yield Score(fold, score, name, horizon, joint, float(value), unit)
+
+
+def divergence_limit(angle_unit: str, positions: Array) -> Array:
+    """Errors (n,) beyond which a prediction has diverged: 1 rad, or a quarter of a joint's travel.
+
+    positions (..., n) : measured ones, NaN where there are none
+
+    >>> divergence_limit("m", np.array([[0.0], [0.4], [np.nan]]))
+    array([0.1])
+    """
+    if angle_unit == "rad":
+        return np.full(positions.shape[-1], DIVERGED)
+    flat = positions.reshape(-1, positions.shape[-1])
+    out: Array = TRAVEL * (np.nanmax(flat, axis=0) - np.nanmin(flat, axis=0))
+    return out
+
+
+def summarise_rollouts(
+    errors: Array, fold: str, score: str, joint: str, horizon: float, limit: float = DIVERGED
+) -> Iterator[Score]:
+    """Median, 90 % quantile and diverged share of rollout errors (N,) [rad].
+
+    Diverged predictions stay in the quantiles, at infinity when they are not finite; errors beyond
+    the `limit` count as diverged.
+
+    >>> [r.value for r in summarise_rollouts(np.array([0.1, 0.2, np.nan]), "0", "x", "all", 1.0)]
+    [0.2, inf, 0.3333333333333333]
+    """
+    errors = np.where(np.isfinite(errors), errors, np.inf)
+    for name, level in (("median", 0.5), ("q90", 0.9)):
+        yield Score(fold, score, name, horizon, joint, _quantile(errors, level), "rad")
+    yield Score(fold, score, "diverged", horizon, joint, float(np.mean(errors > limit)), "1")
+
+
+def _quantile(values: Array, level: float) -> float:
+    """Quantile between the two nearest of the values, some of them infinite (NumPy's turns NaN)."""
+    ordered = np.sort(values)
+    at = round(level * (len(ordered) - 1), 9)
+    low, part = int(at), at - int(at)
+    if part == 0.0:
+        return float(ordered[low])
+    return float((1.0 - part) * ordered[low] + part * ordered[low + 1])
