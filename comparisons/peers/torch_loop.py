@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import averages
 from frictionid.evaluation import Folds
 from frictionid.identifiers.formulation import STUDY, states_of
 from frictionid.mechanics import plant_of

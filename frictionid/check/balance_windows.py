@@ -18,6 +18,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.motion import Motion
 from frictionid.mechanics import Mechanism
+from frictionid.mechanics.momentum_balance import (
+    interval_mean,
+    interval_stencil,
+    momentum_balance,
+    with_midpoints,
+)
 
 # Long enough that the noise of two velocities does not hide friction, short enough to lie between
 # two reversals of a swinging joint.
@@ -135,30 +141,40 @@ def rows_of(
     turns : bool
         Whether windows count in which a joint turns round swiftly, at the mean of sgn(w).
     """
-    q, w, middle_q, middle_w, dt, time = _joined(motions)
-    first = np.concatenate([[0], np.cumsum([len(m.states.time) for m in motions])])
-    a, b, recording = _windows(motions, first, width)
-    length = (time[b] - time[a])[:, None]
+    samples = [len(motion.states.time) for motion in motions]
+    first = np.cumsum([0, *(2 * count - 1 for count in samples)])  # node of each first sample
+    stencil = np.concatenate(list(map(interval_stencil, samples, first[:-1])))
+    nodes = [with_midpoints(*motion.states) for motion in motions]
+    _, q, w = (np.concatenate(x) for x in zip(*nodes, strict=True))
+    time = np.concatenate([motion.states.time for motion in motions])
+    dt = np.concatenate([np.diff(motion.states.time) for motion in motions])
+    windows = _windows(motions, width)
+    start, stop = time[windows.first], time[windows.last]
 
-    def mean(ends: Array, middle: Array) -> Array:
-        total = (ends[:-1] + 4 * middle + ends[1:]) * (dt / 6).reshape(-1, *[1] * (ends.ndim - 1))
-        sums = np.concatenate([np.zeros_like(ends[:1]), np.cumsum(total, axis=0)])
-        return (sums[b] - sums[a]) / length.reshape(-1, *[1] * (ends.ndim - 1))
+    def mean(integrals: Array) -> Array:
+        """Means (..., K, n) over the windows of integrals (..., I, n) over the intervals."""
+        zero = np.zeros_like(integrals[..., :1, :])
+        sums = np.concatenate([zero, np.cumsum(integrals, axis=-2)], axis=-2)
+        before, behind = windows.first - windows.recording, windows.last - windows.recording
+        return np.asarray((sums[..., behind, :] - sums[..., before, :]) / (stop - start)[:, None])
 
-    p = np.repeat(parameters, np.diff(first), axis=1)
-    momentum, dLdq = _terms(mechanism, p, q, w)
-    gravity = -mean(dLdq, _terms(mechanism, p[:, :-1], middle_q, middle_w)[1])
-    inertia = (momentum[b] - momentum[a]) / length[..., None]
-    rest, fast = (_per_sample(v, first) for v in speeds or speeds_of(motions))
-    friction = mean(_shapes(w, fast), _shapes(middle_w, fast[:-1]))
-    free = _free(w, a, b, rest, TURN if turns else None)
-    mean_w = mean(w, middle_w)
-    return Rows(inertia, gravity, friction, mean_w, free, recording, time[a], time[b])
-
-
-def _per_sample(speed: Array, first: Array) -> Array:
-    R, count = len(first) - 1, np.diff(first)
-    return np.repeat(np.broadcast_to(speed, (R, speed.shape[-1])), count, axis=0)
+    at = np.repeat(np.arange(len(motions)), np.diff(first))  # recording of each node
+    balance = momentum_balance(mechanism.terms(parameters[:, at], q, w), stencil)
+    rest, fast = (
+        np.broadcast_to(v, (len(motions), v.shape[-1])) for v in speeds or speeds_of(motions)
+    )
+    shapes = interval_mean(_shapes(w, fast[at]), stencil) * dt[:, None]
+    ends = np.concatenate([motion.states.w for motion in motions])
+    return Rows(
+        inertia=np.moveaxis(mean(balance.end - balance.start), 0, -1),
+        gravity=np.moveaxis(-mean(balance.force * dt[:, None]), 0, -1),
+        friction=np.moveaxis(mean(shapes), 0, -1),
+        w=mean(interval_mean(w, stencil) * dt[:, None]),
+        free=_free(ends, np.repeat(rest, samples, axis=0), windows, TURN if turns else None),
+        recording=windows.recording,
+        start=start,
+        stop=stop,
+    )
 
 
 def mapped_motion(motion: Motion, map_: Array) -> Motion:
@@ -169,23 +185,16 @@ def mapped_motion(motion: Motion, map_: Array) -> Motion:
     return Motion(s._replace(q=s.q @ map_.T, w=s.w @ map_.T), angle, velocity, blur)
 
 
-def _joined(motions: Sequence[Motion]) -> tuple[Array, ...]:
-    """Series of all recordings end to end; the interval between two of them has length zero."""
-    time, q, w = (np.concatenate(x) for x in zip(*(m.states for m in motions), strict=True))
-    step = np.diff(time)
-    ends = np.cumsum([len(m.states.time) for m in motions])[:-1] - 1
-    safe = step.copy()
-    safe[ends] = 1.0
-    dt = safe[:, None]
-    middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
-    middle_w = 1.5 * (q[1:] - q[:-1]) / dt - (w[1:] + w[:-1]) / 4
-    step[ends] = 0.0
-    return q, w, middle_q, middle_w, step, time
+class _Windows(NamedTuple):
+    """K windows: recording, and first and last of the samples of all recordings end to end."""
+
+    recording: Array
+    first: Array
+    last: Array
 
 
-def _windows(motions: Sequence[Motion], first: Array, width: float) -> tuple[Array, Array, Array]:
-    """First and last sample of each window, and its recording."""
-    a, b, recording = [], [], []
+def _windows(motions: Sequence[Motion], width: float) -> _Windows:
+    parts, first = [], 0
     for i, motion in enumerate(motions):
         time = motion.states.time
         half = max(round(width / 2 / float(np.median(np.diff(time)))), 1)
@@ -193,34 +202,31 @@ def _windows(motions: Sequence[Motion], first: Array, width: float) -> tuple[Arr
         # a gap makes a window longer: Simpson's rule would guess what happened there
         kept = time[start + 2 * half] - time[start] < 2 * width + 1e-9
         kept |= np.median(np.diff(time)) * 2 * half > width
-        a.append(first[i] + start[kept])
-        b.append(first[i] + start[kept] + 2 * half)
-        recording.append(np.full(kept.sum(), i))
-    return np.concatenate(a), np.concatenate(b), np.concatenate(recording)
-
-
-def _terms(mechanism: Mechanism, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
-    """Momentum and dL/dq for each parameter vector, (S, n, m) each."""
-    terms = mechanism.terms(p, q, w)
-    return np.moveaxis(terms.momentum, 0, -1), np.moveaxis(terms.dLdq, 0, -1)
+        start = first + start[kept]
+        parts.append((np.full(len(start), i), start, start + 2 * half))
+        first += len(time)
+    return _Windows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
 
 
 def _shapes(w: Array, fast: Array) -> Array:
+    """Friction shapes (F, S, n) at velocities w (S, n), see `SHAPE_NAMES`."""
     sign = np.sign(w)
     slow = [sign * np.exp(-np.abs(w) / (share * fast)) for share in SHAPES[::-1]]
-    return np.stack([sign, w, np.ones_like(w), *slow], axis=-1)
+    return np.stack([sign, w, np.ones_like(w), *slow])
 
 
-def _free(w: Array, a: Array, b: Array, rest: Array, turn: float | None) -> Array:
+def _free(w: Array, rest: Array, windows: _Windows, turn: float | None) -> Array:
     """Whether each joint is faster than `rest` all through a window, in one direction.
 
-    Or, with `turn`, in any direction and but for that share of the window's samples.
+    Or, with `turn`, in any direction and but for that share of the window's samples; w, rest (T, n)
+    of all samples.
     """
 
     def samples(flags: Array) -> Array:
         total = np.concatenate([np.zeros_like(w[:1]), np.cumsum(flags, axis=0)])
-        return np.asarray(total[b + 1] - total[a])
+        return np.asarray(total[windows.last + 1] - total[windows.first])
 
-    up, down, count = samples(w > rest), samples(w < -rest), (b - a + 1)[:, None]
+    count = (windows.last - windows.first + 1)[:, None]
+    up, down = samples(w > rest), samples(w < -rest)
     one_way = np.maximum(up, down) == count
     return one_way if turn is None else one_way | (up + down >= (1 - turn) * count)

@@ -1,4 +1,4 @@
-"""Sampled signals, each on its own clock: their values and averages between the samples."""
+"""Sampled signals, each on its own clock, and their values between the samples."""
 
 from typing import NamedTuple
 
@@ -54,50 +54,9 @@ def sample(signal: Signal, time: ArrayLike) -> Array:
     """
     clock, value = np.asarray(signal.time, float), np.asarray(signal.value, float)
     time = np.asarray(time, float)
-    if _holds(signal):
+    if holds(signal):
         return value[np.maximum(np.searchsorted(clock, time, side="right") - 1, 0)]
     return np.stack([np.interp(time, clock, column) for column in value.T], axis=-1)
-
-
-def averages(signal: Signal, edges: ArrayLike) -> Array:
-    """Exact means of the signal over the intervals between neighbouring edges.
-
-    The mean over [a, b] is (F(b) - F(a)) / (b - a) with the integral F of the held or linearly
-    interpolated samples, so that a resampled torque does the same impulse as the recorded one.
-    Outside the signal's span its first and last value are kept.
-
-    Parameters
-    ----------
-    signal : Signal, T samples of n columns
-    edges : array, shape (K+1,) [s], strictly increasing
-
-    Returns
-    -------
-    array, shape (K, n), in the unit of ``signal.value``
-
-    Raises
-    ------
-    InputError
-        Where an edge does not lie after the one before it.
-
-    Examples
-    --------
-    >>> ramp = Signal(np.array([0.0, 1.0]), np.array([[0.0], [2.0]]))
-    >>> averages(ramp, [0.0, 0.5, 1.0]).ravel()
-    array([0.5, 1.5])
-    """
-    edges = np.asarray(edges, float)
-    width = np.diff(edges)
-    if not np.all(width > 0):
-        at = int(np.argmax(~(width > 0)))
-        raise InputError(
-            f"edges of averages must increase: edge {at + 1} is {edges[at + 1]:g} s after "
-            f"{edges[at]:g} s; sort them and drop repeated ones"
-        )
-    # Integrating the difference from the first value keeps a constant signal exactly constant.
-    offset = np.asarray(signal.value, float)[0]
-    mean: Array = offset + np.diff(_integral(signal, offset, edges), axis=0) / width[:, None]
-    return mean
 
 
 def cut(signal: Signal, start: float, stop: float) -> Signal:
@@ -152,21 +111,8 @@ def relative_noise(signal: Signal) -> Array:
     return np.asarray(sigma / np.median(sigma, axis=0))
 
 
-def _integral(signal: Signal, offset: Array, time: Array) -> Array:
-    """Integral of (signal - offset) from the first sample to each time, shape (K, n) [value s]."""
-    clock, value = np.asarray(signal.time, float), np.asarray(signal.value, float) - offset
-    step = np.diff(clock)[:, None]
-    height = value[:-1] if _holds(signal) else 0.5 * (value[:-1] + value[1:])
-    at_samples = np.concatenate([np.zeros_like(value[:1]), np.cumsum(height * step, axis=0)])
-    before = np.maximum(np.searchsorted(clock, time, side="right") - 1, 0)
-    left = value[before]
-    right = left if _holds(signal) else sample(signal, time) - offset
-    area: Array = at_samples[before] + 0.5 * (left + right) * (time - clock[before])[:, None]
-    return area
-
-
-def _holds(signal: Signal) -> bool:
-    """Whether the earlier sample is kept between two samples."""
+def holds(signal: Signal) -> bool:
+    """Whether the earlier sample is kept between two samples, hold = "previous"."""
     if signal.hold not in ("linear", "previous"):
         raise InputError(f'hold must be "linear" or "previous", not {signal.hold!r}')
     return signal.hold == "previous"

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
-from frictionid.data.signals import averages, sample
+from frictionid.data.signals import sample
 from frictionid.data.states import States
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State, inputs, step, substeps

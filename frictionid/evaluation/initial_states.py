@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import averages, sample
+from frictionid.data.signals import sample
 from frictionid.data.states import States
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds

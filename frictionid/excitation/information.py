@@ -31,6 +31,7 @@ from frictionid.friction import Friction, along
 from frictionid.identifiers.formulation import INTEGRAL
 from frictionid.identifiers.residual import Problem, integral_problem
 from frictionid.mechanics import Plant
+from frictionid.mechanics.momentum_balance import momentum_balance
 
 _BLIND = 1e-9  # smallest eigenvalue of a correlation matrix that is told from zero
 _SHIFT = 1e-6  # [rad], [rad/s]
@@ -265,7 +266,6 @@ def base_part(plant: Plant, problem: Problem) -> Array:
     x = problem.nodes.inputs
     nb = plant.p.shape[-1]
     terms = plant.mechanism.terms(np.eye(nb)[:, None], x.q, x.w)
-    force = np.moveaxis(problem.mean(terms.dLdq), 0, -1) * problem.dt[:, None, None]
-    momentum = np.moveaxis(terms.momentum, 0, -1)
-    first, last = problem.stencil[:, 0], problem.stencil[:, -1]
-    return problem.G / problem.dt[:, None, None] @ (momentum[first] - momentum[last] + force)
+    start, end, force = (np.moveaxis(x, 0, -1) for x in momentum_balance(terms, problem.stencil))
+    dt = problem.dt[:, None, None]
+    return problem.G / dt @ (start - end + force * dt)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.signals import Signal, averages
+from frictionid.data.integrals import averages
+from frictionid.data.signals import Signal
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State, StepSize, adaptive_step
 from frictionid.excitation.experiment import Experiment

@@ -15,12 +15,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array, inverse, solve, times
+from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
-from frictionid.data.signals import averages, sample
+from frictionid.data.signals import sample
 from frictionid.data.states import States
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes
 from frictionid.mechanics import Plant
+from frictionid.mechanics.momentum_balance import (
+    SIMPSON,
+    interleaved,
+    interval_mean,
+    interval_stencil,
+    momentum_balance,
+    with_midpoints,
+)
 
 
 @dataclass(frozen=True)
@@ -47,8 +56,7 @@ class Problem:
 
     def mean(self, values: Array) -> Array:
         """Stencil average of node values (..., S, n) over each row, (..., K, n)."""
-        parts = zip(self.coefficients, self.stencil.T, strict=True)
-        return sum(c * values[..., index, :] for c, index in parts)
+        return interval_mean(values, self.stencil, self.coefficients)
 
     def residual(self, torque: Array) -> Array:
         """Residual e (..., K, n) [rad/s] of friction torques at the nodes, (..., S, n)."""
@@ -79,16 +87,16 @@ def integral_problem(
 ) -> Problem:
     """Problem of the momentum balance over each interval, by Simpson's rule on estimated motion.
 
-    M1 w1 - M0 w0 = integral of (dL/dq + B u - Tf) dt, with the Hermite midpoint
-    q_mid = (q0 + q1)/2 + (w0 - w1) dt/8, w_mid = 1.5 (q1 - q0)/dt - (w0 + w1)/4; any other choice
-    would make r depend on friction. Its states must be smoothed: backward differences lag half a
-    sample, which is worse here than in `euler_problem`.
+    M1 w1 - M0 w0 = integral of (dL/dq + B u - Tf) dt, see `mechanics.momentum_balance`. The
+    midpoints follow from the estimated states alone, so that r does not depend on friction. The
+    states must be smoothed: backward differences lag half a sample, which is worse here than in
+    `euler_problem`.
     """
     parts = [
         _integral_rows(plant[i], *pair)
         for i, pair in enumerate(zip(recordings, states, strict=True))
     ]
-    return _assemble(parts, (1 / 6, 4 / 6, 1 / 6), 2, history)
+    return _assemble(parts, SIMPSON, 2, history)
 
 
 def sliding(problem: Problem, rest: float) -> Problem:
@@ -141,27 +149,17 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
 
 
 def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
-    time, q, w = states
-    dt = np.diff(time)[:, None]
-    middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
-    middle_w = 1.5 * (q[1:] - q[:-1]) / dt - (w[1:] + w[:-1]) / 4
-    ends, middle = plant.terms(q, w), plant.terms(middle_q, middle_w)
-    u = averages(recording.torque, time)
-    force = (ends.dLdq[:-1] + 4 * middle.dLdq + ends.dLdq[1:]) / 6 + times(ends.B, u)
-    M1 = ends.M[1:]
-    r = solve(M1, ends.momentum[:-1] + force * dt) - w[1:]
-    at = _interleave(time, time[:-1] + dt[:, 0] / 2)
+    dt = np.diff(states.time)
+    at, q, w = with_midpoints(*states)
+    terms = plant.terms(q, w)
+    balance = momentum_balance(terms, interval_stencil(len(states.time)))
+    u = averages(recording.torque, states.time)
+    M1, force = terms.M[2::2], balance.force + times(terms.B, u)
+    r = solve(M1, balance.start + force * dt[:, None]) - states.w[1:]
     # friction at a sample sees the torque logged there, not the mean of the next interval
-    torque = _interleave(sample(recording.torque, time), u)
-    all_q, all_w = _interleave(q, middle_q), _interleave(w, middle_w)
-    nodes = Inputs(all_q, all_w, torque, plant.load(all_q, all_w, torque))
-    return nodes, at, r, inverse(M1) * dt[..., None], time[:-1], dt[:, 0]
-
-
-def _interleave(ends: Array, middle: Array) -> Array:
-    out = np.empty((len(ends) + len(middle), *ends.shape[1:]))
-    out[::2], out[1::2] = ends, middle
-    return out
+    torque = interleaved(sample(recording.torque, states.time), u)
+    nodes = Inputs(q, w, torque, plant.load(q, w, torque))
+    return nodes, at, r, inverse(M1) * dt[:, None, None], states.time[:-1], dt
 
 
 def _assemble(

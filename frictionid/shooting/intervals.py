@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import relative_noise, sample
 from frictionid.data.states import RTS, States
@@ -15,7 +16,6 @@ from frictionid.errors import InputError
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.residual import GAP
 from frictionid.mechanics.calibration import Calibration
-from frictionid.shooting.torque_integrals import Pieces, Series, pieces_of, series_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +49,9 @@ class Track:
         return int(self.q.shape[1])
 
     @cached_property
-    def torque(self) -> Series:
-        """Logged torque of all recordings."""
-        return series_of([r.torque for r in self.dataset.recordings])
+    def torque(self) -> SignalIntegrals:
+        """Integrals of the logged torques of all recordings."""
+        return integrals_of([r.torque for r in self.dataset.recordings])
 
     def take(self, rows: Array) -> Track:
         """Some of the intervals, as often as they are asked for."""

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from frictionid.data.signals import Signal, averages, cut, sample
+from frictionid.data.integrals import averages
+from frictionid.data.signals import Signal, cut, sample
 from frictionid.errors import InputError
 
 HOLDS = ("linear", "previous")

@@ -5,8 +5,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from frictionid.arrays import inverse, times
+from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
-from frictionid.data.signals import Signal, averages, sample
+from frictionid.data.signals import Signal, sample
 from frictionid.data.states import States
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State, euler_step

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from frictionid.comparison.registry import LAWS
+from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal, averages
+from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous

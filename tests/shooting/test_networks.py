@@ -10,7 +10,7 @@ import pytest
 import torch
 from fixtures.learned_laws import Film, Recurrent, Static
 
-from frictionid.data.signals import averages
+from frictionid.data.integrals import averages
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State
 from frictionid.evaluation.curves import curve_error, curves, velocity_grid

@@ -13,9 +13,10 @@ import pytest
 import tomli_w
 
 from frictionid.cli import main
+from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import Signal, averages
+from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.simulate import (
     Camera,

@@ -16,9 +16,10 @@ from frictionid.arrays import Array
 from frictionid.check.balance_windows import FEWEST, WIDTH, Rows
 from frictionid.check.partial_regression import stack_of
 from frictionid.check.torque_integral import impulse_of
+from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Array as Values
-from frictionid.data.signals import Signal, averages, cut
+from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from frictionid.comparison.suite import friction_of
+from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.public_collections import check_file, collections
 from frictionid.data.readers.reader_names import READERS
-from frictionid.data.signals import averages
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.step import State
 from frictionid.friction import Friction

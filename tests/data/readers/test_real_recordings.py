@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import averages, sample
+from frictionid.data.signals import sample
 
 pytestmark = pytest.mark.real
 
