@@ -1,11 +1,15 @@
-"""The verdict before fitting: what is wrong with the data, and what they can tell.
+"""Checks of recordings before any fit: what is wrong with them, and what they identify.
 
-motion, rows, torque   smoothed states, momentum balances over windows, torques of the windows
-regression             least squares of base parameters and friction; alone: one suspect at a time
-facts                  plain facts of clock, joints and noise
-sensors, stuck, commanded, conventions, delay, told, passive, excitation, published: one kind of
-                       fault each
-trial, identifiable, verdict  the order in which they are asked, and the answer
+motion, balance_windows   smoothed motion, and momentum balances over short windows
+regression                least squares of base parameters and friction
+partial_regression        one suspected error at a time, beside unknown friction
+facts                     clock, joints and noise
+sensors, commanded        faults of the readings
+hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism
+passive                   energy without input, loads at rest
+coverage, published       missing motion, advice; somebody's model
+questions, identifiable   answers, also where nothing is wrong
+verdict                   the sequence of all checks
 """
 
 from frictionid.check.findings import LEVELS, Finding

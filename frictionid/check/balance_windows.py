@@ -1,11 +1,10 @@
 """Momentum balances over short windows: what all checks of the mechanics are computed from.
 
-Over a window [a, b] of length L, and for each joint on its own,
+Over a window [a, b], and for each joint on its own,
 
-    (M w)|b - (M w)|a - integral of dL/dq dt = integral of (u - Tf) dt      [N m s]
+    ((M w)|b - (M w)|a - integral of dL/dq dt) / (b - a) = mean of (u - Tf)      [N m]
 
-needs no acceleration. Divided by L it is a balance of mean torques, linear in the base parameters:
-the left side is kept as its response to given parameter vectors.
+The left side is linear in the base parameters; the rows hold its response to parameter vectors.
 """
 
 from __future__ import annotations
@@ -14,9 +13,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from frictionid.arrays import Array
-from frictionid.check.motion import Motion
+from frictionid.check.motion import Motion, Speeds, speeds_of
+from frictionid.data.integrals import SignalIntegrals, window_means
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.momentum_balance import (
     interval_mean,
@@ -28,15 +29,13 @@ from frictionid.mechanics.momentum_balance import (
 # Long enough that the noise of two velocities does not hide friction, short enough to lie between
 # two reversals of a swinging joint.
 WIDTH = 0.15
-# Where the motion is seen sharply (blur below this share of a window), windows may be shorter, down
-# to this [s], and may hold a turn of the joint, in up to this share of which it may be at rest.
-SHARP, SHORTEST, TURN = 1 / 30, 0.05, 0.3
+# Where the smoother's blur is below this share of a window, windows may be shorter, down to this
+# [s], and may hold a reversal of the joint, at rest for up to this share of the window.
+SHARP, SHORTEST, REVERSAL = 1 / 30, 0.05, 0.3
 # Speeds of the Stribeck shapes that stand for unknown friction, as shares of the fast speed.
 SHAPES = (0.04, 0.15)
-# Windows in which a joint slides that anything said of it needs.
-FEWEST = 20
-# A joint moves where its fast speed is this many times the noise.
-ABOVE = 6.0
+# Fewest windows of motion of a joint that a statement about it needs.
+MIN_WINDOWS = 20
 
 
 class Rows(NamedTuple):
@@ -44,8 +43,8 @@ class Rows(NamedTuple):
 
     inertia, gravity (K, n, m) : means of d(M w)/dt and -dL/dq for each of m parameter vectors
     friction (K, n, F) : friction shapes per joint, see `SHAPE_NAMES`
-    w (K, n) [rad/s] mean velocity ; free (K, n) : the joint's own balance says something of its
-    sliding friction: it neither rests nor, as a rule, turns round
+    w (K, n) [rad/s] mean velocity ; moving (K, n) : whether the joint neither rests nor, as a rule,
+    reverses, so that its balance shows its sliding friction
     recording (K,) ; start, stop (K,) [s]
     """
 
@@ -53,7 +52,7 @@ class Rows(NamedTuple):
     gravity: Array
     friction: Array
     w: Array
-    free: Array
+    moving: Array
     recording: Array
     start: Array
     stop: Array
@@ -67,56 +66,50 @@ class Rows(NamedTuple):
         )
 
     @property
-    def phi(self) -> Array:
+    def regressor(self) -> Array:
         """The whole left side for each parameter vector, (K, n, m)."""
         return self.inertia + self.gravity
+
+    def required(self, parameters: Array) -> Array:
+        """Mean torque (K, n) [N m] that base parameters (R, nb) need, without friction."""
+        torque: Array = (self.regressor * parameters[self.recording][:, None]).sum(-1)
+        return torque
+
+    def means(self, torque: SignalIntegrals, delay: ArrayLike = 0.0) -> Array:
+        """Mean torque (..., K, n) [N m] logged `delay` (...) [s] before each window."""
+        return window_means(torque, self.recording, self.start, self.stop, delay)
+
+    def where(self, keep: Array) -> Rows:
+        """Some of the rows."""
+        return Rows(*(field[keep] for field in self))
 
 
 SHAPE_NAMES = ("coulomb", "viscous", "offset", "slow", "slower")
 
 
-class Speeds(NamedTuple):
-    """Speeds (..., n) [rad/s] of each joint that set scales.
-
-    rest : below it a joint may be at rest (noise, or 2 % of fast motion), infinite for a joint that
-    never rises from the noise ; fast : exceeded in 5 % of the time
-    """
-
-    rest: Array
-    fast: Array
-
-
-def speeds_of(motions: Sequence[Motion]) -> Speeds:
-    """Speeds of the joints over all motions, (n,) each."""
-    noise = np.median([m.velocity_noise for m in motions], axis=0)
-    fast = np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
-    rest = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
-    return Speeds(rest, np.maximum(fast, 1e-12))
-
-
 def unit_rows(
-    mechanism: Mechanism, motions: Sequence[Motion], width: float = WIDTH, turns: bool = False
+    mechanism: Mechanism, motions: Sequence[Motion], width: float = WIDTH, reversals: bool = False
 ) -> Rows:
     """Rows whose parameter vectors are the units of the base parameters: responses to them."""
     nb = len(mechanism.base_names)
     units = np.broadcast_to(np.eye(nb)[:, None], (nb, len(motions), nb))
-    return rows_of(mechanism, motions, units, width=width, turns=turns)
+    return rows_of(mechanism, motions, units, width=width, reversals=reversals)
 
 
-def sharp_rows(mechanism: Mechanism, motions: Sequence[Motion]) -> Rows:
-    """Unit rows that leave out as little of the motion as its blur allows: for the estimates.
+def adaptive_rows(mechanism: Mechanism, motions: Sequence[Motion]) -> Rows:
+    """Unit rows for the estimates: windows as short as the smoother's blur allows.
 
-    Real friction is not quite Coulomb and viscous: what least squares make of it depends on which
-    speeds and accelerations count. Leaving out all turns of `emps`, where friction is lower than
-    at any speed, takes its Coulomb friction 5 % up and the viscous one 5 % down; long windows take
-    1 % of its mass. Published values come from all samples. Yet a noisy motion is blurred, worst
-    where a joint turns round and its acceleration jumps: at 60 Hz with 3 mrad, short windows and
-    turns cost 1 to 2 % of the inertias and 15 % of viscous friction (simulated); they stay out.
+    Real friction is not quite Coulomb and viscous, so that least squares depend on which speeds and
+    accelerations count. Without the reversals of `emps`, where friction is lower than at any speed,
+    its Coulomb friction comes out 5 % higher and the viscous one 5 % lower; long windows take 1 %
+    of its mass. Published values come from all samples. A noisy motion, however, is blurred, worst
+    at reversals, where the acceleration jumps: at 60 Hz with 3 mrad, short windows and reversals
+    cost 1 to 2 % of the inertias and 15 % of viscous friction (simulated), and are left out.
     """
     blur = float(np.median([m.blur.max() for m in motions]))
     if blur > SHARP * WIDTH:
         return unit_rows(mechanism, motions)
-    return unit_rows(mechanism, motions, width=max(blur / SHARP, SHORTEST), turns=True)
+    return unit_rows(mechanism, motions, width=max(blur / SHARP, SHORTEST), reversals=True)
 
 
 def rows_of(
@@ -125,7 +118,7 @@ def rows_of(
     parameters: Array,
     speeds: Speeds | None = None,
     width: float = WIDTH,
-    turns: bool = False,
+    reversals: bool = False,
 ) -> Rows:
     """Rows of all recordings, each window overlapping the next by half.
 
@@ -138,8 +131,8 @@ def rows_of(
     speeds : Speeds, shape (R, n), optional
         Of each recording; by default those of all motions together.
     width : float [s] of a window; at least two samples
-    turns : bool
-        Whether windows count in which a joint turns round swiftly, at the mean of sgn(w).
+    reversals : bool
+        Whether windows count in which a joint reverses quickly, at the mean of sgn(w).
     """
     samples = [len(motion.states.time) for motion in motions]
     first = np.cumsum([0, *(2 * count - 1 for count in samples)])  # node of each first sample
@@ -164,25 +157,18 @@ def rows_of(
         np.broadcast_to(v, (len(motions), v.shape[-1])) for v in speeds or speeds_of(motions)
     )
     shapes = interval_mean(_shapes(w, fast[at]), stencil) * dt[:, None]
+    reversal = REVERSAL if reversals else None
     ends = np.concatenate([motion.states.w for motion in motions])
     return Rows(
         inertia=np.moveaxis(mean(balance.end - balance.start), 0, -1),
         gravity=np.moveaxis(-mean(balance.force * dt[:, None]), 0, -1),
         friction=np.moveaxis(mean(shapes), 0, -1),
         w=mean(interval_mean(w, stencil) * dt[:, None]),
-        free=_free(ends, np.repeat(rest, samples, axis=0), windows, TURN if turns else None),
+        moving=_moving(ends, np.repeat(rest, samples, axis=0), windows, reversal),
         recording=windows.recording,
         start=start,
         stop=stop,
     )
-
-
-def mapped_motion(motion: Motion, map_: Array) -> Motion:
-    """Motion after a linear map (n, n) of angles and velocities."""
-    s = motion.states
-    angle, velocity = (np.sqrt(map_**2 @ v**2) for v in (motion.angle_noise, motion.velocity_noise))
-    blur = ((map_ != 0) * motion.blur).max(1)
-    return Motion(s._replace(q=s.q @ map_.T, w=s.w @ map_.T), angle, velocity, blur)
 
 
 class _Windows(NamedTuple):
@@ -215,11 +201,11 @@ def _shapes(w: Array, fast: Array) -> Array:
     return np.stack([sign, w, np.ones_like(w), *slow])
 
 
-def _free(w: Array, rest: Array, windows: _Windows, turn: float | None) -> Array:
+def _moving(w: Array, rest: Array, windows: _Windows, reversal: float | None) -> Array:
     """Whether each joint is faster than `rest` all through a window, in one direction.
 
-    Or, with `turn`, in any direction and but for that share of the window's samples; w, rest (T, n)
-    of all samples.
+    Or, with `reversal`, in any direction and but for that share of the window's samples; w, rest
+    (T, n) of all samples.
     """
 
     def samples(flags: Array) -> Array:
@@ -229,4 +215,4 @@ def _free(w: Array, rest: Array, windows: _Windows, turn: float | None) -> Array
     count = (windows.last - windows.first + 1)[:, None]
     up, down = samples(w > rest), samples(w < -rest)
     one_way = np.maximum(up, down) == count
-    return one_way if turn is None else one_way | (up + down >= (1 - turn) * count)
+    return one_way if reversal is None else one_way | (up + down >= (1 - reversal) * count)

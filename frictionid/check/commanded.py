@@ -10,36 +10,34 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding
+from frictionid.check.motion import Measured
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 from frictionid.mechanics import Mechanism
 
-# Remainder of most samples over the torque's root mean square: friction and inertia leave more in
+# Residual of most samples over the torque's root mean square: friction and inertia leave more in
 # any measurement. A few samples may differ (the controller's start and end).
 EQUAL, MOST = 0.02, 0.8
-_SAMPLES = 500  # looked at
+_SAMPLES = 500  # of a recording that are used
 
 
-def commanded(dataset: Dataset, mechanism: Mechanism) -> list[Finding]:
+def commanded(measured: Measured) -> list[Finding]:
     """Findings of joints whose torque is a function of the angles, b + sum of gravity terms."""
-    found = []
-    for j, driven in enumerate(mechanism.description.driven):
-        if not driven:
-            continue
-        shares = [_remainder(recording, mechanism, j) for recording in dataset.recordings]
-        hits = [i for i, share in enumerate(shares) if share is not None and share < EQUAL]
-        moved = [share for share in shares if share is not None]
-        if hits:
-            found.append(
-                _finding(dataset, j, hits, max(shares[i] or 0.0 for i in hits), len(moved))
-            )
-    return found
+    out = []
+    mechanism = measured.mechanism
+    for j in np.flatnonzero(mechanism.description.driven).tolist():
+        shares = [_residual_share(r, mechanism, j) for r in measured.dataset.recordings]
+        known = {i: share for i, share in enumerate(shares) if share is not None}
+        commands = {i: share for i, share in known.items() if share < EQUAL}
+        if commands:
+            out.append(_finding(measured.dataset, j, commands, len(commands) == len(known)))
+    return out
 
 
-def _finding(dataset: Dataset, j: int, hits: list[int], worst: float, moved: int) -> Finding:
-    everywhere = len(hits) == moved
-    names = ", ".join(repr(dataset.recordings[i].name) for i in hits[:3])
-    where = "" if everywhere else f" in {names}{' and others' if len(hits) > 3 else ''}"
+def _finding(dataset: Dataset, j: int, shares: dict[int, float], everywhere: bool) -> Finding:
+    names = ", ".join(repr(dataset.recordings[i].name) for i in list(shares)[:3])
+    where = "" if everywhere else f" in {names}{' and others' if len(shares) > 3 else ''}"
+    worst = max(shares.values())
     return Finding(
         "commanded_torque",
         "unusable" if everywhere else "doubtful",
@@ -47,11 +45,11 @@ def _finding(dataset: Dataset, j: int, hits: list[int], worst: float, moved: int
         f"function of the angle to {100 * worst:.2g} %), so it is a command, not a measurement",
         "record the torque that the drive reports (its current), or leave these recordings out",
         j + 1,
-        {"recordings": float(len(hits)), "remainder": worst},
+        {"recordings": float(len(shares)), "remainder": worst},
     )
 
 
-def _remainder(recording: Recording, mechanism: Mechanism, j: int) -> float | None:
+def _residual_share(recording: Recording, mechanism: Mechanism, j: int) -> float | None:
     """Share of the torque that no gravity model explains, None where torque or angle rest."""
     keep = slice(None, None, max(len(recording.torque.time) // _SAMPLES, 1))
     time, torque = recording.torque.time[keep], recording.torque.value[keep, j]
@@ -60,14 +58,14 @@ def _remainder(recording: Recording, mechanism: Mechanism, j: int) -> float | No
         return None
     dt = float(np.median(np.diff(recording.torque.time)))
     # a controller computes from the sample before or from this one
-    return min(_unexplained(recording, mechanism, j, time - late, torque) for late in (0.0, dt)) / (
-        power
-    )
+    delays = (0.0, dt)
+    return min(_residual(recording, mechanism, j, time - late, torque) for late in delays) / power
 
 
-def _unexplained(
+def _residual(
     recording: Recording, mechanism: Mechanism, j: int, time: Array, torque: Array
 ) -> float:
+    """Residual [N m] of most samples after a fit of gravity at the angles of some times."""
     q = sample(recording.angle, time)
     unit = np.eye(len(mechanism.base_names))[:, None, :]
     gravity = -mechanism.terms(unit, q, np.zeros_like(q)).dLdq[..., j].T

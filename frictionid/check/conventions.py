@@ -1,7 +1,8 @@
-"""Wrong conventions: signs, joints, units and frames, found by trying them out.
+"""Tests of conventions: signs, order of the joints, units and frames.
 
-Each hypothesis is a linear map of the angles and one of the torques that would put the recordings
-right. It is scored by how well the told mechanism then explains them (see `misfit`).
+Each hypothesis is a linear map of the angles and one of the torques that would correct the
+recordings. Its score says how much of the torque the nominal mechanism then leaves unexplained,
+whatever the friction.
 """
 
 from __future__ import annotations
@@ -10,23 +11,26 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows, Speeds, mapped_motion, rows_of, speeds_of
-from frictionid.check.misfit import misfit
-from frictionid.check.motion import Motion
-from frictionid.check.torque_integral import Impulse
-from frictionid.mechanics import Mechanism
+from frictionid.check.balance_windows import Rows, rows_of
+from frictionid.check.motion import Measured, Speeds, mapped_motion, speeds_of
 
-# A convention is called wrong where another one leaves less than e^-MARGIN of the remainder, and
+# A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
 MARGIN, EXPLAINS = 1.0, np.log(0.25)
-# Two maps whose scores are closer than this cannot be told apart (mirror images).
+# Two maps whose scores are closer than this cannot be distinguished (mirror images).
 ALIKE = 0.02
+# Below this share of its terms a balance is good; smaller differences mean nothing.
+FLOOR = 0.02
+# A hypothesis that makes the mechanism's terms smaller than this share of the torque explains
+# nothing: free friction alone would take all of it.
+MATTERS = 0.3
 
 
 class Convention(NamedTuple):
-    """A hypothesis: its kind, words for it, and the maps (n, n) that would put the data right."""
+    """A hypothesis: its kind, words for it, and the maps (n, n) that would correct the data."""
 
     kind: str
     words: str
@@ -35,7 +39,7 @@ class Convention(NamedTuple):
 
 
 class Scored(NamedTuple):
-    """A convention with its score, the mean over the joints of `misfit`: lower fits better."""
+    """A convention with its score, the joints' mean of `log_unexplained`: lower fits better."""
 
     convention: Convention
     score: float
@@ -78,45 +82,73 @@ def hypotheses(n: int, driven: Sequence[bool], unit: str = "rad") -> Iterator[Co
     yield Convention("radians", "angles are in rad, not degrees", eye / turn, eye)
 
 
-def scores(
-    mechanism: Mechanism, motions: Sequence[Motion], impulse: Impulse, told: Array
-) -> list[Scored]:
-    """All conventions with their scores, the data as given first.
-
-    told : array, shape (R, nb) base parameters of each recording
-    """
-    description = mechanism.description
-    trials = list(hypotheses(mechanism.n, description.driven, description.angle_unit))
-    maps = list({c.angle.tobytes(): c.angle for c in trials}.values())
-    rows = dict(
-        zip((m.tobytes() for m in maps), _rows(mechanism, motions, told, maps), strict=True)
-    )
-    torques = {key: impulse.means(r) for key, r in rows.items()}
+def scores(measured: Measured) -> list[Scored]:
+    """All conventions with their scores, the data as given first."""
+    description = measured.mechanism.description
+    candidates = list(hypotheses(measured.mechanism.n, description.driven, description.angle_unit))
+    maps = list({c.angle.tobytes(): c.angle for c in candidates}.values())
+    rows = dict(zip((m.tobytes() for m in maps), _rows(measured, maps), strict=True))
+    torques = {key: r.means(measured.torque) for key, r in rows.items()}
     out = []
-    for convention in trials:
+    for convention in candidates:
         key = convention.angle.tobytes()
-        each = misfit(rows[key], torques[key] @ convention.torque.T)
+        each = log_unexplained(rows[key], torques[key] @ convention.torque.T)
         out.append(Scored(convention, float(each.mean())))
     return out
 
 
-def _rows(
-    mechanism: Mechanism, motions: Sequence[Motion], told: Array, maps: Sequence[Array]
-) -> Iterator[Rows]:
+def _rows(measured: Measured, maps: Sequence[Array]) -> Iterator[Rows]:
     """Rows of all recordings under each map, made in one go: as if they were more recordings."""
-    R, groups = len(motions), [[mapped_motion(m, map_) for m in motions] for map_ in maps]
+    groups = [[mapped_motion(m, map_) for m in measured.motions] for map_ in maps]
+    R = len(measured.motions)
     each = [speeds_of(group) for group in groups]
     speeds = Speeds(*(np.repeat(np.array(v), R, axis=0) for v in zip(*each, strict=True)))
-    everything = [motion for group in groups for motion in group]
-    rows = rows_of(mechanism, everything, np.tile(told, (len(maps), 1))[None], speeds)
+    nominal = np.tile(measured.nominal, (len(maps), 1))[None]
+    rows = rows_of(measured.mechanism, [m for group in groups for m in group], nominal, speeds)
     for i in range(len(maps)):
-        own = rows.recording // R == i
-        part = Rows(*(field[own] for field in rows))
+        part = rows.where(rows.recording // R == i)
         yield part._replace(recording=part.recording - i * R)
 
 
+def log_unexplained(rows: Rows, torque: Array) -> Array:
+    """Mean log of the squared share of each joint's torque that stays unexplained, (n,).
+
+    Mechanism and torque are given; friction may be anything of the shapes in `rows` that opposes
+    motion (non-negative least squares). What remains, over the sum of squares of the terms of the
+    balance, lies between 0 and about 1 whatever the units of a hypothesis. 0 where nothing fits.
+
+    Parameters
+    ----------
+    rows : Rows, K windows, with the nominal parameters as first vector
+    torque : array, shape (K, n) [N m]
+    """
+    inertia, gravity = rows.inertia[..., 0], rows.gravity[..., 0]
+    out = np.zeros(torque.shape[1])
+    for j in range(len(out)):
+        use = rows.moving[:, j]
+        if use.sum() < 10:
+            continue
+        terms = np.stack([inertia[use, j], gravity[use, j], torque[use, j]])
+        if (terms[:2] ** 2).sum() < MATTERS**2 * (terms[2] ** 2).sum():
+            continue
+        target = terms[2] - terms[0] - terms[1]
+        left = _residual_squares(rows.friction[use, j], target)
+        out[j] = np.log(left / max((terms**2).sum(), 1e-300) + FLOOR**2)
+    return out
+
+
+def _residual_squares(shapes: Array, target: Array) -> float:
+    """Sum of squares that no friction opposing the motion explains."""
+    columns = np.column_stack([shapes, -shapes[:, 2]])  # an offset may have either sign
+    size = np.sqrt((columns**2).sum(0))
+    Q, R = np.linalg.qr(columns / np.where(size > 0, size, 1.0))
+    b = Q.T @ target
+    distance = nnls(R, b)[1]
+    return float(distance**2 + max(target @ target - b @ b, 0.0))
+
+
 def better(scored: list[Scored], limit: float) -> list[Scored]:
-    """Conventions that fit clearly better than a score `limit`, those alike together; or none."""
+    """Conventions that fit clearly better than `limit`, equivalent ones together; or none."""
     best = min(scored, key=lambda s: s.score)
     if best.score > min(limit - MARGIN, EXPLAINS):
         return []
@@ -124,18 +156,8 @@ def better(scored: list[Scored], limit: float) -> list[Scored]:
     return sorted(alike, key=lambda s: _order(s.convention))
 
 
-def mapped(
-    motions: Sequence[Motion], impulse: Impulse, convention: Convention
-) -> tuple[tuple[Motion, ...], Impulse]:
-    """Motions and torques put right."""
-    return (
-        tuple(mapped_motion(motion, convention.angle) for motion in motions),
-        impulse._replace(value=impulse.value @ convention.torque.T),
-    )
-
-
 def _order(convention: Convention) -> float:
-    """Simple explanations first: the map of one column before that of several."""
+    """Size of the maps: a change of one column comes before one of several."""
     n = len(convention.angle)
     return float(
         np.abs(convention.angle - np.eye(n)).sum() + np.abs(convention.torque - np.eye(n)).sum()

@@ -1,4 +1,4 @@
-"""Plain facts of the recordings, joint by joint: motion, torque, clock, noise and resolution."""
+"""Facts of the recordings, joint by joint: motion, torque, clock, noise and resolution."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import speeds_of
-from frictionid.check.motion import Motion
+from frictionid.check.motion import Motion, speeds_of
 from frictionid.data.recordings import Recording
 
 

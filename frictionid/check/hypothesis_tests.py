@@ -1,205 +1,215 @@
-"""The data put on trial against the told mechanism: conventions, then delay, then the mechanism.
+"""Tests the data for sign, unit and timing errors against the nominal mechanism.
 
-Each step is judged with what the steps before found put right, so that one fault does not raise
-suspicion of others.
+First the conventions, then the delay, then the mechanism itself. Each test uses the data with the
+errors of the earlier ones corrected, so that one fault does not raise suspicion of others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import FEWEST, Rows, unit_rows
-from frictionid.check.conventions import Scored, better, mapped, scores
+from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
+from frictionid.check.conventions import Scored, better, log_unexplained, scores
 from frictionid.check.delay import Delay, delay_of
 from frictionid.check.findings import Finding
-from frictionid.check.misfit import misfit
-from frictionid.check.model_errors import Suspect, freed, suspects, wrong
-from frictionid.check.motion import Motion
-from frictionid.check.torque_integral import Impulse
-from frictionid.mechanics import Mechanism, Plant
+from frictionid.check.model_errors import ModelError, errors_named, free_share, model_errors
+from frictionid.check.motion import Measured
 
 # A torque is called late where its delay exceeds this many standard errors, this share of a sample
-# and this time [s], and takes away this share of the sum of squares (healthy: at most 0.03).
+# and this time [s], and removes this share of the sum of squares (healthy: at most 0.03).
 ERRORS, SAMPLE, LEAST, EXPLAINS = 4.0, 0.35, 0.002, 0.1
-# Later than this [s], no rollout can be compared with the recording.
-HOPELESS = 0.1
-# The told mechanism is called wrong where free base parameters leave less than this share.
-FREED = 0.5
+# A later torque [s] makes every rollout useless.
+UNUSABLE_DELAY = 0.1
+# The nominal mechanism is called wrong where free base parameters leave less than this share.
+FREE_SHARE = 0.5
 # More unexplained than this (log of the squared share) is no description of the data.
 UNEXPLAINED = np.log(0.2)
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """Findings about conventions, delay and mechanism, and the data with all that put right.
+class HypothesisTests:
+    """Results of the tests, and the data with all errors corrected.
 
-    shift : [s] delay taken into account, 0 where none was found ; given : rows of the data as given
+    done : False where nothing could be tested; then all results are empty
+    measured, rows : corrected data and their rows ; as_given : rows of the data as given
+    shift : [s] delay that is corrected, 0 where it is not significant
     """
 
-    mechanism: Mechanism
-    judged: bool
-    findings: list[Finding]
-    conventions: list[Scored]
-    delay: Delay | None
-    suspects: list[Suspect]
-    motions: tuple[Motion, ...]
-    impulse: Impulse
+    measured: Measured
     rows: Rows
-    given: Rows
-    shift: float
+    as_given: Rows
+    done: bool = False
+    conventions: tuple[Scored, ...] = ()
+    delay: Delay | None = None
+    shift: float = 0.0
+    model_errors: tuple[ModelError, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
-def tried(plant: Plant, motions: Sequence[Motion], impulse: Impulse, judged: bool = True) -> Trial:
-    """Trial of recordings against the told mechanism; `judged` false leaves them as they are.
+def untested(measured: Measured) -> HypothesisTests:
+    """No results, the data as they are."""
+    rows = unit_rows(measured.mechanism, measured.motions)
+    return HypothesisTests(measured, rows, rows)
 
-    So do recordings in which no joint slides: nothing can be said of them.
 
-    plant : one batch entry per recording
-    """
-    mechanism, told = plant.mechanism, np.asarray(plant.p)
-    rows = given = unit_rows(mechanism, motions)
-    if not judged or not (rows.free.sum(0) >= FEWEST).any():
-        return Trial(mechanism, False, [], [], None, [], tuple(motions), impulse, rows, rows, 0.0)
-    findings: list[Finding] = []
-    scored = scores(mechanism, motions, impulse, told)
-    delay = delay_of(rows, impulse, told)
-    limit = min(scored[0].score, _delayed_score(rows, impulse, told, delay))
-    wrong_ones = better(scored, limit)
-    if wrong_ones:
-        findings.append(_convention(wrong_ones, scored[0]))
-        motions, impulse = mapped(motions, impulse, wrong_ones[0].convention)
-        rows = unit_rows(mechanism, motions)
-        delay = delay_of(rows, impulse, told)
-    late = _late(delay, impulse)
-    findings += late
+def run_tests(measured: Measured) -> HypothesisTests:
+    """Tests of conventions, delay and mechanism; none where no joint moves for long enough."""
+    tests = untested(measured)
+    given, nominal = tests.as_given, measured.nominal
+    if not (given.moving.sum(0) >= MIN_WINDOWS).any():
+        return tests
+    conventions, delay = scores(measured), delay_of(given, measured.torque, nominal)
+    fitting = better(conventions, _limit(conventions[0], measured, given, delay))
+    corrected, rows = measured, given
+    if fitting:
+        corrected = measured.mapped(fitting[0].convention.angle, fitting[0].convention.torque)
+        rows = unit_rows(corrected.mechanism, corrected.motions)
+        delay = delay_of(rows, corrected.torque, nominal)
+    late = _delay_findings(delay, _sample_interval(measured))
     shift = delay.seconds if delay and late else 0.0
-    torque = impulse.means(rows, shift)
-    physical = {name: float(value[0]) for name, value in plant.parameters.items()}
-    suspected = suspects(mechanism, physical, rows, torque, told)
-    findings += _mechanism(mechanism, suspected, rows, torque, told)
-    if not findings:
-        findings += _unexplained(float(misfit(rows.at(told), torque).mean()))
-    return Trial(
-        mechanism,
-        True,
-        findings,
-        scored,
-        delay,
-        suspected,
-        tuple(motions),
-        impulse,
-        rows,
-        given,
-        shift,
+    torque = rows.means(corrected.torque, shift)
+    errors = model_errors(measured.plant, rows, torque)
+    findings = [
+        *_convention_findings(fitting, conventions[0]),
+        *late,
+        *_mechanism_findings(errors, rows, torque, nominal),
+    ]
+    findings = findings or _unexplained_findings(rows, torque, nominal)
+    return HypothesisTests(
+        corrected, rows, given, True, tuple(conventions), delay, shift, errors, tuple(findings)
     )
 
 
-def _unexplained(score: float) -> list[Finding]:
-    if score < UNEXPLAINED:
+def _limit(given: Scored, measured: Measured, rows: Rows, delay: Delay | None) -> float:
+    """Score of the data as given, at its delay if that is lower."""
+    if delay is None:
+        return given.score
+    torque = rows.means(measured.torque, delay.seconds)
+    return min(given.score, _score(rows, torque, measured.nominal))
+
+
+def _score(rows: Rows, torque: Array, nominal: Array) -> float:
+    return float(log_unexplained(rows.at(nominal), torque).mean())
+
+
+def _sample_interval(measured: Measured) -> float:
+    """Usual time [s] between two samples of the torque."""
+    times = [recording.torque.time for recording in measured.dataset.recordings]
+    intervals = [np.median(np.diff(time)) for time in times if len(time) > 1]
+    return float(np.median(intervals)) if intervals else 0.0
+
+
+def _convention_findings(fitting: list[Scored], given: Scored) -> list[Finding]:
+    if not fitting:
         return []
+    first = fitting[0].convention
+    others = [s.convention.words for s in fitting[1:] if s.convention.kind != "as_given"]
+    also = f" (or, equivalently: {'; '.join(others)})" if others else ""
     return [
         Finding(
-            "unexplained",
-            "doubtful",
-            f"{100 * np.exp(score / 2):.0f} % of the torque stays unexplained by what is told, "
-            "with any friction, and none of the known mistakes explains it",
-            "check that mechanism, columns and units belong to these recordings",
+            first.kind,
+            "unusable",
+            f"{first.words}{also}: corrected, the nominal mechanism leaves "
+            f"{percent_unexplained(fitting[0].score)} of the torque unexplained instead of "
+            f"{percent_unexplained(given.score)}",
+            "correct the columns or units in dataset.toml or in the tables; the other checks use "
+            "corrected data",
             None,
-            {"score": score},
+            {"score": fitting[0].score, "given": given.score},
         )
     ]
 
 
-def _delayed_score(rows: Rows, impulse: Impulse, told: Array, delay: Delay | None) -> float:
-    if delay is None:
-        return np.inf
-    return float(misfit(rows.at(told), impulse.means(rows, delay.seconds)).mean())
+def percent_unexplained(score: float) -> str:
+    """Share of the torque that a score, see `log_unexplained`, leaves unexplained.
+
+    >>> percent_unexplained(2 * np.log(0.068))
+    '6.8 %'
+    """
+    return f"{100 * np.exp(score / 2):.2g} %"
 
 
-def _convention(wrong_ones: list[Scored], given: Scored) -> Finding:
-    first = wrong_ones[0].convention
-    others = [s.convention.words for s in wrong_ones[1:] if s.convention.kind != "as_given"]
-    also = f" (or, which looks the same: {'; '.join(others)})" if others else ""
-    return Finding(
-        first.kind,
-        "unusable",
-        f"{first.words}{also}: so read, the told mechanism leaves "
-        f"{_percent(wrong_ones[0])} of the torque unexplained instead of {_percent(given)}",
-        "correct the columns or units in dataset.toml or in the tables; checked on as if done",
-        None,
-        {"score": wrong_ones[0].score, "given": given.score},
-    )
-
-
-def _percent(scored: Scored) -> str:
-    return f"{100 * np.exp(scored.score / 2):.2g} %"
-
-
-def _late(delay: Delay | None, impulse: Impulse) -> list[Finding]:
+def _delay_findings(delay: Delay | None, interval: float) -> list[Finding]:
     if delay is None:
         return []
-    least = max(ERRORS * delay.error, SAMPLE * impulse.interval, LEAST)
-    if abs(delay.seconds) < least or delay.gain < EXPLAINS:
+    least = max(ERRORS * delay.error, SAMPLE * interval, LEAST)
+    if abs(delay.seconds) < least or delay.explained < EXPLAINS:
         return []
     word = "after" if delay.seconds > 0 else "before"
     low, high = delay.interval
     return [
         Finding(
             "delay",
-            "unusable" if abs(delay.seconds) > HOPELESS else "doubtful",
+            "unusable" if abs(delay.seconds) > UNUSABLE_DELAY else "doubtful",
             f"the torque acts {1e3 * abs(delay.seconds):.1f} ms {word} it is logged "
-            f"(95 %: {1e3 * low:.1f} to {1e3 * high:.1f} ms); unnoticed, that looks like viscous "
-            "friction and like memory",
+            f"(95 %: {1e3 * low:.1f} to {1e3 * high:.1f} ms); an uncorrected delay looks like "
+            "viscous friction and like memory",
             "shift the torque's clock, or fit the delay (calibration parameters)",
             None,
-            {"delay": delay.seconds, "error": delay.error, "explains": delay.gain},
+            {"delay": delay.seconds, "error": delay.error, "explains": delay.explained},
         )
     ]
 
 
-def _mechanism(
-    mechanism: Mechanism, suspected: list[Suspect], rows: Rows, torque: Array, told: Array
+def _mechanism_findings(
+    errors: tuple[ModelError, ...], rows: Rows, torque: Array, nominal: Array
 ) -> list[Finding]:
-    named = wrong(suspected)
+    named = errors_named(errors)
     if named:
-        return [_suspect(named)]
-    share = freed(rows, torque, told) if suspected else 1.0
-    if share > FREED:
+        return [_model_error_finding(named)]
+    share = free_share(rows, torque, nominal) if errors else 1.0
+    if share > FREE_SHARE:
         return []
     return [
         Finding(
-            "told_mechanism",
+            "nominal_mechanism",
             "doubtful",
-            f"the told mechanism does not fit: with its {len(mechanism.base_names)} base "
-            f"parameters free, {100 * (1 - share):.0f} % of the remainder goes",
-            "compare the estimates below with what is told, or let the fit find them",
+            f"the nominal mechanism does not fit: its {nominal.shape[1]} base parameters, if free, "
+            f"remove {100 * (1 - share):.0f} % of the squared residual",
+            "compare the estimates below with the nominal values, or fit the base parameters",
             None,
             {"left": share},
         )
     ]
 
 
-def _suspect(named: list[Suspect]) -> Finding:
+def _model_error_finding(named: list[ModelError]) -> Finding:
     best = named[0]
-    also = "; ".join(_words(s) for s in named[1:3])
-    tail = f" (the data cannot tell it from: {also})" if also else ""
+    also = "; ".join(_words(e) for e in named[1:3])
+    tail = f" (equally likely by the data: {also})" if also else ""
     remedy = {
-        "gain": "check gear ratio, torque constant and units; or all masses and inertias are off "
+        "gain": "check gear ratio, torque constant and units; or all masses and inertias are wrong "
         "by this factor",
-        "rotor": "add it to [mechanism.parameters], or let the fit find it",
-        "base": "correct [mechanism.parameters], or let the fit find it",
+        "rotor": "add it to [mechanism.parameters], or fit the base parameters",
+        "base": "correct [mechanism.parameters], or fit the base parameters",
     }[best.kind]
     numbers = {"size": best.size, "error": best.error, "explains": 1 - best.left}
     return Finding(best.kind, "doubtful", f"{_words(best)}{tail}", remedy, None, numbers)
 
 
-def _words(s: Suspect) -> str:
-    if s.kind == "gain":
-        return f"{s.words} is {s.size:.3f} +- {s.error:.3f}, not 1: wrong gear or torque constant"
-    if s.kind == "rotor":
-        return f"{s.words}: {s.size:.3g} +- {s.error:.1g} {s.unit} are felt on top of what is told"
-    return f"{s.words} is {100 * s.share:+.0f} % from what is told"
+def _words(e: ModelError) -> str:
+    if e.kind == "gain":
+        return f"{e.words} is {e.size:.3f} +- {e.error:.3f}, not 1: wrong gear or torque constant"
+    if e.kind == "rotor":
+        return f"{e.words}: {e.size:.3g} +- {e.error:.1g} {e.unit} beyond the nominal mechanism"
+    return f"{e.words} is {100 * e.share:+.0f} % from its nominal value"
+
+
+def _unexplained_findings(rows: Rows, torque: Array, nominal: Array) -> list[Finding]:
+    score = _score(rows, torque, nominal)
+    if score < UNEXPLAINED:
+        return []
+    return [
+        Finding(
+            "unexplained",
+            "doubtful",
+            f"the nominal mechanism leaves {100 * np.exp(score / 2):.0f} % of the torque "
+            "unexplained, whatever the friction, and no tested error explains it",
+            "check that mechanism, columns and units belong to these recordings",
+            None,
+            {"score": score},
+        )
+    ]

@@ -1,20 +1,26 @@
-"""Motion that the checks look at: smoothed states, and how uncertain they are."""
+"""Smoothed motion of the recordings under check, with its noise and typical speeds."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
-from frictionid.data.recordings import Recording
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.states import States
+from frictionid.mechanics import Mechanism, Plant, plant_of
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.
 FINEST = 0.004
+# A joint moves where its fast speed is this many times the noise.
+ABOVE = 6.0
 
 
 class Motion(NamedTuple):
@@ -63,11 +69,91 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
 def _motion(angle: Signal, mean: Array, rho: Array) -> Motion:
     dt = float(np.median(np.diff(angle.time)))
     bandwidth = np.minimum((rho / dt) ** (1 / 6), np.pi / dt)
-    rest = (angle.value - mean[..., 0]).var(axis=0)
-    variance = rest / np.maximum(1.0 - dt * bandwidth / 3, 0.05)
+    scatter = (angle.value - mean[..., 0]).var(axis=0)
+    variance = scatter / np.maximum(1.0 - dt * bandwidth / 3, 0.05)
     states = States(angle.time, mean[..., 0], mean[..., 1])
     velocity = np.sqrt(variance * dt * bandwidth**3 / 6)
     return Motion(states, np.sqrt(variance), velocity, 1.0 / bandwidth)
+
+
+class Speeds(NamedTuple):
+    """Characteristic speeds (..., n) [rad/s] of each joint.
+
+    rest : below it a joint may be at rest (noise, or 2 % of fast motion), infinite for a joint that
+    never rises from the noise ; fast : exceeded in 5 % of the time
+    """
+
+    rest: Array
+    fast: Array
+
+
+def speeds_of(motions: Sequence[Motion]) -> Speeds:
+    """Characteristic speeds of the joints over all motions, (n,) each."""
+    noise = np.median([m.velocity_noise for m in motions], axis=0)
+    fast = np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
+    rest = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
+    return Speeds(rest, np.maximum(fast, 1e-12))
+
+
+def mapped_motion(motion: Motion, map_: Array) -> Motion:
+    """Motion after a linear map (n, n) of angles and velocities."""
+    s = motion.states
+    angle, velocity = (np.sqrt(map_**2 @ v**2) for v in (motion.angle_noise, motion.velocity_noise))
+    blur = ((map_ != 0) * motion.blur).max(1)
+    return Motion(s._replace(q=s.q @ map_.T, w=s.w @ map_.T), angle, velocity, blur)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Recordings under check: a data set with its smoothed motions and logged torques.
+
+    dataset : R recordings ; motions : R of them ; torque : integrals of the logged torques
+
+    `motions` and `torque` may be corrected by a linear map; `dataset` stays as recorded.
+    """
+
+    dataset: Dataset
+    motions: tuple[Motion, ...]
+    torque: SignalIntegrals
+
+    @staticmethod
+    def of(dataset: Dataset, motions: Sequence[Motion]) -> Measured:
+        """A data set with its motions, torques as logged."""
+        torque = integrals_of([recording.torque for recording in dataset.recordings])
+        return Measured(dataset, tuple(motions), torque)
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The nominal mechanism with its parameters, one batch entry for each recording."""
+        return plant_of(self.dataset)
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The nominal mechanism."""
+        return self.plant.mechanism
+
+    @property
+    def nominal(self) -> Array:
+        """Nominal base parameters (R, nb)."""
+        return np.asarray(self.plant.p)
+
+    @cached_property
+    def speeds(self) -> Speeds:
+        """Characteristic speeds of the joints."""
+        return speeds_of(self.motions)
+
+    def without(self, recordings: set[int]) -> Measured:
+        """The data without some recordings, or all of them where none would remain."""
+        kept = [i for i in range(len(self.motions)) if i not in recordings]
+        if not recordings or not kept:
+            return self
+        some = tuple(self.dataset.recordings[i] for i in kept)
+        return Measured.of(replace(self.dataset, recordings=some), [self.motions[i] for i in kept])
+
+    def mapped(self, angle: Array, torque: Array) -> Measured:
+        """The data after linear maps (n, n) of angles and torques."""
+        motions = tuple(mapped_motion(motion, angle) for motion in self.motions)
+        return replace(self, motions=motions, torque=self.torque.mapped(torque))
 
 
 def _averaged(angle: Signal) -> Signal:

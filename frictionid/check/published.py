@@ -1,4 +1,4 @@
-"""Other people's numbers against the data, and how far they are off."""
+"""Somebody's published model against the data: how far its numbers differ from least squares."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from frictionid.check.findings import Finding
 from frictionid.check.regression import Estimate
 from frictionid.friction import Friction
 
-# Incompatible: the remainder is this many times that of least squares, and some number is off by
+# Incompatible: the residual is this many times that of least squares, and some number differs by
 # this share and this many standard errors.
 WORSE, OFF, ERRORS = 1.5, 0.2, 4.0
 # Mean of sgn(w) beyond which a window counts as motion in one direction.
@@ -23,7 +23,7 @@ class Compared(NamedTuple):
     """A published model beside the least squares of the data.
 
     names, published, estimated, error (P,) : base parameters, and Coulomb and viscous per joint ;
-    spread, best (n,) [N m] : RMS remainder of the published model and of least squares, over the
+    spread, best (n,) [N m] : RMS residual of the published model and of least squares, over the
     windows in which the joint moves in one direction
     """
 
@@ -36,38 +36,36 @@ class Compared(NamedTuple):
 
 
 def compared(
-    rows: Rows, torque: Array, estimate: Estimate, told: Array, friction: Friction
+    rows: Rows, torque: Array, estimate: Estimate, parameters: Array, friction: Friction
 ) -> Compared:
-    """Published numbers, estimates and remainders side by side.
+    """Published numbers, estimates and residuals side by side.
 
-    told : (R, nb) base parameters by the published model. Its friction curve is read as Coulomb and
-    viscous friction by a line through the speeds that occur.
+    parameters : (R, nb) base parameters of the published model. Its friction curve is read as
+    Coulomb and viscous friction by a line through the speeds that occur.
     """
     n = torque.shape[1]
-    left = torque - (rows.phi * told[rows.recording][:, None]).sum(-1)
-    names, values = list(estimate.names[: told.shape[1]]), list(told[0])
-    spread, best = np.zeros(n), np.zeros(n)
+    left = torque - rows.required(parameters)
+    names, values = list(estimate.names[: parameters.shape[1]]), list(parameters[0])
+    spread, best = np.full((2, n), np.nan)
     for j in range(n):
-        # at a turn a curve's mean is not its value at the mean velocity
-        use = rows.free[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY)
+        # at a reversal a curve's mean is not its value at the mean velocity
+        use = one_way(rows, j)
         w = rows.w[use, j]
-        grid = np.repeat(w[:, None], n, axis=1)
-        curve = friction.curve(w)[:, j] if len(w) else grid[:, j]
-        spread[j] = np.sqrt(np.mean((left[use, j] - curve) ** 2)) if len(w) else np.nan
-        best[j] = np.sqrt(np.mean(estimate.residual[use, j] ** 2)) if len(w) else np.nan
-        if len(w):
-            line = np.linalg.lstsq(np.column_stack([np.sign(w), w]), curve, rcond=None)[0]
-            names += [f"coulomb_{j + 1}", f"viscous_{j + 1}"]
-            values += list(line)
+        if not len(w):
+            continue
+        curve = friction.curve(w)[:, j]
+        spread[j] = np.sqrt(np.mean((left[use, j] - curve) ** 2))
+        best[j] = np.sqrt(np.mean(estimate.residual[use, j] ** 2))
+        names += [f"coulomb_{j + 1}", f"viscous_{j + 1}"]
+        values += list(np.linalg.lstsq(np.column_stack([np.sign(w), w]), curve, rcond=None)[0])
     at = [estimate.names.index(name) for name in names]
-    return Compared(
-        tuple(names),
-        np.array(values),
-        estimate.value[at],
-        estimate.error[at],
-        spread,
-        best,
-    )
+    value, error = estimate.value[at], estimate.error[at]
+    return Compared(tuple(names), np.array(values), value, error, spread, best)
+
+
+def one_way(rows: Rows, j: int) -> Array:
+    """Windows (K,) in which joint j moves in one direction: there friction has a speed."""
+    return np.asarray(rows.moving[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY))
 
 
 def incompatible(model: Compared) -> list[Finding]:
@@ -87,8 +85,8 @@ def incompatible(model: Compared) -> list[Finding]:
             "published",
             "good",  # the data are not to blame
             f"the published numbers are incompatible with the data: {figures}; they leave "
-            f"{ratio:.1f} times the remainder of least squares",
-            "do not take them over without asking what they were fitted to",
+            f"{ratio:.1f} times the residual of least squares",
+            "check what they were fitted to before using them",
             None,
             {"ratio": ratio},
         )

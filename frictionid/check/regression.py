@@ -1,13 +1,13 @@
 """Inverse-dynamics least squares: base parameters, Coulomb, viscous and offset of each joint.
 
-One balance per window and joint (see `rows`), torque alone on the left:
+One balance per window and joint (see `balance_windows`), torque alone on the left:
 
-    B u = phi p + coulomb sgn(w) + viscous w + offset     [N m]
+    B u = regressor p + coulomb sgn(w) + viscous w + offset     [N m]
 
-Windows in which a joint rests say nothing of its sliding friction and are left out of its own
-balance, as in `problem.sliding`; so are those in which it turns round, unless the motion is seen
-sharply enough (`rows.sharp_rows`). In the torque balance another joint's friction does not appear.
-[Gautier1990]
+Windows in which a joint rests show nothing of its sliding friction and are left out of its own
+balance, as by the stiction mask of `identifiers.residual`; so are those in which it reverses,
+unless the motion is sharp enough (`adaptive_rows`). In the torque balance another joint's friction
+does not appear. [Gautier1990]
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from frictionid.arrays import Array
 from frictionid.check.balance_windows import Rows
 
 FRICTION = ("coulomb", "viscous", "offset")
-# Errors are alike within a swing: this long a stretch [s] counts as one observation, or a whole
+# Errors are correlated within a swing: this long a block [s] counts as one observation, or a whole
 # recording where there are at least this many.
 BLOCK, MANY = 1.0, 10
-# A direction in which the standard error exceeds this share of the parameters' sizes is not seen.
-BLIND = 0.3
+# A direction whose standard error exceeds this share of the parameters' sizes is unidentifiable.
+UNIDENTIFIABLE = 0.3
 
 
 class Estimate(NamedTuple):
     """Least-squares estimate with standard errors.
 
     names (P,) ; value, error (P,) SI ; covariance (P, P) ; residual (K, n) [N m], NaN where left
-    out ; spread (n,) [N m] RMS residual of each joint ; blind: unidentifiable directions, each a
-    list of (name, share) where share is the change in units of the parameter's scale
+    out ; spread (n,) [N m] RMS residual of each joint ; unidentifiable: directions, each a list of
+    (name, share) where share is the change in units of the parameter's scale
     """
 
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class Estimate(NamedTuple):
     covariance: Array
     residual: Array
     spread: Array
-    blind: tuple[tuple[tuple[str, float], ...], ...]
+    unidentifiable: tuple[tuple[tuple[str, float], ...], ...]
 
     def at(self, name: str) -> tuple[float, float]:
         """Value and standard error of a parameter."""
@@ -50,66 +50,69 @@ class Estimate(NamedTuple):
         return float(self.value[i]), float(self.error[i])
 
 
-def regress(rows: Rows, torque: Array, base_names: Sequence[str], told: Array) -> Estimate:
+def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array) -> Estimate:
     """Base parameters and friction of all joints from the rows.
 
-    The errors are those of errors alike within blocks. They also hold two systematic ones: how far
-    the value moves when the friction at low speed is left open (a Stribeck peak that Coulomb and
-    viscous friction miss), and how much smaller all values may look because the motion, on the
-    right side, has errors too: by the remainder's share of the torque's squares.
+    The errors allow for correlation within blocks, and hold two systematic ones: how far the value
+    moves when the friction at low speed is free (a Stribeck peak that Coulomb and viscous friction
+    miss), and the attenuation by errors of the motion, which is a regressor: the values times the
+    residual's share of the torque's squares.
 
     Parameters
     ----------
     rows : Rows with unit parameter vectors, K windows of n joints
     torque : array, shape (K, n) [N m], zero where there is no motor
     base_names : names of the nb base parameters
-    told : array, shape (R, nb)
+    nominal : array, shape (R, nb)
         Recordings may differ by known amounts (an exchangeable mass): the first recording's values
-        are estimated, the differences are taken as told.
+        are estimated, the differences are taken as given.
 
-    What cannot be estimated keeps the value told (friction: 0), with an infinite error: base
+    What cannot be estimated keeps its nominal value (friction: 0), with an infinite error: base
     parameters that do not appear (gravity of a horizontal axis), friction of a joint that hardly
     slides and, where no torque acts, the largest base parameter, because only ratios show then.
     """
-    n, nb = rows.inertia.shape[1:]
-    reference = np.asarray(told, float)[0]
-    difference = (np.asarray(told, float) - reference)[rows.recording]
-    y = torque - (rows.phi * difference[:, None]).sum(-1)
+    n = torque.shape[1]
+    reference = np.asarray(nominal, float)[0]
     names = (*base_names, *(f"{f}_{j + 1}" for j in range(n) for f in FRICTION))
-    X = np.concatenate([rows.phi, _friction_columns(rows, slice(len(FRICTION)))], axis=-1)
-    size, alive = _sizes(rows, torque, reference), _alive(X, rows, torque, reference)
-    value = np.where(alive, 0.0, np.append(reference, np.zeros(3 * n)))
-    at = np.flatnonzero(alive)
-    y = y - X @ value
-    if not len(at):
-        unknown = np.full(len(names), np.inf)
-        residual = np.where(rows.free, y, np.nan)
-        spread = _spread(y, rows.free)
-        return Estimate(names, value, unknown, np.diag(unknown), residual, spread, ())
-    part = _solve(X[..., at], y, rows, size[at])
-    drift = part.value - _open_value(X[..., at], y, rows, size[at])
-    value[at] = part.value
+    X = np.concatenate([rows.regressor, friction_columns(rows, slice(len(FRICTION)))], axis=-1)
+    size, estimable = _sizes(rows, torque, reference), _estimable(X, rows, torque, reference)
+    value = np.where(estimable, 0.0, np.append(reference, np.zeros(3 * n)))
+    at = np.flatnonzero(estimable)
+    y = torque - rows.required(np.asarray(nominal, float) - reference) - X @ value
     covariance = np.full((len(names), len(names)), np.nan)
-    shrunk = _shrinkage(torque, y - X[..., at] @ part.value, rows.free) * part.value
-    covariance[np.ix_(at, at)] = part.covariance + np.outer(drift, drift) + np.outer(shrunk, shrunk)
+    unidentifiable: tuple[tuple[tuple[str, float], ...], ...] = ()
+    if len(at):
+        fit = _solve(X[..., at], y, rows, size[at])
+        value[at] = fit.value
+        drift = fit.value - _value_with_slow_friction(X[..., at], y, rows, size[at])
+        y = y - X[..., at] @ fit.value
+        shrunk = _attenuation(torque, y, rows.moving) * fit.value
+        systematic = np.outer(drift, drift) + np.outer(shrunk, shrunk)
+        covariance[np.ix_(at, at)] = fit.covariance + systematic
+        unidentifiable = tuple(_named(v, [names[i] for i in at]) for v in fit.unidentifiable)
+    else:
+        covariance = np.diag(np.full(len(names), np.inf))
     error = np.full(len(names), np.inf)
     error[at] = np.sqrt(np.maximum(np.diag(covariance)[at], 0.0))
-    residual = np.where(rows.free, y - X[..., at] @ part.value, np.nan)
-    blind = tuple(
-        tuple((names[at[i]], float(v[i])) for i in np.argsort(-np.abs(v)) if abs(v[i]) > 0.2)
-        for v in part.blind
-    )
-    return Estimate(names, value, error, covariance, residual, _spread(residual, rows.free), blind)
+    residual = np.where(rows.moving, y, np.nan)
+    spread = _spread(y, rows.moving)
+    return Estimate(names, value, error, covariance, residual, spread, unidentifiable)
 
 
-def _shrinkage(torque: Array, residual: Array, free: Array) -> float:
-    """Mean square of the remainder over that of the torque, of the joints with torque."""
-    power, left = _spread(torque, free) ** 2, _spread(residual, free) ** 2
+def _named(direction: Array, names: Sequence[str]) -> tuple[tuple[str, float], ...]:
+    """Parameters of a direction with their shares, the largest first; small ones are left out."""
+    order = np.argsort(-np.abs(direction))
+    return tuple((names[i], float(direction[i])) for i in order if abs(direction[i]) > 0.2)
+
+
+def _attenuation(torque: Array, residual: Array, moving: Array) -> float:
+    """Mean square of the residual over that of the torque, of the joints with torque."""
+    power, left = _spread(torque, moving) ** 2, _spread(residual, moving) ** 2
     acts = power > 0
     return float(min(left[acts].sum() / power[acts].sum(), 1.0)) if acts.any() else 0.0
 
 
-def _friction_columns(rows: Rows, shapes: slice) -> Array:
+def friction_columns(rows: Rows, shapes: slice = slice(None)) -> Array:
     """Columns of friction shapes, those of each joint in its own balance only, (K, n, n F)."""
     own = rows.friction[..., shapes]
     K, n, F = own.shape
@@ -119,28 +122,28 @@ def _friction_columns(rows: Rows, shapes: slice) -> Array:
     return out.reshape(K, n, n * F)
 
 
-def _open_value(X: Array, y: Array, rows: Rows, size: Array) -> Array:
+def _value_with_slow_friction(X: Array, y: Array, rows: Rows, size: Array) -> Array:
     """Estimate with the shapes of slow friction as further columns."""
-    slow = _friction_columns(rows, slice(len(FRICTION), None))
-    slow = slow[..., (np.abs(slow[rows.free.any(1)]) > 0).any((0, 1))]
+    slow = friction_columns(rows, slice(len(FRICTION), None))
+    slow = slow[..., (np.abs(slow[rows.moving.any(1)]) > 0).any((0, 1))]
     level = np.full(slow.shape[-1], size[-1] if len(size) else 1.0)
     wide = np.concatenate([X, slow], axis=-1)
     value: Array = _solve(wide, y, rows, np.append(size, level)).value[: X.shape[-1]]
     return value
 
 
-def _alive(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
+def _estimable(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
     """Whether each parameter can be estimated at all."""
-    alive = (np.abs(X[rows.free]) > 1e-12).any(0)
-    alive[len(reference) :] &= _seen(rows)
+    out = (np.abs(X[rows.moving]) > 1e-12).any(0)
+    out[len(reference) :] &= np.repeat(rows.moving.sum(0) >= 10, len(FRICTION))
     if not np.abs(torque).any():
-        terms = (rows.phi[rows.free] * reference) ** 2
-        alive[int(np.argmax(terms.sum(0)))] = False
-    return alive
+        terms = (rows.regressor[rows.moving] * reference) ** 2
+        out[int(np.argmax(terms.sum(0)))] = False
+    return out
 
 
 def block_numbers(rows: Rows) -> Array:
-    """Number of the block of like errors that each row belongs to, (K,)."""
+    """Number of the block of correlated errors that each row belongs to, (K,)."""
     if len(np.unique(rows.recording)) >= MANY:
         return rows.recording
     block = np.floor(rows.start / BLOCK).astype(int)
@@ -149,7 +152,7 @@ def block_numbers(rows: Rows) -> Array:
 
 
 def sandwich(X: Array, residual: Array, block: Array, inverse: Array) -> Array:
-    """Covariance of least squares with errors alike within blocks, (P, P).
+    """Covariance of least squares with errors correlated within blocks, (P, P).
 
     X (N, P), residual (N,), block (N,), inverse: (X'X)^-1. The sandwich of Liang and Zeger, 1986.
     """
@@ -162,18 +165,20 @@ def sandwich(X: Array, residual: Array, block: Array, inverse: Array) -> Array:
 
 
 class _Solved(NamedTuple):
+    """Least squares of the estimable parameters; unidentifiable: directions, one in each row."""
+
     value: Array
     covariance: Array
-    blind: Array
+    unidentifiable: Array
 
 
 def _solve(X: Array, y: Array, rows: Rows, size: Array) -> _Solved:
-    """Least squares in which each joint weighs by its own residual, found in three rounds."""
-    free = rows.free
-    block = np.broadcast_to(block_numbers(rows)[:, None], free.shape)[free]
-    joint = np.broadcast_to(np.arange(free.shape[1]), free.shape)[free]
-    A, b = X[free] * size, y[free]
-    spread = _spread(np.where(free, (np.abs(X) * size).max(-1), 0.0), free)
+    """Least squares in which each joint is weighted by its own residual, in three rounds."""
+    moving = rows.moving
+    block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
+    joint = np.broadcast_to(np.arange(moving.shape[1]), moving.shape)[moving]
+    A, b = X[moving] * size, y[moving]
+    spread = _spread((np.abs(X) * size).max(-1), moving)
     for _ in range(3):
         weight = 1.0 / np.where(spread > 0, spread, 1.0)[joint]
         weighted, target = A * weight[:, None], b * weight
@@ -181,29 +186,20 @@ def _solve(X: Array, y: Array, rows: Rows, size: Array) -> _Solved:
         kept = s > 1e-7 * s[0]
         x = V[kept].T @ ((U[:, kept].T @ target) / s[kept])
         residual = b - A @ x
-        full = np.zeros(free.shape)
-        full[free] = residual
-        spread = _spread(full, free)
+        full = np.zeros(moving.shape)
+        full[moving] = residual
+        spread = _spread(full, moving)
     inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
     covariance = sandwich(weighted, residual * weight, block, inverse)
-    return _Solved(x * size, covariance * np.outer(size, size), _blind(covariance, V[~kept]))
-
-
-def _blind(covariance: Array, lost: Array) -> Array:
-    """Directions, in units of the parameters' sizes, whose standard error exceeds BLIND."""
     variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    return np.concatenate([lost, vectors.T[variance > BLIND**2]])
-
-
-def _seen(rows: Rows) -> Array:
-    """Whether each joint slides often enough for its three friction numbers, (3 n,)."""
-    return np.repeat(rows.free.sum(0) >= 10, len(FRICTION))
+    directions = np.concatenate([V[~kept], vectors.T[variance > UNIDENTIFIABLE**2]])
+    return _Solved(x * size, covariance * np.outer(size, size), directions)
 
 
 def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     """What counts as one of each parameter: its own size, or the joint's typical torque."""
-    mean = (rows.phi * base).sum(-1)
-    level = np.maximum(_spread(mean, rows.free), _spread(torque, rows.free))
+    mean = (rows.regressor * base).sum(-1)
+    level = np.maximum(_spread(mean, rows.moving), _spread(torque, rows.moving))
     level = np.where(level > 0, level, 1.0)
     fast = np.maximum(np.abs(rows.w).max(0, initial=0.0), 1e-12)
     friction = np.stack([level, level / fast, level], axis=-1) * 0.2
@@ -211,7 +207,7 @@ def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     return np.concatenate([np.maximum(np.abs(base), small), friction.ravel()])
 
 
-def _spread(values: Array, free: Array) -> Array:
+def _spread(values: Array, moving: Array) -> Array:
     """Root mean square (n,) over the rows of each joint that count."""
-    squares = np.where(free, values, 0.0) ** 2
-    return np.sqrt(squares.sum(0) / np.maximum(free.sum(0), 1))
+    squares = np.where(moving, values, 0.0) ** 2
+    return np.sqrt(squares.sum(0) / np.maximum(moving.sum(0), 1))

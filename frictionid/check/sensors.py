@@ -1,24 +1,37 @@
-"""Faults of an angle sensor: jumps of a whole turn, and readings that stand still."""
+"""Sensor faults: angles wrapped at a whole turn, and frozen readings of angles and torques.
+
+A reading of a joint at rest and a held command repeat as well, so that repeated readings alone mean
+nothing. An angle is frozen where the joint enters or leaves the interval fast. A torque is frozen
+where, over the interval, the nominal balance of that joint, with friction as fitted to the other
+windows, fails much worse than elsewhere, and by a good part of that torque. Where it fails
+everywhere, something else is wrong: signs, units, joints.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
 from frictionid.check.findings import Finding
-from frictionid.check.motion import Motion
+from frictionid.check.motion import Measured, Motion
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
 
 TURN = 2 * np.pi
-# A reading is frozen where it repeats for at least this long [s] and this many samples ...
-STILL, SAMPLES = 0.08, 5
-# ... while the joint came in or went out with this many times the step of noise or rounding.
-LEAP = 6.0
+READINGS = 5  # fewest equal readings
+# Shortest frozen angle [s]; the joint enters or leaves it by this many times the noise or rounding.
+ANGLE, LEAP = 0.08, 6.0
+# Shortest frozen torque [s]; windows over which balances are taken [s].
+TORQUE, WIDTH = 0.2, 0.07
+# The residual within the interval is this many times that elsewhere, and this share of the torque's
+# root mean square over all recordings; elsewhere it is at most that share. (Simulated: healthy
+# intervals up to 3.0 times, frozen ones from 4.0 times, elsewhere up to 0.3; wrong angles from 2.)
+WORSE, LARGE, FITS = 3.5, 0.4, 0.5
 
 
 def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
@@ -54,7 +67,7 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
             "wrapped_angle",
             "unusable",
             f"angle {j + 1} jumps by a whole turn {jumps[j]} times: it is wrapped at half a turn",
-            "unwrap it (numpy.unwrap) when the tables are written; checked on as if it were",
+            "unwrap it (numpy.unwrap) when the tables are written; all other checks unwrap it",
             int(j) + 1,
             {"jumps": float(jumps[j])},
         )
@@ -69,61 +82,138 @@ def _span(dataset: Dataset) -> Array:
     return span
 
 
-class Stretch(NamedTuple):
-    """A reading that stands still: recording, joint (from 0), start [s] and length [s]."""
+class Frozen(NamedTuple):
+    """Equal readings: recording, joint (from 0), start and stop [s], the reading."""
 
     recording: int
     joint: int
     start: float
-    length: float
+    stop: float
+    value: float
+
+    @property
+    def length(self) -> float:
+        """Duration [s]."""
+        return self.stop - self.start
 
 
-def frozen(dataset: Dataset, motions: Sequence[Motion]) -> tuple[list[Finding], set[int]]:
-    """Findings of readings that repeat while the joint must have moved, and the recordings."""
-    stretches = [
-        stretch
-        for i, motion in enumerate(motions)
-        for stretch in _stretches(i, dataset.recordings[i].angle, motion)
+def frozen_angles(measured: Measured) -> list[Frozen]:
+    """Intervals in which an angle repeats although the joint must have moved."""
+    return [
+        interval
+        for i, motion in enumerate(measured.motions)
+        for interval in _frozen_angles(i, measured.dataset.recordings[i].angle, motion)
     ]
-    found = []
-    for joint in sorted({s.joint for s in stretches}):
-        own = [s for s in stretches if s.joint == joint]
-        worst = max(own, key=lambda s: s.length)
-        name = dataset.recordings[worst.recording].name
-        more = f", and {len(own) - 1} times more" if len(own) > 1 else ""
-        found.append(
-            Finding(
-                "frozen_sensor",
-                "doubtful",
-                f"angle {joint + 1} stands still for {worst.length:.2g} s while it must move, in "
-                f"{name!r} at {worst.start:.3g} s{more}",
-                "cut these stretches out, or record them again",
-                joint + 1,
-                {"longest": worst.length, "stretches": float(len(own))},
-            )
-        )
-    return found, {s.recording for s in stretches}
 
 
-def _stretches(number: int, angle: Signal, motion: Motion) -> list[Stretch]:
-    time, value = np.asarray(angle.time), np.asarray(angle.value)
+def _frozen_angles(number: int, angle: Signal, motion: Motion) -> list[Frozen]:
     out = []
-    for j, column in enumerate(value.T):
+    for j, a, b in _equal_readings(angle, ANGLE):
+        column = np.asarray(angle.value)[:, j]
+        if b - a + 1 == len(column):
+            continue
         step = np.diff(column)
-        for a, b in _runs(step == 0.0):
-            # samples a ... b are equal
-            if b - a + 1 < SAMPLES or time[b] - time[a] < STILL or b - a + 1 == len(column):
-                continue
-            quantum = np.abs(step[step != 0]).min()
-            limit = LEAP * max(float(motion.angle_noise[j]), float(quantum))
-            before = abs(column[a] - column[max(a - 2, 0)])
-            behind = abs(column[min(b + 1, len(column) - 1)] - column[b])
-            if before > limit or behind > limit:
-                out.append(Stretch(number, j, float(time[a]), float(time[b] - time[a])))
+        quantum = np.abs(step[step != 0]).min()
+        limit = LEAP * max(float(motion.angle_noise[j]), float(quantum))
+        before = abs(column[a] - column[max(a - 2, 0)])
+        behind = abs(column[min(b + 1, len(column) - 1)] - column[b])
+        if before > limit or behind > limit:
+            out.append(_interval(number, angle, j, a, b))
     return out
 
 
-def _runs(flags: Array) -> list[tuple[int, int]]:
-    """First and last sample of each stretch of equal readings, from flags between samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+def frozen_torques(measured: Measured) -> list[Frozen]:
+    """Intervals in which a torque repeats although the motion needs other torques."""
+    intervals = [
+        _interval(i, recording.torque, *place)
+        for i, recording in enumerate(measured.dataset.recordings)
+        for place in _equal_readings(recording.torque, TORQUE)
+        if measured.mechanism.description.driven[place[0]]
+    ]
+    if not intervals:
+        return []
+    rows = unit_rows(measured.mechanism, measured.motions, width=WIDTH)
+    torque = rows.means(measured.torque)
+    friction = torque - rows.required(measured.nominal)
+    return [interval for interval in intervals if _contradicts(interval, rows, torque, friction)]
+
+
+def _equal_readings(signal: Signal, least: float) -> list[tuple[int, int, int]]:
+    """Column, first and last sample of equal readings, `least` [s] and READINGS samples long."""
+    time, out = np.asarray(signal.time), []
+    for j, column in enumerate(np.asarray(signal.value).T):
+        changes = np.flatnonzero(np.diff(column) != 0.0)
+        first, last = np.append(0, changes + 1), np.append(changes, len(column) - 1)
+        long = (last - first + 1 >= READINGS) & (time[last] - time[first] >= least)
+        out += [(j, int(a), int(b)) for a, b in zip(first[long], last[long], strict=True)]
+    return out
+
+
+def _interval(number: int, signal: Signal, j: int, a: int, b: int) -> Frozen:
+    time, value = signal.time, signal.value
+    return Frozen(number, j, float(time[a]), float(time[b]), float(value[a, j]))
+
+
+def _contradicts(interval: Frozen, rows: Rows, torque: Array, friction: Array) -> bool:
+    """Whether the motion contradicts a torque; friction (K, n) : what the balances leave to it."""
+    j, own = interval.joint, rows.recording == interval.recording
+    moving = rows.moving[:, j]
+    inside = moving & own & (rows.start >= interval.start) & (rows.stop <= interval.stop)
+    apart = moving & ~(own & (rows.stop > interval.start) & (rows.start < interval.stop))
+    if not inside.any():
+        return False
+    level = np.sqrt(np.mean(torque[:, j] ** 2))
+    if apart.sum() < MIN_WINDOWS:  # it never changes: the only question is whether it fits at all
+        left = _residual(rows.friction[:, j], friction[:, j], inside)
+        return bool(interval.value != 0.0 and _rms(left[inside]) > LARGE * level)
+    left = _residual(rows.friction[:, j], friction[:, j], apart)
+    elsewhere = _rms(left[apart])
+    worse = _rms(left[inside]) > max(WORSE * elsewhere, LARGE * level)
+    return bool(worse and elsewhere < FITS * level)
+
+
+def _residual(shapes: Array, target: Array, use: Array) -> Array:
+    """What friction fitted to some of the windows leaves in all of them [N m]."""
+    size = np.sqrt((shapes[use] ** 2).sum(0))
+    size = np.where(size > 0, size, 1.0)
+    fitted = np.linalg.lstsq(shapes[use] / size, target[use], rcond=1e-9)[0] / size
+    out: Array = target - shapes @ fitted
+    return out
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def frozen_findings(
+    measured: Measured, frozen: Sequence[Frozen], quantity: Literal["angle", "torque"]
+) -> list[Finding]:
+    """A finding for each joint with frozen angles or torques."""
+    description = measured.mechanism.description
+    kind, unit, contradiction = {
+        "angle": ("frozen_sensor", description.angle_unit, "the joint must move"),
+        "torque": ("frozen_torque", description.torque_unit, "the motion needs others"),
+    }[quantity]
+    out = []
+    for joint in sorted({f.joint for f in frozen}):
+        own = [f for f in frozen if f.joint == joint]
+        longest = max(own, key=lambda f: f.length)
+        more = f", and {len(own) - 1} times more" if len(own) > 1 else ""
+        name = measured.dataset.recordings[longest.recording].name
+        out.append(
+            Finding(
+                kind,
+                "doubtful",
+                f"{quantity} {joint + 1} stands still at {longest.value:.3g} {unit} for "
+                f"{longest.length:.2g} s while {contradiction}, in {name!r} at "
+                f"{longest.start:.3g} s{more}",
+                "cut these intervals out, or record them again",
+                joint + 1,
+                {
+                    "longest": longest.length,
+                    "intervals": float(len(own)),
+                    "value": longest.value,
+                },
+            )
+        )
+    return out

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows, sharp_rows, speeds_of
+from frictionid.check.balance_windows import Rows, adaptive_rows
 from frictionid.check.commanded import commanded
 from frictionid.check.conventions import Scored
 from frictionid.check.coverage import advice, still_joints
 from frictionid.check.delay import Delay
 from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
 from frictionid.check.findings import LEVELS, Finding
-from frictionid.check.frozen_torque import stuck
-from frictionid.check.hypothesis_tests import Trial, tried
+from frictionid.check.hypothesis_tests import HypothesisTests, run_tests, untested
 from frictionid.check.identifiable import Identifiable, identifiable
-from frictionid.check.model_errors import Suspect
-from frictionid.check.motion import Motion, motions_of
-from frictionid.check.passive import energy, gravity_at_rest, passive_time
+from frictionid.check.model_errors import ModelError
+from frictionid.check.motion import Measured, Motion, motions_of
+from frictionid.check.passive import energy_findings, passive_time, rest_findings
 from frictionid.check.published import Compared, compared, incompatible
-from frictionid.check.questions import Answer, answers
+from frictionid.check.questions import Question, questions
 from frictionid.check.regression import Estimate, regress
-from frictionid.check.sensors import frozen, unwrapped
-from frictionid.check.torque_integral import impulse_of
+from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction
 from frictionid.mechanics import plant_of
@@ -33,7 +29,7 @@ from frictionid.mechanics import plant_of
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """All that was found out about a data set before any fit; SI units.
+    """Verdict on a data set before any fit; SI units.
 
     Attributes
     ----------
@@ -45,20 +41,22 @@ class Verdict:
     joints : tuple of JointFacts
     passive : float [s] of motion without torque
     conventions : tuple of Scored
-        Signs, frames and units that were tried; a lower score fits better.
+        Signs, frames and units that were tested; a lower score fits better.
     delay : Delay or None, where no torque varies
-    suspects : tuple of Suspect
-        Changes of the told mechanism, the one that explains most first.
-    answers : tuple of Answer
-        To the classic questions, also where nothing is wrong.
+    model_errors : tuple of ModelError
+        Changes of the nominal mechanism, the one that explains most first.
+    questions : tuple of Question
+        The classic questions with their answers, also where nothing is wrong.
     estimate : Estimate
-        Least squares of base parameters and friction, conventions and delay put right before.
+        Least squares of base parameters and friction, with conventions and delay corrected.
+    nominal : array, shape (nb,)
+        Nominal base parameters of the first recording.
     identifiable : tuple of Identifiable
     next : tuple of str
         Recordings to make next.
     published : Compared or None
-    evidence : Evidence
-        What pictures are drawn from.
+    regression : Regression
+        Data of the least squares, for figures.
     """
 
     dataset: str
@@ -69,24 +67,35 @@ class Verdict:
     passive: float
     conventions: tuple[Scored, ...]
     delay: Delay | None
-    suspects: tuple[Suspect, ...]
-    answers: tuple[Answer, ...]
+    model_errors: tuple[ModelError, ...]
+    questions: tuple[Question, ...]
     estimate: Estimate
-    told: Array
+    nominal: Array
     identifiable: tuple[Identifiable, ...]
     next: tuple[str, ...]
     published: Compared | None
-    evidence: Evidence
+    regression: Regression
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """What the verdict was made from; rows of the least squares, their torque (K, n) [N m]."""
+class Regression:
+    """Corrected data of the least squares; rows and their mean torques (K, n) [N m]."""
 
-    dataset: Dataset
-    motions: tuple[Motion, ...]
+    measured: Measured
     rows: Rows
     torque: Array
+
+
+@dataclass(frozen=True)
+class Screening:
+    """Faults of the sensors, and the recordings without them.
+
+    command : whether the torque is nothing but a command, so that nothing else can be tested
+    """
+
+    findings: tuple[Finding, ...]
+    usable: Measured
+    command: bool
 
 
 def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
@@ -96,7 +105,7 @@ def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
     ----------
     dataset : Dataset
     published : Friction, optional
-        Somebody's model, with mechanism parameters of its own, to hold against the data.
+        Somebody's model, with mechanism parameters of its own, to compare with the data.
 
     Examples
     --------
@@ -107,90 +116,103 @@ def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
     >>> check(simulate(rig)).level
     'good'
     """
-    mended, found = unwrapped(dataset)
-    return judge(mended, motions_of(mended.recordings), found, published)
+    corrected, findings = unwrapped(dataset)
+    return judge(corrected, motions_of(corrected.recordings), findings, published)
 
 
 def judge(
     dataset: Dataset,
     motions: Sequence[Motion],
-    found: Sequence[Finding] = (),
+    findings: Sequence[Finding] = (),
     published: Friction | None = None,
 ) -> Verdict:
     """Verdict on a data set without wrapped angles whose motions are known.
 
-    `found` are findings made before; for the rest see `check`.
+    Sensor faults, then the tests against the nominal mechanism, then least squares on what these
+    leave and correct. `findings` were made before; for the rest see `check`.
     """
-    facts, clock = joints_of(dataset.recordings, motions), clock_of(dataset.recordings)
-    still, where = frozen(dataset, motions)
-    dataset, motions = _without(dataset, motions, where)
-    held, where = stuck(dataset, plant_of(dataset), motions, impulse_of(dataset.recordings))
-    dataset, motions = _without(dataset, motions, where)
-    plant = plant_of(dataset)
-    mechanism, told = plant.mechanism, np.asarray(plant.p)
-    command = commanded(dataset, mechanism)
-    impulse = impulse_of(dataset.recordings)
-    trial = tried(plant, motions, impulse, judged=not any(f.level == "unusable" for f in command))
-    sharp = sharp_rows(mechanism, trial.motions)
-    felt = trial.impulse.means(sharp, trial.shift)
-    estimate = regress(sharp, felt, mechanism.base_names, told)
-    rest = speeds_of(trial.motions).rest
-    findings = [
-        *found,
-        *command,
-        *still,
-        *held,
-        *still_joints(trial.given, facts, mechanism.description.angle_unit),
-        *trial.findings,
-        *_physics(trial, dataset, estimate, told, rest),
-    ]
-    passive = passive_time(dataset.recordings, trial.motions, rest)
-    model = None
-    if published is not None:
-        theirs = np.asarray(plant_of(dataset, published.parameters).p)
-        model = compared(sharp, felt, estimate, theirs, published)
-        findings += incompatible(model)
-    findings.sort(key=lambda f: -LEVELS.index(f.level))
+    facts = joints_of(dataset.recordings, motions)
+    screening = screened(Measured.of(dataset, motions))
+    tests = untested(screening.usable) if screening.command else run_tests(screening.usable)
+    regression, estimate = _least_squares(tests)
+    model = _compared(regression, estimate, published) if published else None
+    everything = _worst_first(
+        [
+            *findings,
+            *screening.findings,
+            *still_joints(tests, facts),
+            *tests.findings,
+            *_passivity_findings(tests, estimate),
+            *(incompatible(model) if model else []),
+        ]
+    )
+    passive = passive_time(tests.measured)
     return Verdict(
         dataset=dataset.name,
-        level=max((f.level for f in findings), key=LEVELS.index, default="good"),
-        findings=tuple(findings),
-        clock=clock,
+        level=everything[0].level if everything else "good",
+        findings=tuple(everything),
+        clock=clock_of(dataset.recordings),
         joints=tuple(facts),
         passive=passive,
-        conventions=tuple(trial.conventions),
-        delay=trial.delay,
-        suspects=tuple(trial.suspects),
-        answers=tuple(
-            answers(trial, dataset.recordings, told, estimate, {f.kind for f in findings})
-        ),
+        conventions=tests.conventions,
+        delay=tests.delay,
+        model_errors=tests.model_errors,
+        questions=tuple(questions(tests, estimate, {f.kind for f in everything})),
         estimate=estimate,
-        told=told[0],
-        identifiable=tuple(identifiable(mechanism, facts, estimate, trial, bool(command))),
-        next=tuple(advice(mechanism, told[0], facts, passive, estimate, trial.delay)),
+        nominal=tests.measured.nominal[0],
+        identifiable=tuple(_identifiable(screening, tests, facts, estimate)),
+        next=tuple(advice(tests, facts, passive, estimate)),
         published=model,
-        evidence=Evidence(dataset, tuple(trial.motions), sharp, felt),
+        regression=regression,
     )
 
 
-def _without(
-    dataset: Dataset, motions: Sequence[Motion], where: set[int]
-) -> tuple[Dataset, Sequence[Motion]]:
-    """Data without some recordings, where any remain: their fault would look like others."""
-    kept = [i for i in range(len(motions)) if i not in where]
-    if not where or not kept:
-        return dataset, motions
-    recordings = tuple(dataset.recordings[i] for i in kept)
-    return replace(dataset, recordings=recordings), [motions[i] for i in kept]
+def screened(measured: Measured) -> Screening:
+    """Frozen readings and commanded torques; recordings with frozen readings are left out.
+
+    Their fault would look like others in all that follows.
+    """
+    angles = frozen_angles(measured)
+    moving = measured.without({f.recording for f in angles})
+    torques = frozen_torques(moving)
+    usable = moving.without({f.recording for f in torques})
+    commands = commanded(usable)
+    findings = (
+        *commands,
+        *frozen_findings(measured, angles, "angle"),
+        *frozen_findings(moving, torques, "torque"),
+    )
+    return Screening(findings, usable, any(f.level == "unusable" for f in commands))
 
 
-def _physics(
-    trial: Trial, dataset: Dataset, estimate: Estimate, told: Array, rest: Array
-) -> list[Finding]:
-    """What physics forbids, looked at only where nothing explains it already."""
-    if not trial.judged or trial.findings:
+def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
+    measured = tests.measured
+    rows = adaptive_rows(measured.mechanism, measured.motions)
+    torque = rows.means(measured.torque, tests.shift)
+    estimate = regress(rows, torque, measured.mechanism.base_names, measured.nominal)
+    return Regression(measured, rows, torque), estimate
+
+
+def _compared(regression: Regression, estimate: Estimate, published: Friction) -> Compared:
+    parameters = plant_of(regression.measured.dataset, published.parameters).p
+    return compared(regression.rows, regression.torque, estimate, parameters, published)
+
+
+def _passivity_findings(tests: HypothesisTests, estimate: Estimate) -> list[Finding]:
+    """Findings of energy and loads at rest, where no tested error explains them already."""
+    if not tests.done or tests.findings:
         return []
-    return [
-        *energy(trial.mechanism, dataset.recordings, trial.motions, told),
-        *gravity_at_rest(trial.rows, trial.impulse, told, rest, estimate),
-    ]
+    return [*energy_findings(tests.measured), *rest_findings(tests, estimate)]
+
+
+def _worst_first(findings: Iterable[Finding]) -> list[Finding]:
+    return sorted(findings, key=lambda f: -LEVELS.index(f.level))
+
+
+def _identifiable(
+    screening: Screening, tests: HypothesisTests, facts: Sequence[JointFacts], estimate: Estimate
+) -> list[Identifiable]:
+    if tests.done:
+        return identifiable(tests, facts, estimate)
+    reason = "the torque is a command" if screening.command else "no joint slides long enough"
+    return [Identifiable("everything", False, reason)]

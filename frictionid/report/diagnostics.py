@@ -24,7 +24,7 @@ def show_verdict(verdict: Verdict) -> None:
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=WIDTH)
-    for part in (_headline, _joints, _findings, _answers, _estimate, _friction, _next):
+    for part in (_headline, _joints, _findings, _questions, _estimate, _friction, _next):
         part(verdict, console)
 
 
@@ -33,7 +33,7 @@ def as_json(verdict: Verdict) -> str:
     fields = {
         f.name: _plain(getattr(verdict, f.name))
         for f in dataclasses.fields(verdict)
-        if f.name != "evidence"
+        if f.name != "regression"
     }
     del fields["estimate"]["residual"]
     return json.dumps(fields, indent=1, allow_nan=False)
@@ -59,7 +59,7 @@ def _plain(value: Any) -> Any:
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
-    description = mechanism_of(verdict.evidence.dataset.mechanism).description
+    description = mechanism_of(verdict.regression.measured.dataset.mechanism).description
     return description.angle_unit, description.torque_unit
 
 
@@ -120,25 +120,25 @@ def _findings(verdict: Verdict, console: Any) -> None:
         console.print()
 
 
-def _answers(verdict: Verdict, console: Any) -> None:
+def _questions(verdict: Verdict, console: Any) -> None:
     from rich.text import Text
 
     marks = {True: ("yes", "green"), False: ("NO", "red"), None: ("?", "yellow")}
     table = _plain_table()
-    for answer in verdict.answers:
-        table.add_row(Text(*marks[answer.passed]), answer.question, answer.words)
+    for question in verdict.questions:
+        table.add_row(Text(*marks[question.passed]), question.question, question.words)
     for entry in verdict.identifiable:
-        table.add_row(Text(*marks[entry.possible]), f"can tell {entry.what}", entry.reason)
+        table.add_row(Text(*marks[entry.possible]), f"identifiable: {entry.what}", entry.reason)
     console.print(table)
 
 
 def _estimate(verdict: Verdict, console: Any) -> None:
     estimate, model = verdict.estimate, verdict.published
     theirs = dict(zip(model.names, model.published, strict=True)) if model else {}
-    head = ["least squares", "estimate", "told", *(["published"] if theirs else [])]
+    head = ["least squares", "estimate", "nominal", *(["published"] if theirs else [])]
     table = _table(head)
-    for name, told in zip(estimate.names, verdict.told, strict=False):
-        cells = [name, _with_error(estimate, name), f"{told:.4g}"]
+    for name, nominal in zip(estimate.names, verdict.nominal, strict=False):
+        cells = [name, _with_error(estimate, name), f"{nominal:.4g}"]
         table.add_row(*cells, *([f"{theirs[name]:.4g}"] if theirs else []))
     console.print(table)
 
@@ -162,7 +162,7 @@ def _friction(verdict: Verdict, console: Any) -> None:
 
 def _with_error(estimate: Estimate, name: str) -> str:
     value, error = estimate.at(name)
-    return f"{value:.4g} +- {error:.1g}" if np.isfinite(error) else "not seen"
+    return f"{value:.4g} +- {error:.1g}" if np.isfinite(error) else "not identified"
 
 
 def _next(verdict: Verdict, console: Any) -> None:

@@ -12,13 +12,13 @@ from fixtures import planted_faults as pool
 from fixtures.paths import DATA
 
 from frictionid.check import check
-from frictionid.check.balance_windows import sharp_rows, unit_rows
+from frictionid.check.balance_windows import adaptive_rows, unit_rows
 from frictionid.check.delay import delay_of
 from frictionid.check.facts import clock_of, joints_of
 from frictionid.check.motion import motions_of
 from frictionid.check.regression import regress
-from frictionid.check.torque_integral import impulse_of
 from frictionid.cli import main
+from frictionid.data.integrals import integrals_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
@@ -60,10 +60,14 @@ def drawn(dataset, rng, count=5, noise=1e-3):
     return replace(dataset, recordings=tuple(out))
 
 
+def logged(dataset):
+    return integrals_of([r.torque for r in dataset.recordings])
+
+
 def estimated(dataset):
     plant = plant_of(dataset)
     rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
-    torque = impulse_of(dataset.recordings).means(rows)
+    torque = rows.means(logged(dataset))
     return regress(rows, torque, plant.mechanism.base_names, plant.p), rows, torque, plant
 
 
@@ -82,17 +86,17 @@ def test_least_squares_return_the_truth_within_their_errors(swings):
     assert np.median(shares) < 0.05
 
 
-def test_turns_that_are_seen_sharply_count_and_keep_the_truth(swings):
-    """500 Hz and 1e-5 rad of noise: windows with turns count; 60 Hz and 1 mrad: they do not."""
+def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
+    """500 Hz and 1e-5 rad of noise: windows with reversals count; 60 Hz and 1 mrad: they do not."""
     mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
     curve = Stribeck(Curve((0.25,), (0.25,), viscous=(0.02,)))
     runs = tuple(Run(f"{i}", (1.0,), (), (Multisine(1.2, (0.5, 0.9, 1.4 + i)),)) for i in range(3))
     camera = Camera(2001, 500.0, 1e-5)
     fine = simulate(Rig("fine", mechanism, curve, camera, runs, drive=Drive(500.0), substeps=1))
     plant = plant_of(fine)
-    rows = sharp_rows(plant.mechanism, motions_of(fine.recordings))
-    assert (rows.free[:, 0] & (np.abs(rows.friction[:, 0, 0]) < 0.5)).any()
-    torque = impulse_of(fine.recordings).means(rows)
+    rows = adaptive_rows(plant.mechanism, motions_of(fine.recordings))
+    assert (rows.moving[:, 0] & (np.abs(rows.friction[:, 0, 0]) < 0.5)).any()
+    torque = rows.means(logged(fine))
     estimate = regress(rows, torque, plant.mechanism.base_names, plant.p)
     for name, true in dict(
         zip(plant.mechanism.base_names, plant.p[0], strict=True), **TRUE
@@ -100,7 +104,7 @@ def test_turns_that_are_seen_sharply_count_and_keep_the_truth(swings):
         assert estimate.at(name)[0] == pytest.approx(true, rel=0.01), name
     coarse = motions_of(drawn(swings, np.random.default_rng(0)).recordings)
     for ours, usual in zip(
-        *(f(plant.mechanism, coarse) for f in (sharp_rows, unit_rows)), strict=True
+        *(f(plant.mechanism, coarse) for f in (adaptive_rows, unit_rows)), strict=True
     ):
         np.testing.assert_array_equal(ours, usual)
 
@@ -114,7 +118,7 @@ def test_the_interval_of_the_delay_holds_the_delay(swings):
         dataset = pool.with_torques(drawn(swings, rng), lambda u: u, -true)
         plant = plant_of(dataset)
         rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
-        low, high = delay_of(rows, impulse_of(dataset.recordings), plant.p).interval
+        low, high = delay_of(rows, logged(dataset), plant.p).interval
         held.append(low < true < high)
         widths.append(high - low)
     assert np.mean(held) >= 0.85
@@ -133,7 +137,7 @@ def test_without_torque_only_ratios_are_estimated_and_one_value_is_kept():
     assert estimate.value[i] == plant.p[0, i]
 
 
-def test_a_joint_that_sees_two_parameters_as_one_says_so():
+def test_parameters_that_look_the_same_are_an_unidentifiable_direction():
     """Small swings of one frequency: inertia and gravity are one number."""
     t = np.arange(600) / 60
     q = 0.05 * np.sin(2 * np.pi * 0.5 * t)
@@ -146,8 +150,8 @@ def test_a_joint_that_sees_two_parameters_as_one_says_so():
         (Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None])),),
     )
     estimate, *_ = estimated(dataset)
-    blind = [{name for name, _ in direction} for direction in estimate.blind]
-    assert any("inertia" in names for names in blind)
+    directions = [{name for name, _ in d} for d in estimate.unidentifiable]
+    assert any("inertia" in names for names in directions)
 
 
 def test_facts_count_what_was_planted():
@@ -170,8 +174,8 @@ def test_facts_count_what_was_planted():
 
 def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
     noisy = drawn(swings, np.random.default_rng(9), count=1)
-    stuck = pool.with_torques(noisy, lambda u: np.full_like(u, 0.4))
-    assert "frozen_torque" in [f.kind for f in check(stuck).findings]
+    frozen = pool.with_torques(noisy, lambda u: np.full_like(u, 0.4))
+    assert "frozen_torque" in [f.kind for f in check(frozen).findings]
     runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
     curve = Stribeck(Curve((0.05,), (0.05,), viscous=(0.02,)))
     mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
@@ -194,7 +198,7 @@ def test_slow_recordings_without_decay_ask_for_both():
     assert "no free decay: add one of 20 s" in words
 
 
-def test_a_published_model_is_held_against_the_data(swings):
+def test_a_published_model_is_compared_with_the_data(swings):
     dataset = drawn(swings, np.random.default_rng(8))
     right = Friction(CoulombViscous(), np.array([[0.25, 0.02]]))
     wrong = replace(right, parameters={"mass": 0.2, "length": 0.4})
@@ -223,8 +227,8 @@ def test_the_command_prints_a_screen_and_exits_by_the_level(monkeypatch, capsys)
     assert run(monkeypatch, "check", DATA / "acrobot_sim") == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("acrobot_sim: doubtful")
-    told = re.search(r"acts (\d+\.\d) ms after it is logged", "\n".join(lines))
-    assert told is not None and abs(float(told[1]) - 18.0) < 1.0
+    late = re.search(r"acts (\d+\.\d) ms after it is logged", "\n".join(lines))
+    assert late is not None and abs(float(late[1]) - 18.0) < 1.0
     assert len(lines) < 50 and max(map(len, lines)) <= 120
 
 

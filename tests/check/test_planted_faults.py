@@ -13,8 +13,7 @@ import pytest
 from fixtures import planted_faults as pool
 
 from frictionid.check import judge
-from frictionid.check.balance_windows import mapped_motion
-from frictionid.check.motion import motions_of
+from frictionid.check.motion import mapped_motion, motions_of
 from frictionid.check.sensors import unwrapped
 
 CASES, FOUND, FALSE = 200, 0.95, 0.02

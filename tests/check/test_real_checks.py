@@ -34,9 +34,9 @@ def test_the_real_double_pendulum_is_usable(real_data):
     verdict = check(load_dataset(DATA / "dfki_c1", real_data / "dfki_double_pendulum"))
     assert verdict.level != "unusable"
     assert all(entry.possible for entry in verdict.identifiable)
-    # told from its published model: torques push the right way, at the right size and time
-    gains = [s for s in verdict.suspects if s.kind == "gain"]
-    assert all(s.size == pytest.approx(1.0, abs=0.1) for s in gains)
+    # nominal from its published model: torques push the right way, at the right size and time
+    gains = [e for e in verdict.model_errors if e.kind == "gain"]
+    assert all(e.size == pytest.approx(1.0, abs=0.1) for e in gains)
     assert abs(verdict.delay.seconds) < 0.006
 
 
@@ -62,12 +62,12 @@ def test_the_published_simple_pendulum_contradicts_its_data(real_data):
 def test_least_squares_of_the_carriage_agree_with_the_published_ones(real_data):
     """M, Fc, Fv and offset within 1 %, as the command says them."""
     verdict = check(load_dataset(DATA / "emps", real_data / "emps"))
-    told = json.loads(as_json(verdict))["estimate"]
-    estimate = dict(zip(told["names"], told["value"], strict=True))
+    printed = json.loads(as_json(verdict))["estimate"]
+    estimate = dict(zip(printed["names"], printed["value"], strict=True))
     published = {"mass": 95.1089, "coulomb_1": 20.3935, "viscous_1": 203.5034, "offset_1": -3.1648}
     assert verdict.level == "good"
     assert estimate == pytest.approx(published, rel=0.01)
-    assert all(error is not None for error in told["error"])
+    assert all(error is not None for error in printed["error"])
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_a_carriage_in_the_wrong_unit_is_unusable(real_data, times, words):
     wrong = replace(one, angle=one.angle._replace(value=times * one.angle.value))
     verdict = check(replace(dataset, recordings=(wrong,)))
     assert verdict.level == "unusable"
-    assert verdict.findings[0].text.startswith(f"positions {words}: so read")
+    assert verdict.findings[0].text.startswith(f"positions {words}: corrected")
 
 
 def test_speeds_of_a_carriage_are_in_metres(real_data):

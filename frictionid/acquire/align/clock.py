@@ -14,8 +14,8 @@ from frictionid.arrays import Array
 from frictionid.check.balance_windows import Rows, unit_rows
 from frictionid.check.delay import delay_of
 from frictionid.check.motion import motions_of
-from frictionid.check.partial_regression import LOOSE
-from frictionid.check.torque_integral import impulse_of
+from frictionid.check.partial_regression import PARAMETER_PRIOR
+from frictionid.data.integrals import integrals_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
@@ -230,13 +230,13 @@ def _common(angle: Signal, moved: Signal) -> Signal:
 def _delays(rows: Rows, recording: Recording, told: Array) -> list[tuple[float, float]]:
     """Middle [s], by the angles' clock, and delay [s] of each piece of the motion."""
     time = recording.angle.time
-    impulse = impulse_of([recording])
+    logged = integrals_of([recording.torque])
     count = max(1, min(int((time[-1] - time[0]) / _PIECE), 20))
     edges = np.linspace(time[0], time[-1], count + 1)
     out = []
     for a, b in zip(edges[:-1], edges[1:], strict=True):
         own = (rows.start >= a) & (rows.stop <= b)
-        delay = delay_of(Rows(*(f[own] for f in rows)), impulse, told[None])
+        delay = delay_of(rows.where(own), logged, told[None])
         if delay is not None and np.isfinite(delay.seconds):
             out.append((float(a + b) / 2, delay.seconds))
     return out or [(float(time[0] + time[-1]) / 2, 0.0)]
@@ -261,7 +261,7 @@ def _fine(data: Dataset, clock: Clock, coarse: Match, settings: Settings | None)
     friction = LeastSquares(LAW).fit(problem, np.ones((1, len(problem.r))), 0)[0]
     calibration = Calibration.ideal(n, np.asarray(plant.p)[0])
     guess = Guess(friction, calibration, plant.mechanism)
-    blocks: tuple[Block, ...] = (FrictionBlock(), InertiaBlock(prior=LOOSE))
+    blocks: tuple[Block, ...] = (FrictionBlock(), InertiaBlock(prior=PARAMETER_PRIOR))
     track = track_of(data, states=states)
     middle = float(clock.to_angles(np.array(clock.at)))
     intervals, use = drifting(track, guess, blocks, settings or WINDOWS, middle), _used(track)

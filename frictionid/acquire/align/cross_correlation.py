@@ -13,11 +13,9 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second to import
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import FEWEST, WIDTH, Rows
-from frictionid.check.partial_regression import stack_of
-from frictionid.check.torque_integral import impulse_of
-from frictionid.data.integrals import averages
-from frictionid.data.recordings import Recording
+from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, Rows
+from frictionid.check.partial_regression import partial_regression
+from frictionid.data.integrals import averages, integrals_of
 from frictionid.data.signals import Array as Values
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
@@ -61,13 +59,13 @@ def match(mechanism: Mechanism, told: Array, rows: Rows, angle: Signal, torque: 
         Where nothing moves, the log explains the motion nowhere, or in several places.
     """
     driven = np.array(mechanism.description.driven)
-    if int((rows.free & driven).sum()) < FEWEST:
+    if int((rows.moving & driven).sum()) < MIN_WINDOWS:
         raise InputError(
             "the driven joints hardly move: no motion to find in the log; record livelier motion"
         )
     if np.ptp(torque.value, axis=0).max() <= 0:
         raise InputError("the logged torque never changes: nothing to find in the motion")
-    asked = (rows.phi * told).sum(-1)
+    asked = rows.required(told[None])
     offsets, explained, turned = _correlated(rows, asked, torque, driven)
     peaks = _peaks(offsets, explained)
     if not len(peaks):
@@ -132,7 +130,7 @@ def _correlated(
     size, all_of_it, moving = len(grid) + len(clock) - 1, 0.0, 0.0
     cross, energy, covered = (np.zeros(size) for _ in range(3))
     for j in np.flatnonzero(driven):
-        seen = (np.interp(grid, middle, rows.free[:, j].astype(float)) > 0.999) * near
+        seen = (np.interp(grid, middle, rows.moving[:, j].astype(float)) > 0.999) * near
         y = seen * np.interp(grid, middle, asked[:, j])
         shapes = [seen * np.interp(grid, middle, f) for f in rows.friction[:, j].T]
         Q = _basis(np.stack(shapes, axis=1))
@@ -149,7 +147,7 @@ def _correlated(
     offsets = grid[0] - clock[0] + STEP * (np.arange(size) - (len(clock) - 1))
     enough = covered >= _OVERLAP * moving
     # of little sliding, such as the answer to one pulse, nearly all
-    enough &= covered >= max(min(FEWEST * WIDTH / 2 / STEP, _NEARLY * moving), FEWEST)
+    enough &= covered >= max(min(MIN_WINDOWS * WIDTH / 2 / STEP, _NEARLY * moving), MIN_WINDOWS)
     scale = max(all_of_it, 1e-300)
     explained, turned = ((sign * 2 * cross - energy) / scale for sign in (1.0, -1.0))
     known = np.where(enough, explained, -np.inf)
@@ -201,15 +199,14 @@ def _closely(
     """Share left unexplained, with any friction, near an offset, and the best offset there."""
     moved = torque._replace(time=torque.time + offset)
     known = (rows.start > moved.time[0]) & (rows.stop < moved.time[-1])
-    if int(known.sum()) < FEWEST:
+    if int(known.sum()) < MIN_WINDOWS:
         return 1.0, offset
-    kept = Rows(*(f[known] for f in rows))
+    kept = rows.where(known)
     near = cut(angle, moved.time[0], moved.time[-1])
-    impulse = impulse_of([Recording("motion", near, around(moved, near.time[0], near.time[-1]))])
-    late = impulse.means(kept, _NEAR)
-    stack = stack_of(kept, late[len(_NEAR) // 2], told[None], loose=False)
-    none = (stack.clean(asked[known]) ** 2).sum()
-    left = (stack.clean(asked[known] - late) ** 2).sum(-1) / max(float(none), 1e-300)
+    late = kept.means(integrals_of([around(moved, near.time[0], near.time[-1])]), _NEAR)
+    fit = partial_regression(kept, late[len(_NEAR) // 2], told[None])
+    none = (fit.residual(asked[known]) ** 2).sum()
+    left = (fit.residual(asked[known] - late) ** 2).sum(-1) / max(float(none), 1e-300)
     k = min(max(int(np.argmin(left)), 1), len(left) - 2)
     before, here, behind = left[k - 1 : k + 2]
     bend = max(before - 2 * here + behind, 1e-300)

@@ -11,7 +11,7 @@ from frictionid.acquire.align.drive_response import Response
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import unit_rows
 from frictionid.check.motion import motions_of
-from frictionid.check.torque_integral import impulse_of
+from frictionid.data.integrals import integrals_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.mechanics import plant_of
 from frictionid.report.figures.style import (
@@ -65,8 +65,8 @@ def _torques(ax: Any, one: Aligned, table: dict[str, Any]) -> None:
     recording = Recording("motion", one.angle, one.torque)
     plant = plant_of(Dataset("picture", table, (recording,)))
     rows = unit_rows(plant.mechanism, motions_of([recording]))
-    asked = (rows.phi * np.asarray(plant.p)[0]).sum(-1)
-    logged = impulse_of([recording]).means(rows)
+    asked = rows.required(np.asarray(plant.p))
+    logged = rows.means(integrals_of([recording.torque]))
     middle = (rows.start + rows.stop) / 2
     begin, end = _liveliest(middle, logged)
     shown = (middle >= begin) & (middle <= end)

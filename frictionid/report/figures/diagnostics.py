@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import Array
 from frictionid.check import Verdict
-from frictionid.check.balance_windows import Rows
 from frictionid.check.motion import Motion
-from frictionid.check.published import ONE_WAY
+from frictionid.check.published import one_way
 from frictionid.data.recordings import Recording
 from frictionid.files import write_bytes
 from frictionid.mechanics import mechanism_of
@@ -42,7 +40,7 @@ def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
-    description = mechanism_of(verdict.evidence.dataset.mechanism).description
+    description = mechanism_of(verdict.regression.measured.dataset.mechanism).description
     return description.angle_unit, description.torque_unit
 
 
@@ -61,7 +59,7 @@ def _coverage(verdict: Verdict) -> Any:
     """The (q, w) plane of each joint, rest marked."""
     unit = _units(verdict)[0]
     picture, panels = _panels(verdict)
-    states = [m.states for m in verdict.evidence.motions]
+    states = [m.states for m in verdict.regression.measured.motions]
     q, w = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
     size = float(np.clip(2e4 / len(q), 0.3, 4.0))
     for j, axes in enumerate(panels):
@@ -86,13 +84,13 @@ def _dot(colour: str) -> Any:
 
 def _motion(verdict: Verdict) -> Any:
     """Angles, velocities and torques over time, of the recordings that move most."""
-    evidence, (unit, torque_unit) = verdict.evidence, _units(verdict)
+    measured, (unit, torque_unit) = verdict.regression.measured, _units(verdict)
     slides = unit == "m"
     chosen, joints = _chosen(verdict), range(len(verdict.joints))
     picture = figure(4.6)
     rows = picture.subplots(3, len(chosen), sharex="col", sharey="row", squeeze=False)
     for column, i in zip(rows.T, chosen, strict=True):
-        _over_time(column, evidence.dataset.recordings[i], evidence.motions[i], joints)
+        _over_time(column, measured.dataset.recordings[i], measured.motions[i], joints)
     labels = (
         f"{'position' if slides else 'angle'} [{unit}]",
         f"velocity [{unit}/s]",
@@ -122,13 +120,13 @@ def _over_time(column: Any, recording: Recording, motion: Motion, joints: range)
 
 def _chosen(verdict: Verdict) -> list[int]:
     """Recordings to show: those in which all joints together are fastest, in their own order."""
-    speed = [np.sqrt(np.mean(m.states.w**2)) for m in verdict.evidence.motions]
+    speed = [np.sqrt(np.mean(m.states.w**2)) for m in verdict.regression.measured.motions]
     return sorted(np.argsort(speed)[::-1][:RECORDINGS].tolist())
 
 
 def _residual(verdict: Verdict) -> Any:
-    """Torque that the told mechanism leaves to friction, against velocity, and least squares."""
-    rows = verdict.evidence.rows
+    """Torque that the nominal mechanism leaves to friction, against velocity, and least squares."""
+    rows = verdict.regression.rows
     unit, torque_unit = _units(verdict)
     picture, panels = _panels(verdict)
     for j, axes in enumerate(panels):
@@ -137,27 +135,23 @@ def _residual(verdict: Verdict) -> Any:
         axes.set_xlabel(f"w{j + 1} [{unit}/s]")
         axes.set_ylabel(f"left to friction [{torque_unit}]")
         axes.set_title(f"joint {j + 1}", loc="left")
-        if _one_way(rows, j).any():
+        if one_way(rows, j).any():
             _friction(axes, verdict, j)
         else:
             axes.text(0.5, 0.5, "hardly slides", transform=axes.transAxes, ha="center")
     from matplotlib.lines import Line2D
 
     line = Line2D([], [], color=RESTING)
-    key_above(picture, [_dot(MOVING), line], ["told mechanism, before any fit", "least squares"])
+    key_above(picture, [_dot(MOVING), line], ["nominal mechanism, before any fit", "least squares"])
     return picture
 
 
-def _one_way(rows: Rows, j: int) -> Array:
-    """Windows of least squares in which joint j does not turn round: there friction has a speed."""
-    return np.asarray(rows.free[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY))
-
-
 def _friction(axes: Any, verdict: Verdict, j: int) -> None:
-    evidence, nb = verdict.evidence, len(verdict.told)
-    use = _one_way(evidence.rows, j)
-    w = evidence.rows.w[use, j]
-    left = evidence.torque[use, j] - evidence.rows.phi[use, j] @ verdict.told
+    rows, torque = verdict.regression.rows, verdict.regression.torque
+    nb = len(verdict.nominal)
+    use = one_way(rows, j)
+    w = rows.w[use, j]
+    left = torque[use, j] - rows.regressor[use, j] @ verdict.nominal
     size = float(np.clip(6e3 / len(w), 1.0, 4.0))
     axes.scatter(w, left, s=size, color=MOVING, alpha=0.4, linewidths=0, rasterized=True)
     low, high = np.quantile(left, [0.005, 0.995])
