@@ -136,8 +136,8 @@ def window_means(
     """
     late = np.asarray(delay, float)
     edges = np.stack([start, stop], axis=1)[..., None] - late.ravel()
-    _, area, _ = _at(log, recording, edges.reshape(len(start), -1))
-    change = np.diff(area.reshape(*edges.shape, -1), axis=1)[:, 0]  # (K, delays, n)
+    _, area, _ = _at(log, recording, edges.reshape(len(start), 2 * late.size))
+    change = np.diff(area.reshape(*edges.shape, area.shape[-1]), axis=1)[:, 0]  # (K, delays, n)
     mean = np.moveaxis(change / (stop - start)[:, None, None], 1, 0)
     return mean.reshape(*late.shape, *mean.shape[1:])
 
