@@ -1,11 +1,14 @@
 """Tables that people write: no unknown keys, no converted types, and mistakes told in one line."""
 
 import difflib
+import importlib
 import inspect
 import reprlib
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar, get_type_hints
 
 from pydantic import (
@@ -39,6 +42,30 @@ def nearest(name: str, known: Iterable[str]) -> str:
     names = list(known)
     close = difflib.get_close_matches(name, names, n=1)
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(map(repr, names))}"
+
+
+def imported(reference: str, folder: Path, where: str) -> Any:
+    """What `module:name` names in a user's own code, in a folder or the current one.
+
+    Raises
+    ------
+    InputError
+        Saying where the reference stands, and what its module raised.
+
+    Examples
+    --------
+    >>> imported("math:pi", Path(), "suite.toml").is_integer()
+    False
+    """
+    module, _, name = reference.partition(":")
+    for place in (str(folder.resolve()), str(Path.cwd())):
+        if place not in sys.path:
+            sys.path.append(place)
+    try:
+        return getattr(importlib.import_module(module), name)
+    except Exception as error:  # whatever the user's own module raises
+        reason = f"{type(error).__name__}: {error}"
+        raise InputError(f"{where}: {reference!r} cannot be imported ({reason})") from None
 
 
 class Strict(BaseModel):

@@ -18,6 +18,10 @@ def evaluate(
     sample_time: Annotated[
         float | None, typer.Option(help="Use samples at least this far apart [s].")
     ] = None,
+    law: Annotated[
+        list[str] | None,
+        typer.Option(help="Law of one's own of the models, module:Class; may be repeated."),
+    ] = None,
     whole: Annotated[
         bool, typer.Option(help="Also simulate whole recordings from their start.")
     ] = False,
@@ -35,7 +39,7 @@ def evaluate(
     if len(files) < 2:
         raise InputError("evaluate needs at least one model file and, last, a data set")
     *models, place = files
-    frictions = {path: friction_of(path) for path in models}
+    frictions = {path: friction_of(path, law or ()) for path in models}
     protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time, whole=whole)
     dataset = load_dataset(place, data)
     prepared = prepare(dataset, protocol)

@@ -6,8 +6,6 @@ function that the table's `kind` names.
 
 from __future__ import annotations
 
-import importlib
-import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
@@ -22,14 +20,14 @@ from frictionid.comparison.registry import IDENTIFIERS, LAWS, folds, loops
 from frictionid.comparison.search_space import Search, Tuning
 from frictionid.comparison.suite_recipes import Name, Positive, RecipeEntry, recipes_of
 from frictionid.comparison.tasks import Task
-from frictionid.config import STRICT, Strict, built, called, distinct, mistake, nearest
+from frictionid.config import STRICT, Strict, built, called, distinct, imported, mistake, nearest
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_calibration, true_friction
 from frictionid.evaluation.hysteresis import Loops
 from frictionid.friction import Friction
-from frictionid.friction.model_files import load_model
+from frictionid.friction.model_files import load_model, own_law
 from frictionid.identifiers import Identifier, Network, Published
 from frictionid.mechanics import plant_of
 
@@ -306,23 +304,15 @@ def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
     return identifier_of(IdentifierEntry(kind=kind, **settings), Path(), [])[1]
 
 
-def friction_of(path: Path) -> Friction:
-    """Friction of a model file whose law is one of ours."""
-    return load_model(path, LAWS)
+def friction_of(path: Path, own_laws: Sequence[str] = ()) -> Friction:
+    """Friction of a model file, whose law is built in or one of `module:Class`."""
+    own = {law.__name__: law for law in map(own_law, own_laws)}
+    return load_model(path, {**LAWS, **own})
 
 
 def _own(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Identifier:
-    module, _, name = kind.partition(":")
-    for place in (str(folder.resolve()), str(Path.cwd())):
-        if place not in sys.path:
-            sys.path.append(place)
     try:
-        found = getattr(importlib.import_module(module), name)
-    except Exception as error:  # whatever the user's own module raises
-        told = f"{type(error).__name__}: {error}"
-        raise InputError(f"{where}: {kind!r} cannot be imported ({told})") from None
-    try:
-        made = found(**settings)
+        made = imported(kind, folder, where)(**settings)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: {error}") from None
     if not isinstance(made, Identifier):

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.config import imported
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
@@ -84,6 +85,20 @@ def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) ->
         write_bytes(beside, content)
         document["theta"] = {"file": beside.name, "sha256": sha256(content).hexdigest()}
     write_json(path, document)
+
+
+def own_law(reference: str) -> type[Law]:
+    """Class of a law of one's own, `module:Class`, for `load_model`.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be imported, or does not subclass `Law`.
+    """
+    found = imported(reference, Path(), "--law")
+    if not (isinstance(found, type) and issubclass(found, Law)):
+        raise InputError(f"--law: {reference!r} does not subclass frictionid.friction.Law")
+    return found
 
 
 def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
@@ -170,7 +185,10 @@ def _law(table: Any, laws: Mapping[str, type[Law]], where: str) -> Law:
     if kind not in laws:
         near = get_close_matches(kind, list(laws), n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise InputError(f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}")
+        raise InputError(
+            f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}; "
+            "one's own is given as --law module:Class"
+        )
     settings = {
         k: _law(v, laws, where) if isinstance(v, Mapping) and "kind" in v else v
         for k, v in table.items()

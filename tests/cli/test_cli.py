@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_dataset, write_suite
 
 from frictionid.cli import main
@@ -17,6 +18,7 @@ from frictionid.comparison.suite import friction_of, identifier_named
 from frictionid.comparison.tasks import lock
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model
+from frictionid.files import read_json
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.mechanics import plant_of
 
@@ -127,6 +129,24 @@ def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
     assert source["seed"] == 3 and source["sample_time"] == 2 / RATE
     assert source["recipe"] == repr(STUDY)
     assert model["law"]["width"] == 0.05
+
+
+def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call):
+    text = (ROOT / "comparisons" / "own_friction.py").read_text(encoding="utf-8")
+    (place / "my_friction.py").write_text(text, encoding="utf-8")
+    call("fit", "tiny", "--identifier", "my_friction:quadratic", "--out", "own.json")
+    call("fit", "tiny", "--identifier", "quadratic", "--out", "built_in.json")
+    assert read_json(place / "own.json")["law"] == {"kind": "Quadratic", "width": 0.02}
+    evaluate = ("evaluate", "own.json", "built_in.json", "tiny", "--horizons", 0.3)
+    code, _, err = call(*evaluate, "--out", "scores.csv")
+    assert code == 2 and "law 'Quadratic' is unknown" in err and "--law module:Class" in err
+    code, _, err = call(*evaluate, "--out", "scores.csv", "--law", "my_friction:quadratic")
+    assert code == 2 and "'my_friction:quadratic' does not subclass frictionid.friction.Law" in err
+    code, _, err = call(*evaluate, "--out", "scores.csv", "--law", "my_friction:Quadratic")
+    assert (code, err) == (0, "")
+    table = pd.read_csv(place / "scores.csv")
+    own, built_in = (table[table["identifier"] == name].value for name in ("own", "built_in"))
+    np.testing.assert_allclose(own, built_in, rtol=1e-5)
 
 
 def test_models_of_a_comparison_are_evaluated_too(place, call):

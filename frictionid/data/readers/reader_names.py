@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from frictionid.config import nearest
+from frictionid.config import imported, nearest
 from frictionid.data.readers.bam import read_bam
 from frictionid.data.readers.dfki_double_pendulum import read_dfki_double_pendulum
 from frictionid.data.readers.dfki_simple_pendulum import read_dfki_simple_pendulum
@@ -47,29 +45,16 @@ def reader_of(kind: str, file: Path) -> Reader:
         Where there is no such reader.
     """
     if ":" in kind:
-        return _checked(_imported(kind, file), kind)
+        found = imported(kind, file.parent, f"{file}: [reader] kind")
+        if not callable(found):
+            raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")
+        return _checked(found, kind)
     if kind not in READERS:
         raise InputError(
             f"{file}: [reader] kind = {kind!r} is unknown; {nearest(kind, READERS)}; "
             "one's own is package.module:function"
         )
     return READERS[kind]
-
-
-def _imported(kind: str, file: Path) -> Reader:
-    module, _, name = kind.partition(":")
-    for place in (str(file.parent.resolve()), str(Path.cwd())):
-        if place not in sys.path:
-            sys.path.append(place)
-    try:
-        found = getattr(importlib.import_module(module), name)
-    except Exception as error:  # whatever stands in the user's own module
-        raise InputError(
-            f"{file}: [reader] kind = {kind!r} cannot be imported ({error}); correct it"
-        ) from error
-    if not callable(found):
-        raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")
-    return found
 
 
 def _checked(read: Reader, kind: str) -> Reader:

@@ -1,0 +1,75 @@
+"""A law of one's own takes the path of a built-in law of the same equations, to the last bit."""
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from fixtures import tiny_pendulums as tiny
+from fixtures.paths import ROOT
+
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.step import State
+from frictionid.friction import Friction, Law
+from frictionid.friction.laws import Quadratic as BuiltIn
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
+from frictionid.mechanics import Plant, double_pendulum, plant_of
+from frictionid.shooting import Settings, refine
+from frictionid.shooting.parameters import FrictionBlock
+
+sys.path.append(str(ROOT / "comparisons"))
+from own_friction import Quadratic as Own
+
+
+@dataclass(frozen=True)
+class OwnWithGradient(Own):
+    gradient = BuiltIn.gradient
+
+
+@dataclass(frozen=True)
+class BuiltInWithoutGradient(BuiltIn):
+    gradient = Law.gradient
+
+
+PAIRS = pytest.mark.parametrize(
+    ("own", "built_in"), [(Own, BuiltInWithoutGradient), (OwnWithGradient, BuiltIn)]
+)
+THETA = np.array([[0.3, 0.02, 0.003], [0.1, 0.01, 0.001]])
+
+
+@PAIRS
+@pytest.mark.parametrize("width", [0.02, 0.3])
+def test_rollouts_through_stops_and_break_away_are_the_same(own, built_in, width):
+    rng = np.random.default_rng(0)
+    start = State(rng.uniform(-2.0, 2.0, (6, 2)), rng.uniform(-3.0, 3.0, (6, 2)))
+    u, dt = rng.uniform(-0.4, 0.4, (60, 6, 2)), np.full(60, 1 / 60)
+    plant = Plant.from_parameters(double_pendulum(), {})
+    ours, theirs = (
+        rollout(plant, Friction(law(width), THETA), start, u, dt) for law in (own, built_in)
+    )
+    assert width > 0.02 or (ours.w == 0.0).any()  # joints came to rest
+    np.testing.assert_array_equal(ours.q, theirs.q)
+    np.testing.assert_array_equal(ours.w, theirs.w)
+
+
+@PAIRS
+@pytest.mark.parametrize("recipe", [STUDY, INTEGRAL], ids=str)
+def test_fits_are_the_same(own, built_in, recipe):
+    dataset = tiny.dataset()
+    problem = problem_of(dataset, plant_of(dataset), recipe)
+    weights = np.ones((1, len(problem.r)))
+    ours, theirs = (LeastSquares(law()).fit(problem, weights, 0) for law in (own, built_in))
+    np.testing.assert_array_equal(ours.theta, theirs.theta)
+
+
+@PAIRS
+def test_shooting_gives_the_same(own, built_in):
+    dataset, settings = tiny.dataset(), Settings(windows=(0.1, 0.33), iterations=6)
+    theta = np.array([[0.04, 0.005, 0.0]])
+    ours, theirs = (
+        refine(Friction(law(), theta), dataset, (FrictionBlock(),), settings)
+        for law in (own, built_in)
+    )
+    np.testing.assert_array_equal(ours.friction.theta, theirs.friction.theta)
+    np.testing.assert_array_equal(ours.covariance.error, theirs.covariance.error)
