@@ -166,7 +166,7 @@ def _tasks(suite: Suite, folder: Path, data: Path | None, device: str | None) ->
     return tasks
 
 
-def on_device(identifier: Any, device: str) -> Any:
+def on_device(identifier: Any, device: Any) -> Any:
     """An identifier, the networks in it trained by gradients on a device; others are as they were.
 
     Raises

@@ -63,7 +63,7 @@ OURS = [
     *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), AsymmetricStribeck())),
     *(LeastSquares(law) for law in (NoFriction(), Sampled())),
     LeastSquares(Stribeck(), robust=2.0),
-    CompressedNetwork(MLP((6,)), nodes=15, freedom=(1.0,)),
+    CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,)),
     Network(MLP((4,)), epochs=3, inputs="all", members=2),
     Mean(),
 ]

@@ -14,7 +14,9 @@ from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares, Network, check_identifier
-from frictionid.identifiers.networks.lstm_training import Sequences, _Cells
+from frictionid.identifiers.networks.fold_stack import FoldStack
+from frictionid.identifiers.networks.lstm_cells import Cells
+from frictionid.identifiers.networks.lstm_training import SequenceTrainingSet
 from frictionid.identifiers.networks.network import check_device
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
@@ -114,7 +116,7 @@ def test_the_loop_back_through_time_is_the_derivative_of_the_loop_forth():
     read = torch.randn(5, 2, 3, 4, dtype=torch.float64)  # five samples of three numbers, two sets
     weights = torch.randn(2, 3 + 2 + 1, 8, dtype=torch.float64, requires_grad=True)
     for burn_in in (0, 2):
-        assert torch.autograd.gradcheck(_Cells.apply, (weights, read, burn_in))
+        assert torch.autograd.gradcheck(Cells.apply, (weights, read, burn_in))
 
 
 @pytest.mark.parametrize(
@@ -127,9 +129,10 @@ def test_cost_of_the_pieces_is_that_of_the_rows(law):
     weights, theta = synthetic_weights(problem) * late, drawn(law)
     a, b = law.gate_sizes
     theta[..., 3 + a * b + law.cells : 3 + a * b + 2 * law.cells] -= 2.0
-    lessons = Sequences(law, problem, theta, weights, "cpu", 40, 8)
-    items = lessons.tensor(np.tile(np.arange(lessons.items), (3, 1)))
-    found = lessons.cost(lessons.tensor(theta), items) * lessons.items * lessons.rows
+    stack = FoldStack(law, problem, theta, "cpu")
+    pieces = SequenceTrainingSet(stack, weights, 40, 8)
+    items = stack.tensor(np.tile(np.arange(pieces.items), (3, 1)))
+    found = pieces.cost(stack.tensor(theta), items) * pieces.items * pieces.rows_per_item
     memories = memory_along(Friction(law, theta), problem.nodes)
     assert len(memories[0]) == 2 * law.cells * (1 + law.odd)
     scale = (weights > 0).sum(1) / (weights @ (problem.r**2).sum(1))

@@ -27,7 +27,7 @@ from frictionid.identifiers.synthetic_problem import (
 
 OPTIONS = list(product([False, True], repeat=3))
 TRUTH = np.array([[0.10, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]])
-SMALL = CompressedNetwork(MLP((8,)), freedom=(0.3, 1.0))
+SMALL = CompressedNetwork(MLP((8,)), prior_deviations=(0.3, 1.0))
 
 
 def drawn(law, n=2, seed=0):
@@ -110,12 +110,12 @@ def test_it_finds_a_curve_that_is_none_of_its_own(n):
     assert cost(problem, weights, found) < cost(problem, weights, line)
 
 
-def test_more_freedom_costs_less_in_training():
+def test_a_wider_prior_costs_less_in_training():
     problem = synthetic_problem(2)
     weights = synthetic_weights(problem)
     strict, free = (
-        CompressedNetwork(MLP((8,)), freedom=(freedom,)).fit(problem, weights, 0)
-        for freedom in (0.03, 1.0)
+        CompressedNetwork(MLP((8,)), prior_deviations=(deviation,)).fit(problem, weights, 0)
+        for deviation in (0.03, 1.0)
     )
     assert (cost(problem, weights, free) < cost(problem, weights, strict)).all()
 
@@ -229,7 +229,7 @@ def test_settings_that_mean_nothing_are_refused(settings, complaint):
         lambda: CompressedNetwork(MLP(others=1)),
         lambda: CompressedNetwork(Stribeck()),
         lambda: CompressedNetwork(MLP(), nodes=1),
-        lambda: CompressedNetwork(MLP(), freedom=()),
+        lambda: CompressedNetwork(MLP(), prior_deviations=()),
         lambda: CompressedNetwork(MLP(), share=0.9),
     ],
 )

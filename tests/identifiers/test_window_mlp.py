@@ -28,7 +28,8 @@ from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import CompressedNetwork, LeastSquares, Network, check_identifier
 from frictionid.identifiers.networks.adam import Adam
 from frictionid.identifiers.networks.batches import batches
-from frictionid.identifiers.networks.mlp_training import Rows, window
+from frictionid.identifiers.networks.fold_stack import FoldStack
+from frictionid.identifiers.networks.mlp_training import RowTrainingSet, window
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 sys.path.append(str(ROOT / "comparisons"))
@@ -128,9 +129,10 @@ def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
 def test_cost_in_training_is_that_of_the_rows(law):
     problem = synthetic_problem(2)
     weights, theta = synthetic_weights(problem), drawn(law)
-    rows = Rows(law, problem, theta, weights, "cpu")
-    items = rows.tensor(np.tile(np.arange(rows.items), (3, 1)))
-    found = rows.cost(rows.tensor(theta), items) * rows.items
+    stack = FoldStack(law, problem, theta, "cpu")
+    rows = RowTrainingSet(stack, weights)
+    items = stack.tensor(np.tile(np.arange(rows.items), (3, 1)))
+    found = rows.cost(stack.tensor(theta), items) * rows.items
     scale = (weights > 0).sum(1) / (weights @ (problem.r**2).sum(1))
     exact = [
         scale[f] * cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1]))[0]
@@ -150,14 +152,14 @@ def test_batches_of_a_fold_go_through_all_its_rows_and_do_not_depend_on_the_othe
 
 
 def test_its_steps_are_those_of_pytorchs_own():
-    theta = torch.tensor(np.random.default_rng(0).normal(size=(2, 3)), requires_grad=True)
+    theta = torch.tensor(np.random.default_rng(0).normal(size=(2, 1, 3)), requires_grad=True)
     theirs = theta.detach().clone().requires_grad_()
-    ours, other = Adam(theta.detach()), torch.optim.Adam([theirs], 0.05, betas=(0.9, 0.99))
+    learned = torch.ones(3, dtype=torch.bool)
+    ours, other = Adam(theta, learned), torch.optim.Adam([theirs], 0.05, betas=(0.9, 0.99))
     for _ in range(20):
-        for leaf in (theta, theirs):
-            leaf.grad = None
-            ((leaf - 1.0) ** 4).sum().backward()
-        ours.step(theta.detach(), theta.grad, 0.05)
+        ours.step(1e-2 * ((theta - 1.0) ** 4).sum((1, 2)), 0.05)  # small: nothing is clipped
+        other.zero_grad()
+        (1e-2 * ((theirs - 1.0) ** 4)).sum().backward()
         other.step()
     np.testing.assert_allclose(theta.detach(), theirs.detach(), rtol=1e-9)
 
@@ -208,8 +210,8 @@ def test_it_takes_less_than_forty_lines():
 def test_an_ensemble_is_the_mean_of_its_members_which_spread():
     problem = synthetic_problem(1)
     weights = synthetic_weights(problem)
-    mean = CompressedNetwork(MLP((6,)), freedom=(1.0,), members=3).fit(problem, weights, 0)
-    one = CompressedNetwork(MLP((6,)), freedom=(1.0,)).fit(problem, weights, 0)
+    mean = CompressedNetwork(MLP((6,)), prior_deviations=(1.0,), members=3).fit(problem, weights, 0)
+    one = CompressedNetwork(MLP((6,)), prior_deviations=(1.0,)).fit(problem, weights, 0)
     check_law(Ensemble(WindowMLP(2, hidden=(2,)), 2))
     members = members_of(mean)
     assert members.theta.shape[:3] == (3, 3, 1)

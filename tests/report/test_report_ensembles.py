@@ -47,7 +47,7 @@ def gathered(folder, *tasks, **about):
 
 
 def test_a_task_stores_the_curves_of_members_and_their_mean_is_the_fit(benchmark):
-    identifier = CompressedNetwork(MLP((4,)), members=3, freedom=(0.3,))
+    identifier = CompressedNetwork(MLP((4,)), members=3, prior_deviations=(0.3,))
     result = run(benchmark, identifier, INTEGRAL)
     assert result.members.shape == (3, 401, 1)
     np.testing.assert_allclose(result.members.mean(axis=0), result.curves[-1], atol=1e-12)

@@ -1,4 +1,4 @@
-"""Which rows a network meets in which step, drawn for each fold by itself."""
+"""Batches of a training set, drawn for each fold by itself."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from frictionid.arrays import Array
 
 
-def batches(counted: Array, size: int, seeds: Sequence[Sequence[int]]) -> Iterator[Array]:
-    """Items (F, size) of each fold without end: all that count, shuffled, then all again.
+def batches(used: Array, size: int, seeds: Sequence[Sequence[int]]) -> Iterator[Array]:
+    """Items (F, size) of each fold without end: all used ones shuffled, then all again.
 
-    counted (F, C) says which of the C items count; the draws of a fold depend on nothing else but
-    its seed.
+    used (F, C) says which of the C items a fold uses; its draws depend on nothing else but its
+    seed.
     """
     queues = [
-        _queue(np.flatnonzero(row), size, seed) for row, seed in zip(counted, seeds, strict=True)
+        _queue(np.flatnonzero(items), size, seed) for items, seed in zip(used, seeds, strict=True)
     ]
     while True:
         yield np.stack([next(queue) for queue in queues])
@@ -32,16 +32,13 @@ def _queue(items: Array, size: int, seed: Sequence[int]) -> Iterator[Array]:
         waiting = waiting[size:]
 
 
-def side_by_side(counted: Array, empty: int) -> Array:
-    """Items (F, most) of each fold that count, then `empty` up to the longest of them.
+def padded_items(used: Array, padding: int) -> Array:
+    """Items (F, most) that each fold uses, then `padding` up to the longest of them.
 
-    >>> side_by_side(np.array([[True, False, True], [False, True, False]]), empty=-1)
+    >>> padded_items(np.array([[True, False, True], [False, True, False]]), padding=-1)
     array([[ 0,  2],
            [ 1, -1]])
     """
-    most = int(counted.sum(axis=1).max())
-    out = np.full((len(counted), most), empty)
-    for row, which in zip(out, counted, strict=True):
-        items = np.flatnonzero(which)
-        row[: len(items)] = items
-    return out
+    most = int(used.sum(axis=1).max())
+    rows = [np.flatnonzero(items) for items in used]
+    return np.stack([np.pad(r, (0, most - len(r)), constant_values=padding) for r in rows])

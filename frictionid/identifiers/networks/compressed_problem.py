@@ -1,10 +1,10 @@
-"""What data say of friction curves, compressed: squares of the residual in values at some speeds.
+"""Compressed problems: squares of the residual as a function of friction torques at some speeds.
 
-A curve between nodes is straight, so the torques T of all joints at the nodes explain the rows as
+In a hat basis the curve is straight between node speeds. With the torques T of all joints there,
 
     cost = c - 2 b'T + T'A T
 
-and a law that depends on its joint's velocity alone is fitted without touching the rows again.
+and a law that depends on its joint's velocity alone is fitted without the rows.
 """
 
 from __future__ import annotations
@@ -78,21 +78,21 @@ def compressed(
 
 
 def _means(problem: Problem, joint: int, speeds: Array, width: float, shape: str) -> Any:
-    """Share (K, V) of each node in the mean friction of each row."""
-    hats = _hats(problem.nodes.inputs.w[:, joint], speeds, width, shape)
+    """Share (K, V) of the torque at each node speed in the mean friction of each row."""
+    basis = _hat_basis(problem.nodes.inputs.w[:, joint], speeds, width, shape)
     parts = zip(problem.coefficients, problem.stencil.T, strict=True)
-    return sum(c * hats[index] for c, index in parts)
+    return sum(c * basis[index] for c, index in parts)
 
 
-def _hats(w: Array, speeds: Array, width: float, shape: str) -> Any:
-    """Share (S, V) of each node speed in the torque at velocities w (S,)."""
+def _hat_basis(w: Array, speeds: Array, width: float, shape: str) -> Any:
+    """Hat functions (S, V) of the node speeds at velocities w (S,), times |sgn(w)| smoothed."""
     half = len(speeds) // 2
     positive = speeds[half:]
-    place = np.clip(np.searchsorted(positive, np.abs(w), side="right") - 1, 0, half - 2)
-    part = (np.abs(w) - positive[place]) / (positive[place + 1] - positive[place])
+    below = np.clip(np.searchsorted(positive, np.abs(w), side="right") - 1, 0, half - 2)
+    share = (np.abs(w) - positive[below]) / (positive[below + 1] - positive[below])
     sign = np.abs(smooth_sign(w, width, shape))
-    low = np.where(w > 0, half + place, half - 1 - place)
+    low = np.where(w > 0, half + below, half - 1 - below)
     high = np.where(w > 0, low + 1, low - 1)
     rows = np.tile(np.arange(len(w)), 2)
-    values = np.concatenate([(1.0 - part) * sign, part * sign])
+    values = np.concatenate([(1.0 - share) * sign, share * sign])
     return csr_array((values, (rows, np.concatenate([low, high]))), (len(w), len(speeds)))

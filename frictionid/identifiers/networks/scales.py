@@ -1,4 +1,4 @@
-"""Sizes that a fold's training rows have: those of its friction torques and of its velocities."""
+"""Scales of a fold's training rows: friction torque and speed of each joint."""
 
 from __future__ import annotations
 
@@ -9,32 +9,27 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers.least_squares import LeastSquares
 from frictionid.identifiers.residual import Problem
 
-_FAST = 0.99  # of the rows are slower than what counts as the reach of the data
-_LEAST = 0.01  # of the torques that move the joints: joints hardly rub below it
+_FAST = 0.99  # quantile of the rows' speeds that counts as the fastest
+_SMALLEST = 0.01  # of the torques that move the joints: less friction hardly matters
 
 
-def torque_scale(problem: Problem, weights: Array) -> Array:
-    """Friction torque (F, n) [N m] of each joint at its usual speed, or a little where it has none.
+def friction_scales(problem: Problem, weights: Array) -> Array:
+    """Torque [N m] and speed [rad/s] of each fold and joint, (F, n, 2).
+
+    The torque is that of Coulomb and viscous friction at the root mean square speed, or a small one
+    where there is no friction; 99 % of the fold's rows are slower than the speed.
 
     Raises
     ------
     InputError
         Where a joint slides in too few rows of a fold.
     """
+    speed = np.abs(problem.mean(problem.nodes.inputs.w))
     theta = LeastSquares(CoulombViscous()).fit(problem, weights, 0).theta
     share = weights / weights.sum(axis=1, keepdims=True)
-    speed = np.sqrt(share @ _middle_speed(problem) ** 2)
+    usual = np.sqrt(share @ speed**2)
     inertia = np.abs(np.linalg.pinv(problem.G, rcond=1e-9))
     force = np.sqrt(share @ times(inertia, np.abs(problem.r)) ** 2)
-    return np.maximum(theta[..., 0] + theta[..., 1] * speed, _LEAST * force)
-
-
-def speed_scale(problem: Problem, weights: Array) -> Array:
-    """Speed (F, n) [rad/s] that nearly all rows of a fold stay below."""
-    speed = _middle_speed(problem)
-    out = [np.quantile(speed[weight > 0], _FAST, axis=0) for weight in weights]
-    return np.maximum(np.stack(out), 1e-2)
-
-
-def _middle_speed(problem: Problem) -> Array:
-    return np.abs(problem.mean(problem.nodes.inputs.w))
+    torque = np.maximum(theta[..., 0] + theta[..., 1] * usual, _SMALLEST * force)
+    fast = [np.quantile(speed[weight > 0], _FAST, axis=0) for weight in weights]
+    return np.stack([torque, np.maximum(np.stack(fast), 1e-2)], axis=-1)
