@@ -1,4 +1,4 @@
-"""How the numbers of friction are found: one identifier per file, all behind one contract."""
+"""Identifiers: fit the parameters of friction to one-step problems, one per file."""
 
 from frictionid.identifiers.black_box import BlackBox
 from frictionid.identifiers.check_identifier import check_identifier

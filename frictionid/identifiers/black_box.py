@@ -1,8 +1,7 @@
-"""Models without physics: what another identifier finds where nothing is known of the machine.
+"""Models without physics: any identifier, on joints of unit inertia instead of the mechanism.
 
-Their law says all of the acceleration, dw/dt = -Tf(q, w, u of all joints). They see the recordings
-as the motion of joints of unit inertia on which nothing else acts, and are judged on the same rows,
-folds and rollouts as friction is.
+Their law is the negative acceleration, dw/dt = -Tf(q, w, u of all joints). They are scored on the
+same rows, folds and rollouts as models of friction.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from frictionid.identifiers.residual import Problem
 
 @dataclass(frozen=True)
 class BlackBox(Identifier):
-    """Identifier that gets a problem of unit inertia, in which rows at rest count like all others.
+    """Fits a problem of unit inertia, in which rows of joints at rest count like all others.
 
-    inner : finds a law that is the negative acceleration
+    inner : identifier of a law that is the negative acceleration
 
     >>> import numpy as np
     >>> from frictionid.identifiers import SparseDynamics
@@ -35,7 +34,7 @@ class BlackBox(Identifier):
 
     @property
     def seeded(self) -> bool:
-        """Whether a seed changes what the inner identifier finds."""
+        """Whether the seed may change the result of the inner identifier."""
         return self.inner.seeded
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:

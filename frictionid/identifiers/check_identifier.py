@@ -1,4 +1,4 @@
-"""Checks that an identifier keeps to the protocol of `Identifier`, for one's own as for ours."""
+"""The protocol of `Identifier` as a check, for one's own and for the built-in ones."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from frictionid.identifiers.synthetic_problem import synthetic_problem, syntheti
 def check_identifier(
     identifier: Identifier, *, joints: Sequence[int] = (1, 2), tolerance: float = 1e-6
 ) -> None:
-    """Nothing, where the identifier keeps to its contract on small problems of its own.
+    """Raises AssertionError if the identifier violates the protocol on small synthetic problems.
 
     Parameters
     ----------
     identifier : Identifier
     joints : sequence of 1 or 2
-        Numbers of joints to check; fixed friction fits only its own.
+        Numbers of joints to check; published friction fits only its own.
     tolerance : float
         Largest difference of torques that should be equal, relative to their root mean square,
         where the order of summation may differ. The same seed must give exactly the same.
@@ -33,7 +33,7 @@ def check_identifier(
     Raises
     ------
     AssertionError
-        With one sentence that names the rule which is broken.
+        With one sentence that names the broken rule.
 
     Examples
     --------
@@ -44,17 +44,14 @@ def check_identifier(
     for n in joints:
         problem = synthetic_problem(n)
         check = _Check(identifier, problem, synthetic_weights(problem), tolerance)
-        check.identity()
+        check.settings()
         friction = check.fit()
-        check.friction(friction)
-        check.folds(friction)
-        check.weights(friction)
-        check.repetition(friction)
-        check.seeds(friction)
+        for rule in (check.friction, check.folds, check.weights, check.repetition, check.seeds):
+            rule(friction)
 
 
 class _Check(NamedTuple):
-    """The rules, one method each; a broken one raises AssertionError."""
+    """The rules of the protocol, one method each, on a problem with training weights (F, K)."""
 
     identifier: Identifier
     problem: Problem
@@ -75,12 +72,14 @@ class _Check(NamedTuple):
             )
             raise AssertionError(message) from None
 
-    def identity(self) -> None:
+    def settings(self) -> None:
+        """It is an identifier whose settings are in its repr."""
+        self.require(isinstance(self.identifier, Identifier), "it must derive from Identifier")
         same = repr(self.copy(self.identifier, "it")) == repr(self.identifier)
         self.require(same, "its repr must say its settings, because results are known by it")
 
     def fit(self) -> Friction:
-        """Friction of all folds; fitting changes nothing else."""
+        """Friction of all folds; fitting changes neither its arguments nor the identifier."""
         problem, weights = self.copy(self.problem, "the problem"), self.training.copy()
         before = repr(self.identifier)
         friction = self.identifier.fit(problem, weights, 0)
@@ -90,7 +89,7 @@ class _Check(NamedTuple):
         return friction
 
     def friction(self, friction: Friction) -> None:
-        """Friction of the right shape, that predicts and pickles."""
+        """The result is a Friction of the right shape that predicts and pickles."""
         self.require(isinstance(friction, Friction), "fit must give a Friction")
         F, n = len(self.training), self.problem.r.shape[-1]
         shape, theta = (F, n, len(friction.law.names)), np.asarray(friction.theta)
@@ -105,21 +104,21 @@ class _Check(NamedTuple):
         memory = friction.law.start(theta[:, None], x)
         for sign in (1.0, -1.0):
             limit = friction.law.limit(theta[:, None], x._replace(w=sign + 0.0 * x.w), memory)
-            given = np.shape(limit)
-            self.require(_fills(given, shape), f"limit must be {shape} at the nodes, not {given}")
+            fills = _fills(np.shape(limit), shape)
+            self.require(fills, f"limit must be {shape} at the nodes, not {np.shape(limit)}")
             self.require((np.asarray(limit) >= 0).all(), "limit must not be negative")
         copy = self.torque(self.copy(friction, "its friction"))
         self.require(np.array_equal(copy, torque), "pickled friction must give the same torque")
 
     def folds(self, friction: Friction) -> None:
-        """Each fold is what it is alone."""
+        """Each fold is the same when it is fitted alone."""
         torque = self.torque(friction)
         for f, weights in enumerate(self.training):
             alone = self.identifier.fit(self.problem, weights[None], 0)
             self.equal(self.torque(alone)[0], torque[f], f"fold {f} must be the same alone")
 
     def weights(self, friction: Friction) -> None:
-        """Only ratios of weights count, and rows without weight do not."""
+        """Only ratios of weights count; rows without weight have no influence."""
         torque, seen = self.torque(friction), self.training.any(axis=0)
         twice = self.identifier.fit(self.problem, 2.0 * self.training, 0)
         self.equal(self.torque(twice), torque, "doubling all weights must change nothing")
@@ -129,13 +128,14 @@ class _Check(NamedTuple):
         self.equal(self.torque(other), torque, "rows whose weight is zero must have no influence")
 
     def seeds(self, friction: Friction) -> None:
-        """What is said to depend on no seed does not."""
+        """What declares `seeded = False` does not depend on the seed."""
         if not self.identifier.seeded:
             other = self.identifier.fit(self.problem, self.training, 1)
             same = np.array_equal(self.torque(other), self.torque(friction))
             self.require(same, "with seeded = False another seed must give the same numbers")
 
     def repetition(self, friction: Friction) -> None:
+        """The same seed gives the same numbers."""
         again = self.copy(self.identifier, "it").fit(self.problem, self.training, 0)
         same = np.array_equal(again.theta, friction.theta)
         self.require(same, "the same seed must give the same numbers")
@@ -152,6 +152,7 @@ class _Check(NamedTuple):
 
 
 def _fills(given: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """Whether an array of the given shape broadcasts to a shape."""
     try:
         return np.broadcast_shapes(given, shape) == shape
     except ValueError:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.identifiers.residual import Problem
 
 
-@runtime_checkable
-class Identifier(Protocol):
+class Identifier(ABC):
     """Fits friction to a one-step problem; an instance holds settings only, frozen.
 
     One's own identifier derives from this class, has `fit`, and overrides those of the properties
@@ -26,7 +24,6 @@ class Identifier(Protocol):
         and a fold's result does not depend on the others, nor on the size of its weights. The same
         seed gives the same numbers.
         """
-        ...
 
     @property
     def seeded(self) -> bool:

@@ -1,4 +1,4 @@
-"""Other people's numbers: friction as published, so that it stands in the same table."""
+"""Published friction: given numbers, compared with fitted ones in the same tables."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ from frictionid.mechanics.calibration import stack_calibrations
 class Published(Identifier):
     """Identifier `published`: a given friction, the same in every fold.
 
-    Mechanism parameters and a calibration of its own replace those of the data set.
+    Its own mechanism parameters and calibration replace those of the data set.
+
+    Raises
+    ------
+    InputError
+        In a fit, where the data have another number of joints.
     """
 
     friction: Friction

@@ -1,4 +1,4 @@
-"""A small problem with known friction, on which the contract of identifiers is checked."""
+"""A small problem with known friction, on which the protocol of identifiers is checked."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 
 
 def true_friction(joints: int) -> Friction:
-    """Friction of the practice problem, of one or two joints."""
+    """True friction of the synthetic problem, of one or two joints."""
     return Friction(Stribeck(), _TRUTH[:joints])
 
 
 def synthetic_problem(joints: int, noise: float = _NOISE) -> Problem:
     """One-step problem of a pendulum with one or two driven joints: 3 recordings of 40 rows.
 
-    Its motion is a sum of sines; whatever forces that needs, r is such that the true friction
-    leaves nothing but `noise` [rad/s]. Rows have a history of 4 samples.
+    Its motion is a sum of sines. The residual r is that of the true friction, plus `noise` [rad/s].
+    Rows have a history of 4 samples.
 
     >>> problem = synthetic_problem(1, noise=0.0)
     >>> float(abs(problem.residual(along(true_friction(1), problem.nodes))).max())

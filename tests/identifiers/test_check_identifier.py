@@ -269,7 +269,13 @@ class Drawing(Identifier):
         return replace(friction, theta=friction.theta * (1.0 + 1e-3 * seed))
 
 
+class Foreign:
+    def fit(self, problem, weights, seed):
+        return INNER.fit(problem, weights, seed)
+
+
 VIOLATIONS = [
+    (Foreign(), "it must derive from Identifier"),
     (Bare(), "fit must give a Friction"),
     (Single(), r"theta must have shape \(3, 1, 2\), not \(1, 2\)"),
     (Undefined(), "theta must be finite; a failed fit raises"),

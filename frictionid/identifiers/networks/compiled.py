@@ -1,4 +1,4 @@
-"""The cost of a network as code that PyTorch compiles; what that needs, and what to do without."""
+"""The cost of a network as code that PyTorch compiles, with a C++ compiler."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ import os
 import shutil
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from frictionid.errors import InputError
 
-_USUAL = {"darwin": "clang++", "win32": "cl"}  # what PyTorch calls where CXX names nothing else
+_DEFAULT = {"darwin": "clang++", "win32": "cl"}  # what PyTorch calls where CXX names no other
 
 
 def compiler() -> str:
-    """Path of the C++ compiler that PyTorch calls, by CXX or the usual one; "" where none is."""
-    return shutil.which(os.environ.get("CXX") or _USUAL.get(sys.platform, "g++")) or ""
+    """Path of the C++ compiler that PyTorch calls, which CXX may name; "" if there is none."""
+    return shutil.which(_name()) or ""
+
+
+def _name() -> str:
+    return os.environ.get("CXX") or _DEFAULT.get(sys.platform, "g++")
 
 
 def check_compiler() -> None:
@@ -28,15 +33,14 @@ def check_compiler() -> None:
         Saying what to do.
     """
     if not compiler():
-        name = os.environ.get("CXX") or _USUAL.get(sys.platform, "g++")
         raise InputError(
-            f"compile = true: PyTorch needs a C++ compiler, and {name!r} is not found: leave "
+            f"compile = true: PyTorch needs a C++ compiler, and {_name()!r} is not found: leave "
             "compile out, or install one (CXX names another)"
         )
 
 
 def compiled(cost: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of tensors, compiled when it is first called.
+    """The cost as a function of tensors that is compiled when it is first called.
 
     Raises
     ------
@@ -45,24 +49,25 @@ def compiled(cost: Callable[..., Any]) -> Callable[..., Any]:
     """
     import torch
 
-    made: list[Callable[..., Any]] = []
+    with _without_warnings():
+        fast: Callable[..., Any] = torch.compile(cost)
 
-    def first(*tensors: Any) -> Any:
-        if made:
-            return made[0](*tensors)
+    def compiled_cost(*tensors: Any) -> Any:
         try:
-            # it tells at length what it sees of the libraries below
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                fast: Callable[..., Any] = torch.compile(cost)
-                found = fast(*tensors)
+            with _without_warnings():
+                return fast(*tensors)
         except Exception as error:  # whatever its compilers raise
-            words = str(error).strip().splitlines() or [type(error).__name__]
+            reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
             raise InputError(
-                f"compile = true: PyTorch cannot compile this network ({words[0]}): leave compile "
-                "out"
+                f"compile = true: PyTorch cannot compile this network ({reason}): leave compile out"
             ) from None
-        made.append(fast)
-        return found
 
-    return first
+    return compiled_cost
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    """PyTorch warns at length about the libraries that its compilers see."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
