@@ -31,7 +31,7 @@ def compare(
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from frictionid.cli.progress import counted
     from frictionid.comparison.registry import LAWS
-    from frictionid.comparison.results import describe
+    from frictionid.comparison.results import describe, load_results
     from frictionid.comparison.suite import load_suite, tasks_of
     from frictionid.comparison.tasks import Task, lock, prepare_benchmarks, run_tasks
     from frictionid.report import build, show
@@ -57,11 +57,12 @@ def compare(
                 resume=resume,
                 done=done,
             )
-            build(folder)
+            results = load_results(folder)
+            build(results)
     except KeyboardInterrupt:
         typer.echo(
             f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",
             err=True,
         )
         raise typer.Exit(130) from None
-    show(folder)
+    show(results)

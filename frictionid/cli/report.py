@@ -12,11 +12,11 @@ def report(
     folder: Annotated[Path, typer.Argument(help="Result folder of a comparison.")],
 ) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
-    from frictionid.comparison.results import task_documents
+    from frictionid.comparison.results import load_results
     from frictionid.comparison.tasks import lock
     from frictionid.report import build, show
 
-    task_documents(folder)  # complains where there is nothing to report, before the lock is made
+    results = load_results(folder)  # complains where there is nothing to report, before the lock
     with lock(folder):
-        build(folder)
-    show(folder)
+        build(results)
+    show(results)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import platform
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
@@ -36,7 +37,7 @@ from frictionid.evaluation import (
     true_friction,
 )
 from frictionid.evaluation.curves import SLOW
-from frictionid.files import read_json, remove_unfinished, write_json, write_text
+from frictionid.files import read_json, remove_others, remove_unfinished, write_json, write_text
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.shooting.result_document import recordings_own
 
@@ -171,61 +172,85 @@ def _true_parameters(dataset: Dataset) -> dict[str, Any]:
     return out
 
 
-def task_documents(folder: Path) -> list[dict[str, Any]]:
-    """Documents of the finished tasks, in the order of the suite.
+@dataclass(frozen=True, eq=False)
+class Results:
+    """A loaded result folder: each file is parsed once, by `load_results`.
+
+    Attributes
+    ----------
+    provenance, datasets : documents of provenance.json and datasets.json
+    tasks : documents of the finished tasks, in the order of the suite
+    missing : names of the files of unfinished tasks
+    scores : all scores, one per row; columns as in scores.csv (`COLUMNS`), the index is the
+        position of the row's task in `tasks`
+    """
+
+    folder: Path
+    provenance: Mapping[str, Any]
+    datasets: Mapping[str, Mapping[str, Any]]
+    tasks: tuple[Mapping[str, Any], ...]
+    missing: tuple[str, ...]
+    scores: pd.DataFrame
+
+
+def load_results(folder: Path) -> Results:
+    """Results of a comparison's folder, those of finished tasks if it was interrupted.
 
     Raises
     ------
     InputError
-        Where the folder holds no comparison, or none of its tasks is finished.
+        If the folder holds no comparison, none of its tasks is finished, or a file is incomplete.
     """
-    order = read_json(folder / "provenance.json").get("tasks", [])
-    found = [folder / "tasks" / name for name in order]
-    documents = {path: read_json(path) for path in found if path.exists()}
+    provenance = read_json(folder / "provenance.json")
+    paths = [folder / "tasks" / name for name in provenance.get("tasks", [])]
+    documents = {path: read_json(path) for path in paths if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
-    about = read_json(folder / "datasets.json")
+    datasets = read_json(folder / "datasets.json")
     for path, task in documents.items():
-        if not _whole(task, about):
+        if not _complete(task, datasets):
             raise InputError(
                 f"{path}: is no whole result, or does not fit datasets.json: finish the comparison "
                 "anew with --resume"
             )
-    return [_counted(task) for task in documents.values()]
+    tasks = tuple(documents.values())
+    missing = tuple(path.name for path in paths if path not in documents)
+    table = _score_frame(provenance["suite"], tasks, datasets)
+    return Results(folder, provenance, datasets, tasks, missing, table)
 
 
-def _counted(task: dict[str, Any]) -> dict[str, Any]:
-    """A task's document that counts all that was fitted, not the numbers of friction alone."""
-    parameters = (task.get("refined") or {"parameters": ()})["parameters"]
-    more = sum(entry["block"] != "friction" for entry in parameters)
-    rows = {
-        dataset: [[*r[:5], r[5] + more, r[6]] if r[1] == "n_parameters" else r for r in own]
-        for dataset, own in task["rows"].items()
-    }
-    return {**task, "rows": rows}
-
-
-def _whole(task: Mapping[str, Any], about: Mapping[str, Any]) -> bool:
+def _complete(task: Mapping[str, Any], datasets: Mapping[str, Any]) -> bool:
     """Whether a task's document has all its parts, and rows of data sets that are described."""
     rows = task.get("rows")
-    if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(about):
+    if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(datasets):
         return False
     lengths = {len(row) if isinstance(row, list) else 0 for own in rows.values() for row in own}
     return lengths <= {len(SCORE_COLUMNS)}
 
 
-def scores(folder: Path) -> pd.DataFrame:
-    """All scores of a result folder as one long table with the columns of scores.csv."""
-    suite = read_json(folder / "provenance.json")["suite"]
-    about = read_json(folder / "datasets.json")
+def _score_frame(
+    suite: str, tasks: Sequence[Mapping[str, Any]], datasets: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Scores of all tasks, see `Results.scores`.
+
+    Rows count angles and numbers of friction: here positions of joints that slide are in m, and
+    `n_parameters` counts what shooting freed beside friction, too.
+    """
     frames = []
-    for task in task_documents(folder):
+    for number, task in enumerate(tasks):
         for dataset, rows in task["rows"].items():
             frame = score_frame(rows)
-            frame["unit"] = frame["unit"].str.replace("rad", about[dataset]["angle_unit"])
+            frame["unit"] = frame["unit"].str.replace("rad", datasets[dataset]["angle_unit"])
+            frame.loc[frame["score"] == "n_parameters", "value"] += _calibration_count(task)
             names = suite, dataset, task["identifier"], task["fit"]
-            frames.append(_long(frame, names, task["seed"]))
-    return pd.concat(frames, ignore_index=True)
+            frames.append(_long(frame, names, task["seed"]).set_axis([number] * len(frame)))
+    return pd.concat(frames)
+
+
+def _calibration_count(task: Mapping[str, Any]) -> int:
+    """Number of fitted parameters that are not friction's, which rows do not count."""
+    parameters = (task.get("refined") or {"parameters": ()})["parameters"]
+    return sum(entry["block"] != "friction" for entry in parameters)
 
 
 def _long(frame: pd.DataFrame, names: Sequence[str], seed: int) -> pd.DataFrame:
@@ -234,24 +259,24 @@ def _long(frame: pd.DataFrame, names: Sequence[str], seed: int) -> pd.DataFrame:
     return frame.assign(**known, seed=seed)[list(COLUMNS)]
 
 
-def reduce(folder: Path) -> pd.DataFrame:
-    """The scores, written with timings.csv and models/*.json from the tasks' files."""
-    table = scores(folder)
-    write_text(folder / "scores.csv", table.to_csv(index=False, float_format="%.9g"))
-    lines, models = [], {}
-    for task in task_documents(folder):
-        key = (task["dataset"], task["identifier"], task["fit"], task["seed"])
-        lines += [(*key, part, seconds) for part, seconds in task["seconds"].items()]
-        models[file_name(*key)] = _model(task)
-    columns = ["dataset", "identifier", "fit", "seed", "part", "seconds"]
-    timings = pd.DataFrame(lines, columns=columns)
+def write_reduction(results: Results) -> None:
+    """Write scores.csv, timings.csv and models/*.json of the finished tasks."""
+    folder = results.folder
+    write_text(folder / "scores.csv", results.scores.to_csv(index=False, float_format="%.9g"))
+    keys = ["dataset", "identifier", "fit", "seed"]
+    timings = pd.DataFrame(
+        [
+            (*(task[key] for key in keys), part, seconds)
+            for task in results.tasks
+            for part, seconds in task["seconds"].items()
+        ],
+        columns=[*keys, "part", "seconds"],
+    )
     write_text(folder / "timings.csv", timings.to_csv(index=False, float_format="%.3f"))
-    for path in (folder / "models").glob("*.json"):
-        if path.name not in models:
-            path.unlink()
-    for name, document in models.items():
-        write_json(folder / "models" / name, document)
-    return table
+    models = [folder / "models" / file_name(*(t[key] for key in keys)) for t in results.tasks]
+    for path, task in zip(models, results.tasks, strict=True):
+        write_json(path, _model(task))
+    remove_others(folder / "models", models)
 
 
 def _model(task: Mapping[str, Any]) -> dict[str, Any]:

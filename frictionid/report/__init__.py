@@ -1,18 +1,14 @@
-"""What a person reads of a comparison: tables, pictures and a summary in words.
+"""The report of a comparison: tables, pictures and a page, all from its loaded results.
 
-evidence    results of the tasks, sorted by data set, identifier and recipe
-scoreboard  the numbers of the summary tables; parameters: those of the fitted models
-pairs       differences between models against the scatter over the folds
-tables      tables as Markdown, LaTeX and for the terminal
-findings    sentences that the numbers support; summary: the page that holds all of it
-boxplots, horizons, tradeoff, curves, motion: one kind of picture each; style: common looks
-question    whether hybrids beat physics alone and black boxes; learned: which of them do
-refined     what shooting found; intervals: its tables; remarks: its sentences; correlation, bands:
-            its pictures; found: all of it for the page
-ensembles   members of ensembles about their mean: a picture, and what captions say of the spread
-loops       friction along sinusoids: pictures, table, sentence; speeds: which occurred; learning:
-            losses over epochs
-write       all files of a report; terminal: what is printed of it
+sections       models, data sets and scores, sorted by what was fitted
+findings, families, memory, loops, shooting_results, reliability    facts: numbers and decisions
+templates      their words; render: fills them
+numbers        numbers as text; estimates: those of shooting
+tables         one table as Markdown, LaTeX and for the terminal
+*_table(s)     the tables of a report
+figures        the pictures: one kind in each file, panels and style are shared
+page, write    the page summary.md, and all files of a report; terminal: what is printed of it
+diagnostics, tuning    a verdict of `check`, and the outcome of `tune`
 """
 
 from frictionid.report.terminal import show, show_refined, show_scores

@@ -1,4 +1,4 @@
-"""Numbers as they stand in tables and sentences."""
+"""Numbers as text, for tables and templates."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from frictionid.arrays import Array
+
 NOTHING = "–"
 INFINITE = "∞"
+MINUS = "−"
 MOST_DECIMALS = 5
 
 
@@ -58,34 +61,65 @@ def percent(share: float) -> str:
     return ">99 %" if 0.99 < share < 1 else f"{100 * share:.0f} %"
 
 
-def far(angle_unit: str) -> str:
-    """How far off a prediction has diverged, in words (`evaluation.rows.far`).
+def factor(value: float) -> str:
+    """A factor.
 
-    >>> far("rad"), far("m")
+    >>> factor(1.04), factor(2.345), factor(23.4), factor(0.5)
+    ('1.04', '2.3', '23', '0.50')
+    """
+    return fixed(value, 2 if value < 1.1 else 1 if value < 10 else 0)
+
+
+def signed(value: float, places: int) -> str:
+    """A difference with so many decimals and its sign.
+
+    >>> signed(-0.0123, 3), signed(0.5, 1), signed(-0.0001, 2)
+    ('−0.012', '+0.5', '0.00')
+    """
+    text = f"{fixed(abs(value), places)}"
+    if not any(digit in text for digit in "123456789"):
+        return text
+    return f"{'+' if value >= 0 else MINUS}{text}"
+
+
+def with_error(mean: float, error: float) -> str:
+    """A mean with its standard error, of which one digit is shown.
+
+    >>> with_error(0.07, 0.00091), with_error(-0.012, 0.01), with_error(0.5, 0.0)
+    ('0.0700 ± 0.0009', '−0.012 ± 0.010', '0.50 ± 0.00')
+    """
+    places = decimals([error, mean / 10], 1)
+    return f"{fixed(mean, places).replace('-', MINUS)} ± {fixed(error, places)}"
+
+
+def mean_sd(values: Array, places: int | None = None) -> str:
+    """Mean ± standard deviation of the finite ones of values (F,).
+
+    places : decimals; by default those that leave the deviation two digits
+
+    >>> mean_sd(np.array([1.0, 1.2, np.nan])), mean_sd(np.array([2.0])), mean_sd(np.array([]))
+    ('1.10 ± 0.14', '2.0', '–')
+    """
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return NOTHING
+    mean = float(known.mean())
+    if len(known) == 1 or np.ptp(known) < 1e-9:
+        return short(mean) if abs(mean) > 1e-9 else "0"
+    deviation = float(known.std(ddof=1))
+    places = decimals([deviation]) if places is None else places
+    return f"{fixed(mean, places)} ± {fixed(deviation, places)}"
+
+
+def divergence_limit(angle_unit: str) -> str:
+    """Error beyond which a prediction has diverged (`evaluation.score_rows.far`).
+
+    >>> divergence_limit("rad"), divergence_limit("m")
     ('1 rad', 'a quarter of the travel')
     """
     return "1 rad" if angle_unit == "rad" else "a quarter of the travel"
 
 
 def seconds(horizon: float) -> str:
-    """A time span in words of tables: "0.25 s"."""
+    """A time span: "0.25 s"."""
     return f"{horizon:g} s"
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names as a sentence lists them.
-
-    >>> listed(["a"]), listed(["a", "b", "c"])
-    ('a', 'a, b and c')
-    """
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
-
-
-def coordinate(unit: str) -> str:
-    """What a joint's coordinate is called, by its unit.
-
-    >>> coordinate("rad"), coordinate("m")
-    ('angle', 'position')
-    """
-    return "angle" if unit == "rad" else "position"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -53,6 +53,16 @@ class Table(NamedTuple):
     label: str
     columns: tuple[Column, ...]
     lines: tuple[Line, ...]
+
+
+def line(cells: Iterable[str | Cell], block: str = "", title: str = "") -> Line:
+    """A line of cells, some of them plain text."""
+    return Line(tuple(c if isinstance(c, Cell) else Cell(c) for c in cells), block, title)
+
+
+def words(*names: str) -> list[Column]:
+    """Columns that hold words: they stand at the left of their cells."""
+    return [Column(name, words=True) for name in names]
 
 
 def blocks(table: Table) -> list[list[Line]]:
@@ -186,50 +196,54 @@ def for_terminal(table: Table) -> list[Any]:
     from rich.cells import cell_len
     from rich.text import Text
 
-    several = len({title for line in table.lines if (title := line.title)}) > 0
+    indent = 1 + any(line.title for line in table.lines)
     widths = [
         max(map(cell_len, [column.name, *(line.cells[i].text for line in table.lines)]))
         for i, column in enumerate(table.columns)
     ]
-    indent = " " * (1 + several)
-    out = [*_heads(table.columns, widths, len(indent) - 1)]
-    total = max(len(line.plain) for line in out)
+    top = _group_heads(table.columns, widths, indent)
+    names = [Cell(column.name) for column in table.columns]
+    heads = [top] * bool(top.plain) + [_aligned(names, table.columns, widths, indent)]
+    rule = Text("─" * max(len(line.plain) for line in heads), style="dim")
+    out = [*heads, rule]
     for lines in blocks(table):
         if lines[0].title:
             out.append(Text(f" {lines[0].title}", style="italic"))
-        for line in lines:
-            row = Text(indent)
-            for cell, width, column in zip(line.cells, widths, table.columns, strict=True):
-                space = " " * (width - cell_len(cell.text))
-                before, after = ("", space) if column.words else (space, "")
-                row.append(before).append(cell.text, "bold" if cell.best else "")
-                row.append(after + " " * GAP)
-            row.rstrip()
-            out.append(row)
-        out.append(Text("─" * total, style="dim"))
+        out += [_aligned(line.cells, table.columns, widths, indent) for line in lines]
+        out.append(rule)
     return out
 
 
-def _heads(columns: Sequence[Column], widths: list[int], shift: int) -> list[Any]:
-    """Headings of groups and columns; a group wider than its columns widens the last of them."""
+def _aligned(
+    cells: Sequence[Cell], columns: Sequence[Column], widths: Sequence[int], indent: int
+) -> Any:
+    """Cells in columns: words at the left, numbers at the right."""
+    from rich.cells import cell_len
     from rich.text import Text
 
-    top, at = Text(" " * (1 + shift)), 0
+    row = Text(" " * indent)
+    for cell, width, column in zip(cells, widths, columns, strict=True):
+        space = " " * (width - cell_len(cell.text))
+        before, after = ("", space) if column.words else (space, "")
+        row.append(before).append(cell.text, "bold" if cell.best else "")
+        row.append(after + " " * GAP)
+    row.rstrip()
+    return row
+
+
+def _group_heads(columns: Sequence[Column], widths: list[int], indent: int) -> Any:
+    """Headings of the groups; one wider than its columns widens the last of them."""
+    from rich.text import Text
+
+    top, at = Text(" " * indent), 0
     for group, members in groupby(columns, key=lambda column: column.above):
         count = len(list(members))
         own = sum(widths[at : at + count]) + GAP * (count - 1)
         widths[at + count - 1] += max(0, len(group) - own)
         own = max(own, len(group))
         at += count
-        line = (
-            f" {group} ".center(own, "─") if group and own > len(group) + 3 else group.center(own)
-        )
-        top.append(line + " " * GAP, "dim" if group else "")
-    names = Text(" " * (1 + shift))
-    for column, width in zip(columns, widths, strict=True):
-        name = column.name.ljust(width) if column.words else column.name.rjust(width)
-        names.append(name + " " * GAP)
-    for line in (top, names):
-        line.rstrip()
-    rule = Text("─" * max(len(top.plain), len(names.plain)), style="dim")
-    return ([top] if top.plain else []) + [names, rule]
+        ruled = group and own > len(group) + 3
+        top.append(f" {group} ".center(own, "─") if ruled else group.center(own), "dim")
+        top.append(" " * GAP)
+    top.rstrip()
+    return top

@@ -1,237 +1,255 @@
-"""The report of a result folder: tables, pictures and summary, made anew from the tasks' files."""
+"""The report of a comparison: tables, pictures and summary, made anew from its results."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import pandas as pd
-
-from frictionid.comparison.results import reduce
-from frictionid.files import file_names, remove_others, write_bytes, write_text
+from frictionid.comparison.results import Results, write_reduction
+from frictionid.files import file_names, remove_others, write_text
+from frictionid.report.difference_table import difference_table
+from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.boxplots import one_step_boxes
+from frictionid.report.figures.correlation import correlation, correlation_caption
 from frictionid.report.figures.curves import friction_curves
-from frictionid.report.figures.ensembles import spread_words, spreads
+from frictionid.report.figures.ensembles import spread_caption, spreads
 from frictionid.report.figures.horizons import rollout_errors
 from frictionid.report.figures.learning import learning_curves
-from frictionid.report.figures.loops import loop_pictures, loop_table
+from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.motion import motions
 from frictionid.report.figures.speeds import speed_table, velocity_scatter
-from frictionid.report.figures.style import Look, drawing, looks, rendered
+from frictionid.report.figures.style import Look, drawing, looks, write_figure
 from frictionid.report.figures.tradeoff import loss_against
-from frictionid.report.load import Evidence, Section, gather
-from frictionid.report.paired import differences
-from frictionid.report.parameters import parameter_numbers, parameter_table
-from frictionid.report.scoreboard import board, caption_of, summary_table
-from frictionid.report.shooting_section import Found, drawn_of_shooting, found, stems
+from frictionid.report.loops import loop_table
+from frictionid.report.page import Exhibits, NamedTable, Picture, page, shooting_fits
+from frictionid.report.parameter_table import parameter_numbers, parameter_table
+from frictionid.report.sections import Model, Section, SummaryData, sections_of
 from frictionid.report.shooting_tables import (
     interval_numbers,
     interval_table,
     window_numbers,
     window_table,
 )
-from frictionid.report.summary import Part, Picture, summary
-from frictionid.report.tables import Table, latex, markdown
-from frictionid.report.text import matter
-
-Drawn = tuple[str, Any, str]  # name of a file, figure, caption
+from frictionid.report.summary_table import caption_of, summary_of, summary_table
+from frictionid.report.tables import latex, markdown
 
 
-def build(folder: Path) -> None:
-    """Write scores.csv, models/, summary.md, tables/ and figures/ of a result folder; fits nothing.
+class Names(NamedTuple):
+    """What names of files and looks are shared by all parts of a report.
 
-    Raises
-    ------
-    InputError
-        Where the folder holds no comparison, or none of its tasks is finished.
+    stems : by the data sets fitted and scored; fits : of the files about fits by shooting
     """
-    evidence = gather(folder)
-    reduce(folder)
+
+    stems: Mapping[tuple[str, str], str]
+    fits: Mapping[Model, str]
+    looks: Mapping[str, Look]
+
+
+def build(results: Results) -> None:
+    """Write scores.csv, models/, summary.md, tables/ and figures/ of a comparison; fits nothing."""
+    write_reduction(results)
+    folder, sections = results.folder, sections_of(results)
+    names = names_of(sections)
     written: list[Path] = []
-    parts = {}
-    names = _file_names(evidence)
+    exhibits = {}
     with drawing():
-        for section in evidence.sections:
-            for dataset in (section.dataset, *section.tests):
-                part, files = _part(folder, evidence, section, dataset, names)
-                parts[section.dataset, dataset] = part
-                written += files
-    write_text(folder / "summary.md", summary(evidence, parts))
+        for section in sections:
+            for data in section.data:
+                own = exhibits_of(section, data, names)
+                exhibits[section.dataset, data.dataset] = own
+                for picture in (*own.pictures, *own.shooting_pictures, *own.linked_pictures):
+                    written += write_figure(folder / "figures", picture.stem, picture.figure)
+                for table in (*own.tables, *own.shooting, *own.linked):
+                    written += _write_table(folder / "tables", table)
+    write_text(folder / "summary.md", page(results, sections, exhibits, names.fits))
     remove_others(folder / "tables", written)
     remove_others(folder / "figures", written)
 
 
-def _file_names(evidence: Evidence) -> dict[tuple[str, str], str]:
-    """Ending of the names of files about what was fitted on one and scored on another data set."""
-    pairs = [(s.dataset, d) for s in evidence.sections for d in (s.dataset, *s.tests)]
+def names_of(sections: tuple[Section, ...]) -> Names:
+    """Names of files, all different, and looks."""
+    pairs = [(section.dataset, data.dataset) for section in sections for data in section.data]
     scored = [dataset for _, dataset in pairs]
     words = {
-        (fitted, dataset): dataset
-        if scored.count(dataset) == 1
-        else f"{dataset}-fitted-on-{fitted}"
-        for fitted, dataset in pairs
+        pair: pair[1] if scored.count(pair[1]) == 1 else f"{pair[1]}-fitted-on-{pair[0]}"
+        for pair in pairs
     }
     unique = file_names(words.values())
-    return {pair: unique[word] for pair, word in words.items()}
+    stems = {pair: unique[word] for pair, word in words.items()}
+    fits: dict[Model, str] = {}
+    for section in sections:
+        own = [model for model in section.models if model.refined is not None]
+        several = len({model.recipe for model in own}) > 1
+        name = stems[section.dataset, section.dataset]
+        labels = {m: f"{name}--{m.label}" + f"--{m.recipe}" * several for m in own}
+        unique = file_names(labels.values())
+        fits |= {model: unique[label] for model, label in labels.items()}
+    return Names(stems, fits, looks(model for section in sections for model in section.models))
 
 
-def _part(
-    folder: Path,
-    evidence: Evidence,
-    section: Section,
-    dataset: str,
-    names: dict[tuple[str, str], str],
-) -> tuple[Part, list[Path]]:
-    """Tables and pictures of one scored data set, written, and what the page shows of them."""
-    name, about = names[section.dataset, dataset], evidence.about[dataset]
-    scores = board(section.entries, dataset, evidence.horizons, about)
-    table = summary_table(scores, caption_of(scores, section))
-    files = _write_table(folder, f"summary--{name}", table, scores.frame)
-    details, shot = [], None
-    if dataset == section.dataset:
-        extra = differences(section, evidence.horizons, about["angle_unit"])
-        if extra:
-            details.append(("Differences between models, paired over the folds", extra))
-            files += _write_table(folder, f"differences--{name}", extra, None)
-        numbers = parameter_table(section, about["joints"])
-        if numbers:
-            details.append(("Parameters of the models", numbers))
-            frame = parameter_numbers(section)
-            files += _write_table(folder, f"parameters--{name}", numbers, frame)
-        for title, stem, more in _memory(section, about):
-            details.append((title, more))
-            files += _write_table(folder, f"{stem}--{name}", more, None)
-        shot, own = _shooting(folder, evidence, section, name)
-        files += own
-    pictures = []
-    for stem, figure, words in _drawn(evidence, section, dataset, name):
-        files += _write_picture(folder, stem, figure)
-        pictures.append(Picture(f"figures/{stem}", words))
-    return Part(table, tuple(pictures), tuple(details), shot), files
-
-
-def _memory(section: Section, about: Any) -> Iterator[tuple[str, str, Table]]:
-    """Tables of loops, and of the speeds beside them, where models remember."""
-    loops = loop_table(section, about)
-    if loops is not None:
-        yield "Loops of friction over velocity", "loops", loops
-        if "speeds" in about:
-            yield "How fast the joints were", "speeds", speed_table(section.dataset, about)
-
-
-def _shooting(
-    folder: Path, evidence: Evidence, section: Section, name: str
-) -> tuple[Found | None, list[Path]]:
-    """Tables and pictures of the fits by shooting, written, and what the page says of them."""
-    about, files = evidence.about[section.dataset], []
-    for entry, stem in stems(section, name).items():
-        table = interval_table(entry, section.dataset, about, section.of_role("given"))
-        numbers = interval_numbers(entry, about)
-        files += _write_table(folder, f"shooting--{stem}", table, numbers)
-        windows = window_table(entry, section.dataset)
-        if windows is not None:
-            files += _write_table(folder, f"windows--{stem}", windows, window_numbers(entry))
-    every = looks(entry for part in evidence.sections for entry in part.entries)
-    for stem, figure in drawn_of_shooting(section, about, name, every):
-        files += _write_picture(folder, stem, figure)
-    told = matter(section, section.dataset, evidence.horizons, about)
-    return found(told, about, name), files
-
-
-def _write_picture(folder: Path, stem: str, figure: Any) -> list[Path]:
-    """Write a figure in all its formats."""
-    paths = []
-    for kind, content in rendered(figure).items():
-        paths.append(folder / "figures" / f"{stem}.{kind}")
-        write_bytes(paths[-1], content)
-    return paths
-
-
-def _write_table(folder: Path, stem: str, table: Table, frame: pd.DataFrame | None) -> list[Path]:
+def _write_table(folder: Path, named: NamedTable) -> list[Path]:
     """Write a table as Markdown and LaTeX, and its numbers as CSV where there are any."""
-    texts = {"md": markdown(table), "tex": latex(table)}
-    if frame is not None:
-        texts["csv"] = frame.to_csv(index=False, float_format="%.9g")
-    paths = []
-    for kind, text in texts.items():
-        paths.append(folder / "tables" / f"{stem}.{kind}")
-        write_text(paths[-1], text)
-    return paths
+    texts = {"md": markdown(named.table), "tex": latex(named.table)}
+    if named.numbers is not None:
+        texts["csv"] = named.numbers.to_csv(index=False, float_format="%.9g")
+    paths = {folder / f"{named.stem}.{kind}": text for kind, text in texts.items()}
+    for path, text in paths.items():
+        write_text(path, text)
+    return list(paths)
 
 
-def _drawn(evidence: Evidence, section: Section, dataset: str, name: str) -> Iterator[Drawn]:
-    """Pictures about one scored data set, each with the name of its file and its caption."""
-    about = evidence.about[dataset]
-    every = looks(entry for part in evidence.sections for entry in part.entries)
-    if dataset == section.dataset:
-        yield from _drawn_of_fits(evidence, section, name, every)
+def exhibits_of(section: Section, data: SummaryData, names: Names) -> Exhibits:
+    """Tables and pictures of one scored data set."""
+    stem = names.stems[section.dataset, data.dataset]
+    summary = summary_of(data)
+    table = summary_table(summary, caption_of(data, summary))
+    tables = [NamedTable(f"summary--{stem}", table, summary.frame)]
+    pictures = list(motion_pictures(section, data, names, stem))
+    if not data.held_out:
+        return Exhibits(tuple(tables), tuple(pictures))
+    tables += fitted_tables(section, stem)
+    pictures = [*fitted_pictures(section, names, stem), *pictures]
+    out = Exhibits(tuple(tables), tuple(pictures))
+    fits = [fit.model for fit in shooting_fits(section, names.fits)]
+    if not fits:
+        return out
+    first, *others = (list(fit_tables(section, model, names.fits[model])) for model in fits)
+    shown, *linked = (correlation_picture(section, model, names) for model in fits)
+    return out._replace(
+        shooting=tuple(first),
+        shooting_pictures=(shown, *band_pictures(section, fits, names, stem)),
+        linked=tuple(table for own in others for table in own),
+        linked_pictures=tuple(linked),
+    )
+
+
+# --- Tables ---------------------------------------------------------------------------------------
+
+
+def fitted_tables(section: Section, stem: str) -> Iterator[NamedTable]:
+    """Tables about what was fitted to a data set, beside the summary."""
+    differences = difference_table(section.fitted)
+    if differences is not None:
+        heading = "Differences between models, paired over the folds"
+        yield NamedTable(f"differences--{stem}", differences, None, heading)
+    numbers = parameter_numbers(section)
+    if not numbers.empty:
+        table = parameter_table(section, numbers)
+        yield NamedTable(f"parameters--{stem}", table, numbers, "Parameters of the models")
+    loops = loop_table(section)
+    if loops is not None:
+        yield NamedTable(f"loops--{stem}", loops, None, "Loops of friction over velocity")
+        data = section.description
+        if data.speeds is not None:
+            table = speed_table(section.dataset, data, data.speeds)
+            yield NamedTable(f"speeds--{stem}", table, None, "Speeds of the joints")
+
+
+def fit_tables(section: Section, model: Model, stem: str) -> Iterator[NamedTable]:
+    """Tables of a fit by shooting: parameters, and windows that do not count."""
+    data, given = section.description, section.of_role("given")
+    table = interval_table(model, section.dataset, data, given)
+    yield NamedTable(f"shooting--{stem}", table, interval_numbers(model, data))
+    windows = window_numbers(model.refined or {})
+    if not windows.empty:
+        table = window_table(model, section.dataset, windows)
+        heading = "Windows that were left out or are not explained"
+        yield NamedTable(f"windows--{stem}", table, windows, heading)
+
+
+# --- Pictures -------------------------------------------------------------------------------------
+
+
+def numbered(stem: str, figures: list[Any], caption: str) -> list[Picture]:
+    """Pictures of one kind, numbered where there are several."""
+    several = len(figures) > 1
+    return [
+        Picture(f"{stem}--{i + 1}" if several else stem, figure, caption)
+        for i, figure in enumerate(figures)
+    ]
+
+
+def motion_pictures(
+    section: Section, data: SummaryData, names: Names, stem: str
+) -> Iterator[Picture]:
+    """Predicted motion on one data set, under each recipe."""
     recipes = file_names(section.recipes)
     for recipe in section.recipes:
-        entries = [entry for entry in section.under(recipe) if dataset in entry.scores]
+        models = [model for model in section.under(recipe) if model in data.models]
         beside = f", {recipe} recipe" if len(section.recipes) > 1 else ""
-        figure = motions(entries, dataset, about, every, beside)
+        figure = motions(models, data, names.looks, beside)
         if figure is not None:
-            stem = f"motion--{name}--{recipes[recipe]}"
-            held = "held-out" if dataset == section.dataset else "never seen"
-            yield stem, figure, f"Predicted over measured motion, {dataset}, {held}{beside}."
+            held = "held out" if data.held_out else "never seen"
+            caption = f"Predicted over measured motion, {data.dataset}, {held}{beside}."
+            yield Picture(f"motion--{stem}--{recipes[recipe]}", figure, caption)
 
 
-def _drawn_of_fits(
-    evidence: Evidence, section: Section, name: str, every: dict[str, Look]
-) -> Iterator[Drawn]:
-    dataset, about = section.dataset, evidence.about[section.dataset]
-    unit = about["angle_unit"]
-    boxes = one_step_boxes(section, every, unit)
-    words = (
+def fitted_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Pictures about what was fitted to a data set."""
+    dataset, data, looks = section.dataset, section.description, names.looks
+    boxes = one_step_boxes(section, looks)
+    caption = (
         f"One-step losses on {dataset} over the folds: median, quartiles, range, mean (diamond)."
     )
-    yield f"one_step--{name}", boxes, words
-    errors = rollout_errors(section, evidence.horizons, every, unit)
+    yield Picture(f"one_step--{stem}", boxes, caption)
+    errors = rollout_errors(section, looks)
     if errors is not None:
-        words = f"Rollout errors over the horizon, fitted on {dataset}."
-        yield f"rollouts--{name}", errors, words
-    if about["truth"] is not None and errors is not None:
-        figure = loss_against(section, evidence.horizons[-1], about, every)
-        words = (
-            f"Does a lower one-step loss come with a better model? {dataset}, held out; the dashed "
-            "line is the loss of the true friction."
+        caption = f"Rollout errors over the horizon, fitted on {dataset}."
+        yield Picture(f"rollouts--{stem}", errors, caption)
+    if data.truth is not None and errors is not None:
+        caption = (
+            f"Errors of prediction and of the friction curve over the one-step loss, {dataset}, "
+            "held out; dashed: loss of the true friction."
         )
-        yield f"tradeoff--{name}", figure, words
-    pictures = friction_curves(section, about, every)
-    for i, figure in enumerate(pictures):
-        number = f"--{i + 1}" if len(pictures) > 1 else ""
-        words = f"Friction over velocity, fitted on {dataset}, all folds."
-        words += spread_words(section, about)
-        yield f"curves--{name}{number}", figure, words
-    pictures = spreads(section, about, every)
-    for i, figure in enumerate(pictures):
-        number = f"--{i + 1}" if len(pictures) > 1 else ""
-        words = f"Ensembles fitted on {dataset}, and below their members about the mean."
-        words += spread_words(section, about)
-        yield f"members--{name}{number}", figure, words
-    yield from _drawn_of_memory(section, about, name, every)
-
-
-def _drawn_of_memory(
-    section: Section, about: Any, name: str, every: dict[str, Look]
-) -> Iterator[Drawn]:
-    """Pictures of learning, of loops, and of the speeds beside them."""
-    dataset = section.dataset
-    learned = learning_curves(section.of_role("fitted"), every, "without friction = 1")
+        yield Picture(f"tradeoff--{stem}", loss_against(section, looks), caption)
+    spread = spread_caption(section)
+    caption = f"Friction over velocity, fitted on {dataset}, all folds.{spread}"
+    yield from numbered(f"curves--{stem}", friction_curves(section, looks), caption)
+    caption = f"Ensembles fitted on {dataset}; below, their members about the mean.{spread}"
+    yield from numbered(f"members--{stem}", spreads(section, looks), caption)
+    learned = learning_curves(section.of_role("fitted"), looks, "without friction = 1")
     if learned is not None:
-        words = f"Learning curves on {dataset}: the loss over the epochs, each fold."
-        yield f"learning--{name}", learned, words
-    pictures = loop_pictures(section, about, every)
-    stems = file_names(recipe for recipe, _ in pictures)
-    for i, (recipe, figure) in enumerate(pictures):
-        more = f"--{i + 1}" if [r for r, _ in pictures].count(recipe) > 1 else ""
+        caption = f"Learning curves on {dataset}: the loss over the epochs, each fold."
+        yield Picture(f"learning--{stem}", learned, caption)
+    yield from memory_pictures(section, names, stem)
+
+
+def memory_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Pictures of loops, and of the speeds beside them."""
+    by_recipe: dict[str, list[Any]] = {}
+    for recipe, figure in loop_pictures(section, names.looks):
+        by_recipe.setdefault(recipe, []).append(figure)
+    recipes = file_names(by_recipe)
+    for recipe, figures in by_recipe.items():
         beside = f", {recipe} recipe" if recipe and len(section.recipes) > 1 else ""
-        words = (
-            f"Friction along sinusoids, fitted on {dataset}{beside}: mean of the folds at three "
-            "frequencies, each fold at the middle one. Friction that depends on the velocity alone "
-            "shows a line, not a loop."
+        caption = (
+            f"Friction along sinusoids, fitted on {section.dataset}{beside}: mean of the folds at "
+            "three frequencies, each fold at the middle one. Friction that depends on the velocity "
+            "alone shows a line, not a loop."
         )
-        yield f"loops--{name}--{stems[recipe]}{more}", figure, words
-    if pictures and "velocities" in about:
-        yield f"speeds--{name}", velocity_scatter(about), f"Velocities of {dataset}."
+        yield from numbered(f"loops--{stem}--{recipes[recipe]}", figures, caption)
+    velocities = section.description.velocities
+    if by_recipe and velocities is not None:
+        figure = velocity_scatter(section.description, velocities)
+        yield Picture(f"speeds--{stem}", figure, f"Velocities of {section.dataset}.")
+
+
+def correlation_picture(section: Section, model: Model, names: Names) -> Picture:
+    """The correlation of a fit's parameters."""
+    data = section.description
+    caption = correlation_caption(model, section.dataset, data)
+    return Picture(f"correlation--{names.fits[model]}", correlation(model, data), caption)
+
+
+def band_pictures(
+    section: Section, fits: list[Model], names: Names, stem: str
+) -> Iterator[Picture]:
+    """Friction curves of the fits by shooting, with their bands."""
+    caption = (
+        f"Friction by shooting on {section.dataset} with its 95 % bands; below, the bands alone, "
+        "and the truth less the fit where it is known. Grey: velocities that were not measured."
+    )
+    ordered = [model for model in section.models if model in fits]
+    figures = curve_bands(ordered, section.description, names.looks)
+    yield from numbered(f"bands--{stem}", figures, caption)

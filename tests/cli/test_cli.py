@@ -181,7 +181,7 @@ def test_report_makes_tables_anew_and_fits_nothing(place, call, monkeypatch):
         code, _, err = call("report", "made")
         assert code == 2 and "another comparison is writing there" in err
     assert call("report", "made")[0] == 0
-    assert made == [Path("made")] * 2
+    assert [results.folder for results in made] == [Path("made")] * 2
 
 
 def test_models_of_one_name_are_told_apart_by_their_folders(place, call):

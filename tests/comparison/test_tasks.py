@@ -15,7 +15,7 @@ import pytest
 from fixtures.tiny_pendulums import compare_into, recordings, write_dataset, write_suite
 
 from frictionid.cli import main
-from frictionid.comparison.results import COLUMNS, reduce, scores, task_documents
+from frictionid.comparison.results import COLUMNS, load_results, write_reduction
 from frictionid.comparison.tasks import lock
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
@@ -284,7 +284,7 @@ def test_scores_have_the_columns_of_the_issue_and_one_row_for_each_key(place):
     assert set(table["unit"]) == {"rad/s", "rad", "1"}
     assert table["value"].notna().all()
     # the same numbers as in the tasks' files, to nine digits
-    full = scores(place / "whole")
+    full = load_results(place / "whole").scores
     np.testing.assert_allclose(table["value"], full["value"], rtol=1e-8)
     # identifiers that differ only in their patience find the same
     parts = [table[table["identifier"] == name]["value"].to_numpy() for name in "abcd"]
@@ -310,7 +310,7 @@ def test_provenance_is_complete(place):
     assert given == SUITE[1][1]
     assert len(document["tasks"]) == 6
     assert {p.name for p in (place / "whole" / "tasks").iterdir()} == set(document["tasks"])
-    for task in task_documents(place / "whole"):
+    for task in load_results(place / "whole").tasks:
         assert "identifier" in task["settings"] and "recipe" in task["settings"]
         assert len(task["digest"]) == 64
 
@@ -337,15 +337,16 @@ def test_tables_are_made_of_what_is_finished(place, tmp_path):
         copy.write_bytes(path.read_bytes())
     (tmp_path / "tasks" / "tiny--a--integral--seed0.json").unlink()
     (tmp_path / "models" / "old.json").write_text("{}")
-    table = reduce(tmp_path)
-    assert set(table["identifier"]) == {"none", "b", "c", "d", "truth"}
+    results = load_results(tmp_path)
+    write_reduction(results)
+    assert set(results.scores["identifier"]) == {"none", "b", "c", "d", "truth"}
     assert {path.name for path in (tmp_path / "models").iterdir()} == {
         f"tiny--{name}--integral--seed0.json" for name in ("none", "b", "c", "d", "truth")
     }
     for path in (tmp_path / "tasks").iterdir():
         path.unlink()
     with pytest.raises(InputError, match="holds no finished task: run frictionid compare first"):
-        task_documents(tmp_path)
+        load_results(tmp_path)
 
 
 # --- Folders that are none -----------------------------------------------------------------------

@@ -15,11 +15,9 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
 from frictionid.identifiers import BlackBox, CompressedNetwork, LeastSquares, Network, StateNetwork
 from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.report import build
 from frictionid.report.figures.curves import friction_curves
-from frictionid.report.figures.ensembles import held, spread, spread_words, spreads
+from frictionid.report.figures.ensembles import share_held, spread, spread_caption, spreads
 from frictionid.report.figures.style import drawing, looks
-from frictionid.report.load import gather
 
 DEVIATION = np.sqrt(2.5)  # of -2 .. 2
 
@@ -42,8 +40,7 @@ def ensemble(name="wide", offset=0.0, size=0.01):
 
 def gathered(folder, *tasks, **about):
     made.write(folder, list(tasks), {"made": made.about(**about)})
-    evidence = gather(folder)
-    return evidence.sections[0], evidence.about["made"]
+    return made.section(folder)
 
 
 def test_a_task_stores_the_curves_of_members_and_their_mean_is_the_fit(benchmark):
@@ -65,17 +62,17 @@ def test_what_is_no_ensemble_of_friction_has_no_members(benchmark):
 
 
 def test_the_band_is_one_standard_deviation_about_the_fit_to_all_data(tmp_path):
-    section, about = gathered(tmp_path, ensemble(), made.task("other", {"made": made.rows(1, 1)}))
-    wide, other = section.entries
+    section = gathered(tmp_path, ensemble(), made.task("other", {"made": made.rows(1, 1)}))
+    wide, other = section.models
     np.testing.assert_allclose(spread(wide), 0.01 * DEVIATION)
     assert spread(other) is None
     with drawing():
-        (curves,) = friction_curves(section, about, looks(section.entries))
-        (own,) = spreads(section, about, looks(section.entries))
+        (curves,) = friction_curves(section, looks(section.models))
+        (own,) = spreads(section, looks(section.models))
     for picture, count in ((curves, 2), (own, 4)):
         bands = [c for a in picture.axes for c in a.collections if isinstance(c, PolyCollection)]
         assert len(bands) == count  # of the ensemble's panels, for both joints
-    w = np.asarray(about["velocity"])[:, 0]
+    w = section.description.velocity[:, 0]
     (band,) = (c for c in curves.axes[0].collections if isinstance(c, PolyCollection))
     x, y = band.get_paths()[0].vertices.T
     off = y - np.interp(x, w, wide.curves[-1][:, 0])
@@ -86,23 +83,23 @@ def test_the_band_is_one_standard_deviation_about_the_fit_to_all_data(tmp_path):
 def test_where_the_truth_is_known_the_page_says_how_often_the_band_holds_it(
     tmp_path, offset, share
 ):
-    section, about = gathered(tmp_path, ensemble(offset=offset))
-    assert held(section.entries[0], about) == share
-    words = spread_words(section, about)
-    assert "the 5 members of wide" in words and "no interval that was calibrated" in words
-    assert f"the truth lies in it at {share:.0%}".replace("%", " %") in words
+    section = gathered(tmp_path, ensemble(offset=offset))
+    assert share_held(section.models[0], section.description) == share
+    words = spread_caption(section)
+    assert "the 5 members of wide" in words and "no calibrated interval" in words
+    assert f"holds the truth: wide {share:.0%}".replace("%", " %") in words
 
 
 def test_without_a_truth_nothing_is_told_of_it(tmp_path):
-    section, about = gathered(tmp_path, ensemble(), truth=False)
-    assert "truth" not in spread_words(section, about)
+    section = gathered(tmp_path, ensemble(), truth=False)
+    assert "truth" not in spread_caption(section)
     with drawing():
-        assert len(spreads(section, about, looks(section.entries))) == 1
+        assert len(spreads(section, looks(section.models))) == 1
 
 
 def test_the_page_shows_the_picture_and_says_what_the_band_is(tmp_path):
     gathered(tmp_path, ensemble())
-    build(tmp_path)
+    made.built(tmp_path)
     page = (tmp_path / "summary.md").read_text()
     assert "(figures/members--made.png)" in page
     assert page.count("one standard deviation over the 5 members of wide") == 4  # two pictures
@@ -110,6 +107,6 @@ def test_the_page_shows_the_picture_and_says_what_the_band_is(tmp_path):
 
 
 def test_without_an_ensemble_nothing_is_drawn_or_told(tmp_path):
-    section, about = gathered(tmp_path, made.task("plain", {"made": made.rows(0.3, 0.2)}))
-    assert spread_words(section, about) == ""
-    assert spreads(section, about, looks(section.entries)) == []
+    section = gathered(tmp_path, made.task("plain", {"made": made.rows(0.3, 0.2)}))
+    assert spread_caption(section) == ""
+    assert spreads(section, looks(section.models)) == []

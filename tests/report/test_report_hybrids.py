@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from fixtures import result_folders as made
 
+from frictionid.report.families import families, family, family_table
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.style import looks
-from frictionid.report.hybrid_text import family, question
-from frictionid.report.load import gather
-from frictionid.report.summary import Part, summary
-from frictionid.report.tables import Table
-from frictionid.report.warnings_text import loose
+from frictionid.report.reliability import loose
 
 NOISE = np.array([-0.002, 0.001, 0.002, -0.001])
 
@@ -30,7 +27,8 @@ def model(name, kind, rollout, *, box=False, role="fitted", noise=NOISE):
 SIZES = {"made": 1.0, "far": 3.0}
 
 
-def asked(folder, hybrid, *, noise=NOISE):
+def compared(folder, hybrid, *, noise=NOISE):
+    """Section of a textbook model, a hybrid, a black box and no friction."""
     tasks = [
         model("textbook", "stribeck", 0.04),
         model("learned", "mlp", hybrid, noise=noise),
@@ -38,41 +36,35 @@ def asked(folder, hybrid, *, noise=NOISE):
         model("nothing", "none", 0.5, role="none"),
     ]
     about = {name: made.about(tests=None if name == "made" else "made") for name in SIZES}
-    made.write(folder, tasks, about)
-    evidence = gather(folder)
-    return evidence, question(evidence.sections[0], evidence.horizons, evidence.about)
+    return made.section(made.write(folder, tasks, about))
 
 
 @pytest.mark.parametrize(
-    ("hybrid", "answer"),
-    [
-        (0.01, "beats both"),
-        (0.1, "beats the black box, but not physics alone"),
-        (0.9, "beats neither"),
-    ],
+    ("hybrid", "beats"), [(0.01, (True, True)), (0.1, (False, True)), (0.9, (False, False))]
 )
-def test_the_answer_follows_the_numbers(tmp_path, hybrid, answer):
-    _, found = asked(tmp_path, hybrid)
-    assert len(found.words) == 2  # one for each data set
-    assert all(f": the hybrid {answer}" in sentence for sentence in found.words)
-    assert "`learned`" in found.words[0] and "`blind`" in found.words[0]
+def test_the_answer_follows_the_numbers(tmp_path, hybrid, beats):
+    section = compared(tmp_path, hybrid)
+    assert len(section.data) == 2
+    for data in section.data:
+        found = families(data)
+        over = (found.versus_physics, found.versus_box)
+        assert [c.model.label for c in over] == ["learned"] * 2
+        assert [c.other.label for c in over] == ["textbook", "blind"]
+        assert tuple(c.value < c.other_value for c in over) == beats
 
 
 def test_what_the_folds_cannot_tell_is_said(tmp_path):
-    told = "though the folds hardly tell it from"
-    _, found = asked(tmp_path / "alike", 0.0399)
-    assert told not in found.words[0]  # all folds have the same noise
-    _, found = asked(tmp_path / "apart", 0.0399, noise=-NOISE)
-    assert f"{told} physics alone" in found.words[0]
-    assert told not in found.words[1]  # data that only test have no folds
-    _, found = asked(tmp_path / "nothing", float("nan"))
-    assert found.words == ()
+    alike = families(compared(tmp_path / "alike", 0.0399).fitted)
+    assert alike.versus_physics.pair.clear  # all folds have the same noise
+    apart = compared(tmp_path / "apart", 0.0399, noise=-NOISE)
+    assert families(apart.fitted).versus_physics.pair.clear is False
+    assert families(apart.fitted).versus_box.pair.clear
+    lost = families(compared(tmp_path / "nothing", float("nan")).fitted)
+    assert lost.versus_physics is None
 
 
 def test_each_model_has_its_family(tmp_path):
-    evidence, _ = asked(tmp_path, 0.01)
-    told = {entry.label: family(entry) for entry in evidence.sections[0].entries}
-    assert told == {
+    assert {model.label: family(model) for model in compared(tmp_path, 0.01).models} == {
         "textbook": "physics",
         "learned": "hybrid",
         "blind": "black box",
@@ -81,33 +73,35 @@ def test_each_model_has_its_family(tmp_path):
 
 
 def test_the_table_has_every_model_and_the_best_of_each_column(tmp_path):
-    _, found = asked(tmp_path, 0.01)
-    names = [line.cells[1].text for line in found.table.lines]
+    table = family_table(compared(tmp_path, 0.01))
+    names = [line.cells[1].text for line in table.lines]
     assert names == ["nothing", "textbook", "learned", "blind"]
-    best = [line.cells[1].text for line in found.table.lines if line.cells[2].best]
+    best = [line.cells[1].text for line in table.lines if line.cells[2].best]
     assert best == ["learned"]
-    assert len(found.table.columns) == 2 + 4  # two horizons on two data sets
+    assert len(table.columns) == 2 + 4  # two horizons on two data sets
 
 
 def test_without_a_black_box_nothing_is_asked(tmp_path):
     made.write(tmp_path, [model("textbook", "stribeck", 0.1), model("learned", "mlp", 0.1)])
-    evidence = gather(tmp_path)
-    assert question(evidence.sections[0], evidence.horizons, evidence.about) is None
+    section = made.section(tmp_path)
+    assert family_table(section) is None and families(section.fitted).versus_physics is None
 
 
-def test_the_page_asks_and_answers(tmp_path):
-    evidence, found = asked(tmp_path, 0.01)
-    empty = Part(Table("", "", (), ()), ())
-    page = summary(evidence, {("made", "made"): empty, ("made", "far"): empty})
-    assert "### Do hybrids beat physics alone, and models without physics?" in page
-    assert all(sentence in page for sentence in found.words)
+def test_the_page_asks_and_answers(tmp_path, monkeypatch):
+    made.undraw(monkeypatch)
+    compared(tmp_path, 0.0399, noise=-NOISE)
+    page = (made.built(tmp_path) / "summary.md").read_text()
+    assert "### Physics, hybrids and black boxes" in page
+    answer = "Best hybrid after 0.5 s, held out: `learned`, 0.020 rad. Against the best textbook"
+    assert f"{answer} physics, `textbook`, 0.020 rad: not clearly better." in page
+    assert "black box, `blind`, 0.10 rad: clearly better." in page
+    assert "on `far`: `learned`, 0.060 rad. Against the best textbook physics" in page
 
 
 def test_a_black_box_has_neither_a_curve_nor_loose_parameters(tmp_path):
-    evidence, _ = asked(tmp_path, 0.01)
-    section = evidence.sections[0]
-    blind = next(entry for entry in section.entries if entry.label == "blind")
+    section = compared(tmp_path, 0.01)
+    blind = next(model for model in section.models if model.label == "blind")
     assert loose(blind) == 0 and not np.isfinite(blind.curves).any()
-    pictures = friction_curves(section, evidence.about["made"], looks(section.entries))
+    pictures = friction_curves(section, looks(section.models))
     shown = [axis.get_title() for axis in pictures[0].axes]
     assert "learned" in shown and "blind" not in shown

@@ -1,4 +1,4 @@
-"""What shooting found, in the report: the document's numbers, and no digits that are not known."""
+"""Results of shooting in the report: the document's numbers, and no digits that are not known."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.identifiers import LeastSquares
 from frictionid.mechanics import mechanism_of, parameters_of
-from frictionid.report import build, show_refined, write
-from frictionid.report.figures import bands
+from frictionid.report import show_refined, write
+from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.correlation import STRONG, correlation
+from frictionid.report.figures.panels import measured
 from frictionid.report.figures.style import looks
-from frictionid.report.load import gather
 from frictionid.report.shooting_tables import interval_table
 from frictionid.shooting import Settings, Shooting, refine
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
@@ -61,14 +61,14 @@ def pendulums():
 def few_pictures():
     """Builds leave out the pictures that are no part of this."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(write, "_drawn", lambda *_: ())
+        made.undraw(patch)
         yield
 
 
 @pytest.fixture
 def undrawn(monkeypatch):
     """Builds that leave out all pictures: those take longest."""
-    monkeypatch.setattr(write, "drawn_of_shooting", lambda *_: ())
+    monkeypatch.setattr(write, "write_figure", lambda *_: [])
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +85,7 @@ def computed(tmp_path_factory):
         folder, "s", "", {"folds": {"count": 2, "kind": "recordings"}}, tasks, prepared_benchmarks
     )
     run_tasks(tasks, prepared_benchmarks, folder / "tasks", LAWS, jobs=1)
-    build(folder)
-    return folder
+    return made.built(folder)
 
 
 @pytest.fixture(scope="module")
@@ -100,13 +99,6 @@ def document(computed):
     return json.loads(path.read_text())["refined"]
 
 
-def entries(folder):
-    """The only section's entries, and what is known of its data set."""
-    evidence = gather(folder)
-    section = evidence.sections[0]
-    return section.entries, evidence.about[section.dataset]
-
-
 def folder_of(tmp_path, refined, **changes):
     """A result folder with one fit by shooting."""
     own = made.task("law", {"made": made.rows(0.3, 0.2, curve=0.1)}, refined=refined)
@@ -115,8 +107,7 @@ def folder_of(tmp_path, refined, **changes):
 
 def page(tmp_path, refined, **changes):
     """The page about such a fit, without the marks of code."""
-    folder = folder_of(tmp_path, refined, **changes)
-    build(folder)
+    folder = made.built(folder_of(tmp_path, refined, **changes))
     return (folder / "summary.md").read_text().replace("`", "")
 
 
@@ -133,27 +124,27 @@ def test_numbers_are_those_of_the_fit(numbers, document):
         assert line["identified"] == entry["identified"]
 
 
-def test_what_is_told_and_what_is_true_stand_beside(numbers):
+def test_nominal_and_true_values_stand_beside(numbers):
     mechanism = mechanism_of(PENDULUM)
-    told, true = (mechanism.base(parameters_of(PENDULUM, p)) for p in ({}, HEAVIER))
+    nominal, true = (mechanism.base(parameters_of(PENDULUM, p)) for p in ({}, HEAVIER))
     inertia = numbers[numbers["block"] == "inertia"]
-    assert inertia["told"].to_numpy() == pytest.approx(told, rel=1e-8)
+    assert inertia["nominal"].to_numpy() == pytest.approx(nominal, rel=1e-8)
     assert inertia["true"].to_numpy() == pytest.approx(true, rel=1e-8)
     lines = numbers.set_index("parameter")
-    assert lines.loc["torque delay", "true"] == DELAY and lines.loc["torque delay", "told"] == 0
-    assert lines.loc["coulomb", "true"] == COULOMB and np.isnan(lines.loc["coulomb", "told"])
+    assert lines.loc["torque delay", "true"] == DELAY and lines.loc["torque delay", "nominal"] == 0
+    assert lines.loc["coulomb", "true"] == COULOMB and np.isnan(lines.loc["coulomb", "nominal"])
     # without a peak its width is any
     assert lines.loc["peak", "true"] == 0 and np.isnan(lines.loc["stribeck_velocity", "true"])
 
 
 def test_numbers_of_given_models_stand_beside(computed):
-    (entry,), about = entries(computed)
+    section = made.section(computed)
+    (model,), data = section.models, section.description
     own = {"coulomb": {"value": 0.5, "unit": "N m"}, "other": {"value": 7.0, "unit": "1"}}
-    model = {"joints": [own], "parameters": HEAVIER}
-    given = replace(entry, label="M1", role="given", refined=None, model=model)
-    table = interval_table(
-        entry, "pendulum", about, [given, replace(given, label="M2", model={"joints": [{}]})]
-    )
+    document = {"joints": [own], "parameters": HEAVIER}
+    given = replace(model, label="M1", role="given", refined=None, document=document)
+    other = replace(given, label="M2", document={"joints": [{}]})
+    table = interval_table(model, "pendulum", data, [given, other])
     assert [column.name for column in table.columns if column.name.startswith("M")] == ["M1"]
     beside = {line.cells[1].text: line.cells[-1].text for line in table.lines}
     mechanism = mechanism_of(PENDULUM)
@@ -166,7 +157,7 @@ def test_numbers_of_given_models_stand_beside(computed):
 
 def test_the_page_says_what_the_machine_is(computed):
     text = (computed / "summary.md").read_text()
-    late_by = re.search(r"The torque acts ([\d.]+) ms \(([\d.]+) to ([\d.]+)\) later", text)
+    late_by = re.search(r"Torque delay: ([\d.]+) ms \(([\d.]+) to ([\d.]+)\); .* later", text)
     value, low, high = map(float, late_by.groups())
     assert low <= value <= high and abs(value - 1e3 * DELAY) < 2
     heavier = re.search(r"gravity by \+([\d.]+) %", text)
@@ -176,7 +167,7 @@ def test_the_page_says_what_the_machine_is(computed):
 def test_the_count_of_covered_truths_is_that_of_the_numbers(computed, numbers):
     known = numbers[numbers["identified"] & numbers["true"].notna()]
     inside = (known["low_95"] <= known["true"]) & (known["true"] <= known["high_95"])
-    words = f"hold {inside.sum()} of the {len(known)} true values"
+    words = f"hold {inside.sum()} of the {len(known)} that are known"
     assert words in (computed / "summary.md").read_text()
 
 
@@ -203,7 +194,7 @@ def test_what_is_not_identified_has_no_digits(computed, numbers):
 def test_the_terminal_says_the_same(document, computed, capsys):
     show_refined(document)
     printed = capsys.readouterr().out
-    (sentence,) = re.findall(r"The torque acts .* later than logged\.", printed)
+    (sentence,) = re.findall(r"Torque delay: .* later than logged\.", printed)
     assert sentence in (computed / "summary.md").read_text()
     for entry in document["parameters"]:
         assert entry["name"] in printed
@@ -217,7 +208,7 @@ def test_windows_are_told_by_recording_and_time(tmp_path):
     ]
     refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
     text = page(tmp_path, {**refined, "left_out": places[:2], "unexplained": places[2:]})
-    assert "2 of 50 windows were left out" in text and "12 of 50 windows were not explained" in text
+    assert "Windows left out: 2 of 50" in text and "Windows not explained: 12 of 50" in text
     table = pd.read_csv(tmp_path / "tables" / "windows--made--law.csv")
     assert len(table) == len(places)
     for place in places:
@@ -237,10 +228,10 @@ def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path)
         made.task(name, {"made": made.rows(0.3, error, curve=0.1)}, refined=refined)
         for name, error in (("poor", 0.9), ("good", 0.1))
     ]
-    build(made.write(tmp_path, tasks))
+    made.built(made.write(tmp_path, tasks))
     text = (tmp_path / "summary.md").read_text()
-    assert "By `good`, which predicts best of the fits by shooting" in text
-    assert "`poor`: 1 of 1 parameters are identified" in text
+    assert "By `good`, which predicts best of 2 fits by shooting" in text
+    assert "`poor`: 1 of 1 parameters identified" in text
     places = re.findall(r"\]\(([^)]+)\)", text)
     assert "tables/shooting--made--poor.md" in places
     assert [place for place in places if not (tmp_path / place).exists()] == []
@@ -266,10 +257,10 @@ def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
             del own["measured"], own["true_parameters"]
         (tmp_path / "old" / "datasets.json").write_text(json.dumps(about))
     path.write_text(json.dumps(task))
-    build(tmp_path / "old")
+    made.built(tmp_path / "old")
     some = refined not in (None, "nothing")
     assert (tmp_path / "old" / "figures" / "correlation--pendulum--stribeck.png").exists() == some
-    assert ("What shooting found" in (tmp_path / "old" / "summary.md").read_text()) == some
+    assert ("Results of shooting" in (tmp_path / "old" / "summary.md").read_text()) == some
 
 
 def test_latex_has_as_many_cells_in_every_row(computed):
@@ -289,8 +280,8 @@ def test_strong_correlations_have_a_frame_and_all_parameters_a_name(tmp_path):
     rng = np.random.default_rng(3)
     r = np.corrcoef(rng.standard_normal((3, 9)) * rng.uniform(0.2, 1, 9), rowvar=False)
     r[2], r[:, 2] = np.nan, np.nan
-    entry = entries(folder_of(tmp_path, made.shot(pair, correlation=r)))[0][0]
-    axis = correlation(entry, made.about()).axes[0]
+    section = made.section(folder_of(tmp_path, made.shot(pair, correlation=r)))
+    axis = correlation(section.models[0], section.description).axes[0]
     framed = sum(patch.get_edgecolor()[:3] != (1, 1, 1) for patch in axis.patches)
     assert framed == (np.abs(np.nan_to_num(r[np.tril_indices(9, -1)])) > STRONG).sum() > 0
     shown = {label.get_text() for label in (*axis.get_xticklabels(), *axis.get_yticklabels())}
@@ -312,24 +303,24 @@ def test_many_parameters_have_a_picture_and_a_short_table(tmp_path):
 def test_what_was_not_measured_is_grey_and_nothing_else(seed):
     rng = np.random.default_rng(seed)
     w = rng.uniform(*np.sort(rng.uniform(-6, 6, 2)), 30)
-    about = {**made.about(1), "measured": [[w.min()], [w.max()]]}
     counts, edges = np.histogram(w, 60, (-4, 4))
-    about["density"] = counts[None]
+    data = made.description(1, measured=[[w.min()], [w.max()]], density=counts[None])
     v = np.linspace(-6, 6, 977)
     bins = np.clip(np.searchsorted(edges, v) - 1, 0, 59)
     empty = (counts[bins] == 0) & (np.abs(v) < 4)
     outside = (v < w.min()) | (v > w.max())
-    assert (bands.measured(v, about, 0) == ~(outside | empty)).mean() > 0.995
+    assert (measured(v, data, 0) == ~(outside | empty)).mean() > 0.995
 
 
 def test_bands_are_as_wide_as_the_document_says(tmp_path):
     refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
-    (entry,), about = entries(folder_of(tmp_path, refined))
-    (picture,) = bands.curve_bands([entry], about, looks([entry]))
+    section = made.section(folder_of(tmp_path, refined))
+    (model,) = section.models
+    (picture,) = curve_bands([model], section.description, looks([model]))
     curve, near = picture.axes[0], picture.axes[1]
     for axis, scale in ((curve, 1.0), (near, 1e3)):
         heights = [np.ptp(path.vertices[:, 1]) for c in axis.collections for path in c.get_paths()]
-        offset = 0.0 if axis is near else np.ptp(entry.curves[-1][:, 0])
+        offset = 0.0 if axis is near else np.ptp(model.curves[-1][:, 0])
         assert heights == pytest.approx([0.04 * scale + offset, 0.02 * scale + offset], rel=1e-6)
 
 
@@ -344,7 +335,7 @@ def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
     assert (tmp_path / "figures" / "correlation--made--law.png").stat().st_size > 1000
 
 
-def test_smooth_friction_without_a_told_rig_has_the_truth_of_friction_only(tmp_path):
+def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_only(tmp_path):
     tiny.write_suite(tmp_path, [("recipes", [{"name": "integral"}])])
     tiny.compare_into(tmp_path / "suite.toml", tmp_path / "out")
     about = json.loads((tmp_path / "out" / "datasets.json").read_text())["tiny"]

@@ -1,8 +1,6 @@
-"""What shooting found, in sentences: what they say, and when they are silent."""
+"""Results of shooting as facts and words: what they say, and when they are silent."""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 import pytest
@@ -10,25 +8,43 @@ from fixtures import result_folders as made
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from frictionid.report.shooting_numbers import estimates
-from frictionid.report.shooting_text import coverage, doubts, findings, late
+from frictionid.report.estimates import estimates
+from frictionid.report.render import render
+from frictionid.report.shooting_results import delay_explains, delay_fixed, shooting_results
+
+
+def results(refined, **data):
+    """Facts of a document; `data` changes what is known of the data set."""
+    known = made.description(1, **data) if data else None
+    return shooting_results(refined, estimates(refined, known))
+
+
+def said(refined):
+    """All that is said of a document."""
+    return render("shooting_terminal.j2", {"found": results(refined)}, markup=False)
 
 
 @pytest.mark.parametrize(
-    ("entry", "words"),
+    ("entry", "expected"),
     [
-        (made.parameter("delay", "torque delay", 0.018, 1e-4), "acts 18.0 ms (17.8 to 18.2) later"),
-        (made.parameter("delay", "torque delay", -0.01, 1e-3), "acts 10 ms (8 to 12) earlier"),
+        (
+            made.parameter("delay", "torque delay", 0.018, 1e-4),
+            "Torque delay: 18.0 ms (17.8 to 18.2); the torque acts later",
+        ),
+        (
+            made.parameter("delay", "torque delay", -0.01, 1e-3),
+            "Torque delay: −10 ms (−12 to −8); the torque acts earlier",
+        ),
         (
             made.parameter("delay", "torque delay", 1e-4, 1e-3, identified=True),
-            "No delay of the torque shows: 0 ms (−2 to 2)",
+            "Torque delay: 0 ms (−2 to 2); no delay shows",
         ),
         (made.parameter("gain", "torque gain", 1.05, 0.01, joint=0), "logged torque is too small"),
         (made.parameter("gain", "torque gain", 0.9, 0.01, joint=0), "logged torque is too large"),
         (made.parameter("gain", "torque gain", 1.01, 0.01, joint=0), "has the right size"),
         (
             made.parameter("bias", "torque bias", -0.2, 0.01, joint=1),
-            "bias of joint 2 is −0.20 N m",
+            "bias of joint 2: −0.20 N m",
         ),
         (
             made.parameter("offset", "angle offset", 0.02, 1e-3, joint=0),
@@ -37,23 +53,29 @@ from frictionid.report.shooting_text import coverage, doubts, findings, late
         (made.parameter("offset", "angle offset", -0.02, 1e-3, joint=0), "lies below the true one"),
         (
             made.parameter("inertia", "gravity", 1.2, 0.01, told=1.0),
-            "differs from what is told: gravity by +20 % (+18 to +22)",
+            "1 of 1 differ from the nominal ones: gravity by +20 % (+18 to +22)",
         ),
-        (made.parameter("inertia", "gravity", 1.2, 0.2, told=1.0), "told value lies in the 95 %"),
-        (made.parameter("actuator", "kt", 0.5, 0.01, told=0.4), "kt is 0.50 N m (0.48 to 0.52)"),
+        (
+            made.parameter("inertia", "gravity", 1.2, 0.2, told=1.0),
+            "0 of 1 differ from the nominal ones (95 % intervals)",
+        ),
+        (
+            made.parameter("actuator", "kt", 0.5, 0.01, told=0.4),
+            "Kt: 0.50 N m (0.48 to 0.52); nominal 0.4, difference +25 % (+20 to +30)",
+        ),
     ],
 )
-def test_a_finding_in_words(entry, words):
-    (sentence,) = findings(estimates(made.shot([entry])))
-    assert words in sentence
+def test_a_finding_in_words(entry, expected):
+    (sentence,) = said(made.shot([entry])).strip().splitlines()
+    assert expected in sentence
 
 
 @pytest.mark.parametrize("block", ["delay", "gain", "bias", "offset", "inertia", "actuator"])
 def test_nothing_is_said_of_what_is_not_identified(block):
-    entry = made.parameter(block, "x", 0.1, 1.0, told=1.0)
-    refined = made.shot([entry])
-    assert not list(findings(estimates(refined)))
-    assert "Not identified" in " ".join(doubts(refined, estimates(refined)))
+    found = results(made.shot([made.parameter(block, "x", 0.1, 1.0, told=1.0)]))
+    assert not found.calibration and not found.differing and not found.nominal
+    assert [estimate.name for estimate in found.not_identified] == ["x"]
+    assert "Not identified" in said(found.document)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -68,25 +90,24 @@ def test_a_delay_explains_viscous_friction_where_its_interval_holds_one_that_doe
     refined = made.shot(pair, correlation=[[1.0, r], [r, 1.0]])
     # E[viscous | delay] = value + slope (delay - its estimate)
     slope = r * errors[0] / (1e-3 * errors[1])
-    reach = student.ppf(0.975, refined["freedom"]) * 1e-3 * errors[1]
-    told = list(late(refined, estimates(refined)))
-    assert bool(told) == (abs(value / slope) <= reach)
+    half_width = student.ppf(0.975, refined["freedom"]) * 1e-3 * errors[1]
+    explained = delay_explains(refined, estimates(refined))
+    assert bool(explained) == (abs(value / slope) <= half_width)
 
 
-def test_a_delay_that_was_not_free_is_told_where_a_motor_pulls():
+def test_a_delay_that_was_not_free_is_named_where_a_motor_pulls():
     viscous = made.parameter("friction", "viscous", 0.1, 0.001, joint=0)
     for driven in (True, False):
         refined = made.shot([viscous], driven=driven)
-        assert bool(list(late(refined, estimates(refined)))) is driven
+        assert bool(delay_fixed(refined, estimates(refined))) is driven
     coulomb = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001)], driven=True)
-    assert not list(late(coulomb, estimates(coulomb)))
+    assert not delay_fixed(coulomb, estimates(coulomb))
 
 
 def test_true_values_outside_are_named():
-    about = {"joints": ["joint 1"], "true_parameters": {"inertia": {"a": 1.0, "b": 2.0}}}
     pair = [made.parameter("inertia", name, 1.0, 0.1) for name in "ab"]
-    words = coverage(estimates(made.shot(pair), about))
-    assert "1 of the 2 true values" in words and words.endswith("not those of b.")
+    found = results(made.shot(pair), true_parameters={"inertia": {"a": 1.0, "b": 2.0}})
+    assert found.known == 2 and found.missed == ("b",)
 
 
 def test_the_interval_shown_covers_what_it_says():
@@ -97,7 +118,7 @@ def test_the_interval_shown_covers_what_it_says():
     covered = []
     for v, e in zip(value, error, strict=True):
         entry = made.parameter("delay", "torque delay", 1e-3 * v, 1e-3 * e)
-        (sentence,) = findings(estimates(made.shot([entry])))
-        low, high = map(float, re.search(r"\(([\d.]+) to ([\d.]+)\)", sentence).groups())
+        (calibration,) = results(made.shot([entry])).calibration
+        low, high = map(float, calibration.text[1:])
         covered.append(norm.cdf((high - v) / e) - norm.cdf((low - v) / e))
     assert np.mean(covered) > 0.93 and min(covered) > 0.85

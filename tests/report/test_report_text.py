@@ -11,31 +11,30 @@ import pytest
 from fixtures import result_folders as made
 from markdown_it import MarkdownIt
 
-from frictionid.comparison.results import model_scores, scores
-from frictionid.report import build, show, show_scores, write
+from frictionid.comparison.results import load_results, model_scores
+from frictionid.report import show, show_scores
+from frictionid.report.difference_table import difference_table
 from frictionid.report.figures.style import looks
-from frictionid.report.load import Key, gather
-from frictionid.report.paired import differences, paired
+from frictionid.report.findings import predictions, ranking, truth_contrast
+from frictionid.report.reliability import astray, loose
+from frictionid.report.sections import rollout
 from frictionid.report.tables import escape_latex, latex, markdown
-from frictionid.report.warnings_text import astray, loose
 
-LAST = Key("rollout_angle", "median", 1.0)
+LAST = rollout(1.0)
 
 
 @pytest.fixture(autouse=True, scope="module")
 def undrawn():
     """Builds leave out the pictures, which take longest."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(write, "_drawn", lambda *_: ())
+        made.undraw(patch)
         yield
 
 
 @pytest.fixture(scope="module")
 def typical(tmp_path_factory):
     """A report of a folder made by hand."""
-    folder = made.typical(tmp_path_factory.mktemp("typical"))
-    build(folder)
-    return folder
+    return made.built(made.typical(tmp_path_factory.mktemp("typical")))
 
 
 def grid(text):
@@ -48,27 +47,31 @@ def grid(text):
 # --- Words -------------------------------------------------------------------------------------
 
 
-def words(folder):
-    """What the page says before its tables."""
-    build(folder)
-    return before_tables(folder)
-
-
-def before_tables(folder):
-    """What a page says before its tables, without the marks of code."""
-    return (folder / "summary.md").read_text().partition("\n## ")[0].replace("`", "")
-
-
 def test_the_page_says_what_the_numbers_support(typical):
-    said = before_tables(typical)
-    assert "stribeck (integral) predicts best" in said
-    assert "0.050 rad after 0.5 s and 0.10 rad after 1 s, 9.0 and 9.0 times smaller" in said
-    assert "Of 2 fitted models, 1 score below the euler loss (0.350 rad/s)" in said
-    assert "a lower one-step loss is no evidence of truer friction" in said
-    assert "stribeck (study), which predicts clearly worse" in said
-    assert "With the recipe integral the error of the friction curves is 4.0 times smaller" in said
-    assert "On other, which no fit has seen, stribeck (integral) predicts best" in said
-    assert "after 1 s paper is 0.30 rad off and stribeck (integral) 0.10 rad" in said
+    said = made.findings(typical)
+    best = "stribeck (integral), median angle error"
+    assert f"Best prediction after 0.5 s, held out: {best} 0.050 rad; without friction 9.0" in said
+    assert f"Best prediction after 1 s, held out: {best} 0.10 rad; without friction 9.0" in said
+    assert "best given model paper, 0.30 rad" in said
+    assert f"Best prediction after 1 s, on other, never seen: {best} 0.10 rad" in said
+    assert "clearly worse: stribeck (study)" in said
+    assert "stribeck (study), 0.300 rad/s; it predicts clearly worse than stribeck" in said
+    assert "1 of 2 fitted models in euler (0.350 rad/s)" in said
+    assert "A lower one-step loss is no evidence of truer friction" in said
+    assert "Recipe integral against study: curve errors 4.0 times smaller" in said
+
+
+def test_facts_are_those_of_the_numbers(typical):
+    data = made.section(typical).fitted
+    for found in predictions(data):
+        assert found.best.name == "stribeck (integral)"
+        assert found.error == pytest.approx(0.1 * found.horizon)
+        assert found.without.ratio == pytest.approx(9) and found.given.ratio == pytest.approx(3)
+    truth = truth_contrast(data)
+    assert truth.value == pytest.approx(0.08) and truth.other_value == pytest.approx(0.1)
+    assert truth.pair.mean == pytest.approx(-0.02)
+    order = ranking(data)
+    assert [model.name for model in order.worse] == ["stribeck (study)"] and not order.tied
 
 
 NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hides
@@ -77,25 +80,25 @@ NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hi
 @pytest.mark.parametrize(
     ("noise", "expected", "sign"),
     [
-        (None, "a is better than every other fitted model by more than two standard errors", "+"),
-        (NEAR, "a cannot be told apart from b: within two standard errors", "≈"),
-        ([np.inf] * 4, "a cannot be compared fold by fold with b", "–"),
+        (None, "a; clearly worse: b.", "+"),
+        (NEAR, "a; tied: b.", "≈"),
+        ([np.inf] * 4, "a; not comparable fold by fold: b.", "–"),
     ],
 )
 def test_differences_are_weighed_against_the_scatter_of_the_folds(noise, expected, sign, tmp_path):
     first = made.task("a", {"made": made.rows(0.3, 0.2)})
     second = made.task("b", {"made": made.rows(0.31, 0.21, noise=noise)})
-    folder = made.write(tmp_path, [first, second])
-    assert expected in words(folder)
-    table = differences(gather(folder).sections[0], made.HORIZONS, "rad")
+    folder = made.built(made.write(tmp_path, [first, second]))
+    assert expected in made.findings(folder)
+    table = difference_table(made.section(folder).fitted)
     assert table.lines[1].cells[-1].text.startswith(sign)
 
 
 def test_a_fold_that_is_not_finite_is_not_averaged_away(tmp_path):
     lost = made.rows(0.3, 0.2, noise=[0.0, np.inf, 0.0, 0.0])
     tasks = [made.task("a", {"made": lost}), made.task("b", {"made": made.rows(0.3, 0.2)})]
-    section = gather(made.write(tmp_path, tasks)).sections[0]
-    pair = paired(*section.entries, "made", LAST)
+    section = made.section(made.write(tmp_path, tasks))
+    pair = section.fitted.paired(*section.models, LAST)
     assert np.isnan(pair.mean)
     assert pair.clear is None
 
@@ -105,14 +108,18 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
         made.task("none", {"made": made.rows(0.3, 0.1)}, role="none"),
         made.task("bad", {"made": made.rows(0.4, 0.2)}),
     ]
-    assert "2.0 and 2.0 times larger than without friction" in words(made.write(tmp_path, tasks))
+    assert "without friction 0.50 times as large" in made.findings(
+        made.built(made.write(tmp_path, tasks))
+    )
 
 
 @pytest.mark.parametrize(("unit", "far"), [("rad", "1 rad"), ("m", "a quarter of the travel")])
 def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, far, tmp_path):
     tasks = [made.task("wild", {"made": made.rows(0.3, 0.9)})]
-    folder = made.write(tmp_path, tasks, {"made": {**made.about(), "angle_unit": unit}})
-    assert f"off by more than {far}, which medians hide: on made up to 100 %" in words(folder)
+    about = {**made.about(), "angle_unit": unit}
+    folder = made.built(made.write(tmp_path, tasks, {"made": about}))
+    said = f"on made after 1 s (further off than {far}, which medians hide): up to 100 %"
+    assert said in made.findings(folder)
     assert f"share further off than {far})" in (folder / "summary.md").read_text()
 
 
@@ -121,21 +128,20 @@ def test_curves_and_parameters_that_wander_are_told(tmp_path):
     stray["curves"][-1] *= 1.5
     vague = made.task("vague", {"made": made.rows(0.3, 0.2)}, spread=2.0)
     steady = made.task("steady", {"made": made.rows(0.3, 0.2)})
-    folder = made.write(tmp_path, [stray, vague, steady])
-    entries = {entry.label: entry for entry in gather(folder).sections[0].entries}
-    assert [name for name, entry in entries.items() if astray(entry)] == ["stray"]
-    assert [name for name, entry in entries.items() if loose(entry)] == ["vague"]
-    said = words(folder)
-    assert "it may have found another minimum: on made stray" in said
-    assert "not determined one by one, even where the curve is: on made vague" in said
+    folder = made.built(made.write(tmp_path, [stray, vague, steady]))
+    models = made.section(folder).models
+    assert [model.label for model in models if astray(model)] == ["stray"]
+    assert [model.label for model in models if loose(model)] == ["vague"]
+    said = made.findings(folder)
+    assert "on made, perhaps another minimum: stray." in said
+    assert "on made (not determined one by one, even where the curve is): vague" in said
 
 
 def test_shuffled_folds_are_told(tmp_path):
     settings = {"every": 0.25, "folds": {"count": 4, "kind": "shuffled"}}
     task = made.task("a", {"made": made.rows(0.3, 0.2)})
-    assert "have neighbours in the training set" in words(
-        made.write(tmp_path, [task], settings=settings)
-    )
+    folder = made.built(made.write(tmp_path, [task], settings=settings))
+    assert "Shuffled folds on made: held-out samples have neighbours" in made.findings(folder)
 
 
 # --- Terminal and looks ------------------------------------------------------------------------
@@ -143,7 +149,7 @@ def test_shuffled_folds_are_told(tmp_path):
 
 def test_the_last_line_shown_is_the_path(typical, capsys, monkeypatch):
     monkeypatch.chdir(typical.parent)
-    show(Path(typical.name))
+    show(load_results(Path(typical.name)))
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == str(typical.resolve() / "summary.md")
     assert Path(lines[-1]).exists()
@@ -153,7 +159,7 @@ def test_in_a_terminal_the_path_can_be_clicked(typical, capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    show(typical)
+    show(load_results(typical))
     last = capsys.readouterr().out.rstrip("\n").splitlines()[-1]
     path = typical.resolve() / "summary.md"
     assert re.fullmatch(rf"\x1b]8;[^;]*;{re.escape(path.as_uri())}\x1b\\.*\x1b]8;;\x1b\\", last)
@@ -164,7 +170,7 @@ def test_in_a_terminal_the_path_can_be_clicked(typical, capsys, monkeypatch):
 def test_tables_fit_the_terminal(width, typical, capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", str(width))
-    show(typical)
+    show(load_results(typical))
     *shown, _ = capsys.readouterr().out.splitlines()
     plain = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in shown]
     assert max(map(len, plain)) <= width
@@ -182,16 +188,15 @@ def test_given_models_are_shown_in_short(capsys):
 
 
 def test_colours_belong_to_identifiers(typical, tmp_path):
-    of_all = looks(e for s in gather(typical).sections for e in s.entries)
+    of_all = looks(made.section(typical).models)
     assert set(of_all) == {"none", "stribeck", "paper", "truth"}
     many = [made.task(f"m{i}", {"made": made.rows(0.1, 0.1)}) for i in range(12)]
-    own = looks(gather(made.write(tmp_path, many)).sections[0].entries)
+    own = looks(made.section(made.write(tmp_path, many)).models)
     assert len({(look.colour, str(look.line)) for look in own.values()}) == 12
 
 
 def test_tables_agree_in_every_form(typical):
-    section = gather(typical).sections[0]
-    table = differences(section, made.HORIZONS, "rad")
+    table = difference_table(made.section(typical).fitted)
     cells = [[cell.text for cell in line.cells] for line in table.lines]
     shown = [[re.sub("</?strong>", "", c) for c in line] for line in grid(markdown(table))[1:]]
     assert shown == cells
@@ -200,4 +205,6 @@ def test_tables_agree_in_every_form(typical):
 
 def test_scores_of_the_folder_are_those_of_its_tasks(typical):
     table = pd.read_csv(typical / "scores.csv")
-    assert np.allclose(table["value"], scores(typical)["value"], equal_nan=True, rtol=1e-8)
+    assert np.allclose(
+        table["value"], load_results(typical).scores["value"], equal_nan=True, rtol=1e-8
+    )

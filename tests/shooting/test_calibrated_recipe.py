@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
@@ -16,9 +15,7 @@ from frictionid.evaluation import Protocol, Split, make_folds, training_of, with
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import Frictionless, LeastSquares, SINDy
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
-from frictionid.report.load import folds_told, gather
-from frictionid.report.memory_text import memory_findings
-from frictionid.report.text import matter
+from frictionid.report.reliability import fold_settings
 from frictionid.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.shooting.parameters import BiasBlock, DelayBlock, FrictionBlock
 
@@ -173,8 +170,9 @@ def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_p
     again = [task for task in tasks if task.benchmark.dataset.name == "again"]
     assert {task.recipe.name for task in again} == {"study"} and again[0].benchmark.folds.count == 4
     assert {t.recipe.name for t in tasks if t not in again} == {"study", "integral"}
-    told = {"settings": suite.model_dump(mode="json")}
-    assert folds_told(told, "again")["count"] == 4 and folds_told(told, "tiny")["count"] == 3
+    provenance = {"settings": suite.model_dump(mode="json")}
+    counts = {name: fold_settings(provenance, name)["count"] for name in ("again", "tiny")}
+    assert counts == {"again": 4, "tiny": 3}
 
 
 MISTAKES = {
@@ -226,65 +224,3 @@ def test_each_mistake_is_one_line(tmp_path_factory, recipe, entry, words):
     with pytest.raises(InputError, match=words) as caught:
         tasks_of(load_suite(file), file)
     assert "\n" not in str(caught.value)
-
-
-# --- Words ----------------------------------------------------------------------------------------
-
-WAYS = {  # recipe: scheme, what corrects it, by how much memory is ahead
-    "study": ("euler", [], 0.07),
-    "late": ("euler", ["delay"], 0.03),
-    "heavy": ("euler", ["inertia"], 0.05),
-    "both": ("euler", ["delay", "inertia"], 0.02),
-    "ours": ("integral", ["delay", "inertia"], 0.0),
-}
-
-
-def why(folder, left=0.0, rollout=0.0, wobble=(0.001, -0.001, 0.002, -0.002)):
-    """What is told of made results in which memory is ahead by known amounts."""
-    tasks = [made.task("none", {"made": made.rows(0.61, 0.9)}, role="none", fit="study")]
-    for fit, (scheme, corrects, ahead) in WAYS.items():
-        ahead = left if fit == "ours" else ahead
-        static = made.task("mlp", {"made": made.rows(0.44, 0.2)}, fit=fit)
-        rows = made.rows(0.44 - ahead, 0.2 - rollout, noise=wobble)
-        dynamic = made.task("lstm", {"made": rows}, fit=fit)
-        dynamic["loops"] = [
-            {"joint": 0, "kind": "offset", "frequency": 1.0, "width": [0.1], "lag": [0.01]}
-            | {"velocity": [1.0, 2.0], "torque": [[1.0, 1.0]]}
-        ]
-        for task in (static, dynamic):
-            task["way"] = {"scheme": scheme, "corrects": corrects}
-        tasks += [static, dynamic]
-    made.write(folder, tasks)
-    evidence = gather(folder)
-    (section,) = evidence.sections
-    told = matter(section, "made", evidence.horizons, evidence.about["made"])
-    (sentence,) = memory_findings(told)
-    return sentence
-
-
-def test_the_parts_of_an_advantage_are_those_that_corrections_take_away(tmp_path):
-    text = why(tmp_path)
-    assert "0.61, " in text and "in this order in 4 of 4 folds" in text
-    assert "Memory is ahead by 0.0700 rad/s" in text
-    # both orders of correction: ((.07 - .03) + (.05 - .02)) / 2 and ((.07 - .05) + (.03 - .02)) / 2
-    assert "the delay of the torque explains 0.0350" in text
-    assert "inertia that the told mechanism lacks 0.0150" in text
-    assert "of the Euler step 0.0200" in text
-    assert "0.0000 ± 0.0009 rad/s are left, inside two standard errors: no memory" in text
-    assert "after 1 s cannot be told apart" in text
-
-
-@pytest.mark.parametrize(
-    ("left", "rollout", "words"),
-    [
-        (
-            0.01,
-            0.05,
-            ["0.0100 ± 0.0009 rad/s are left, beyond two", "after 1 s memory predicts better"],
-        ),
-        (-0.01, -0.05, ["the model without memory is ahead (−0.010", "memory predicts worse"]),
-    ],
-)
-def test_what_is_left_is_called_by_its_name(tmp_path, left, rollout, words):
-    text = why(tmp_path, left, rollout)
-    assert all(part in text for part in words), text

@@ -38,9 +38,13 @@ def clock_picture(one: Aligned, table: dict[str, Any]) -> bytes:
         if coarse:
             _correlation(axes[0], one)
         _torques(axes[-1], one, table)
-        handles, labels = axes[-1].get_legend_handles_labels()
-        key_above(picture, handles, labels)
+        key_above(picture, _key(axes[-1]))
         return rendered(picture, ("png",))["png"]
+
+
+def _key(ax: Any) -> dict[str, Any]:
+    handles, labels = ax.get_legend_handles_labels()
+    return dict(zip(labels, handles, strict=True))
 
 
 def _correlation(ax: Any, one: Aligned) -> None:
@@ -108,8 +112,7 @@ def command_picture(one: Aligned) -> bytes | None:
             late = np.interp(time - r.delay, one.command.time, one.command.value[:, k])
             _scatter(row[0], late, measured, r, one)
             _over_time(row[1], time, command, measured, one)
-        handles, labels = axes[0, 1].get_legend_handles_labels()
-        key_above(picture, handles, labels)
+        key_above(picture, _key(axes[0, 1]))
         return rendered(picture, ("png",))["png"]
 
 

@@ -1,4 +1,4 @@
-"""The correlation of a fit's parameters, group by group: what can only be told together."""
+"""The correlation of a fit's parameters, group by group: what is known only together."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.report.estimates import Estimate, correlation_of, estimates
 from frictionid.report.figures.style import DARK, GREY, PALE, WIDTH, figure, plain
-from frictionid.report.load import Entry
-from frictionid.report.shooting_numbers import Estimate, correlation_of, estimates
-from frictionid.report.shooting_tables import OWN, groups
+from frictionid.report.numbers import MINUS, short
+from frictionid.report.sections import DataDescription, Model
+from frictionid.report.shooting_tables import NONE, OWN, groups
 
 STRONG = 0.9
+PAIRS = 4  # strongly correlated pairs in the caption
 LETTERS = 0.053  # [inch] of a letter of a label
 MARGIN = 0.42  # [inch] for the names of the groups
 CELL = 0.3  # [inch], the largest
@@ -26,19 +28,34 @@ def strong_pairs(document: Mapping[str, Any], read: Sequence[Estimate]) -> list[
     """Pairs of parameters whose |r| exceeds 0.9, with r; the strongest first."""
     r = correlation_of(document)
     places = np.argwhere(np.tril(np.nan_to_num(np.abs(r)) > STRONG, -1))
-    found = [(f"{read[j].name} and {read[i].name}", float(r[i, j])) for i, j in places]
-    return sorted(found, key=lambda pair: -abs(pair[1]))
+    pairs = [(f"{read[j].name} and {read[i].name}", float(r[i, j])) for i, j in places]
+    return sorted(pairs, key=lambda pair: -abs(pair[1]))
 
 
-def correlation(entry: Entry, about: Mapping[str, Any]) -> Any:
+def correlation_caption(model: Model, dataset: str, data: DataDescription) -> str:
+    """Caption of a picture of correlations, with the strongest pairs."""
+    document = model.refined or {}
+    pairs = strong_pairs(document, estimates(document, data))
+    shown = [f"{names} ({r:+.2f})".replace("-", MINUS) for names, r in pairs[:PAIRS]]
+    shown += [f"{len(pairs) - PAIRS} more pairs"] if len(pairs) > PAIRS else []
+    sizes = [float(value) for value in document["singular_values"]]
+    span = f"{short(max(sizes))} to {short(min(sizes))}" if sizes else "none"
+    return (
+        f"Correlation of the parameters of {model.name} on {dataset}; framed above {STRONG:g} in "
+        f"size: {', '.join(shown) or 'none'}. Grey names: not identified. Singular values of the "
+        f"normal equations, scaled to ones on the diagonal: {span}."
+    )
+
+
+def correlation(model: Model, data: DataDescription) -> Any:
     """Picture of the lower half of the correlation matrix; strong entries have a frame.
 
     Rows and columns of parameters without a standard error are grey, names of those that are not
     identified, too.
     """
-    document = entry.refined or {"parameters": ()}
-    read = estimates(document, about)
-    labels = [e.short if e.block in OWN else e.name for e in read]
+    document = model.refined or NONE
+    read = estimates(document, data)
+    labels = [e.parameter if e.block in OWN else e.name for e in read]
     few = len(read) <= MOST
     room, below = (
         LETTERS * max(map(len, own or [""])) + 0.05 if few else 0.05
@@ -52,7 +69,7 @@ def correlation(entry: Entry, about: Mapping[str, Any]) -> Any:
     axis = picture.add_axes((left / width, (below + 0.1) / height, side / width, side / height))
     image = _cells(axis, correlation_of(document))
     _names(axis, read, labels)
-    _groups(axis, read, about, room + 0.1, side)
+    _groups(axis, read, data.joints, room + 0.1, side)
     tall = min(1.1, 0.7 * side)
     place = (width - 0.45, height - 0.3 - tall, 0.1, tall)
     bar = picture.add_axes([x / size for x, size in zip(place, 2 * (width, height), strict=True)])
@@ -78,7 +95,7 @@ def _cells(axis: Any, r: Array) -> Any:
         frame = (j - 0.5, i - 0.5)
         axis.add_patch(Rectangle(frame, 1, 1, fill=False, edgecolor=DARK, linewidth=1.1, zorder=3))
         if D <= LARGE:
-            words = f"{r[i, j]:+.2f}".replace("0.", ".").replace("-", "−")
+            words = f"{r[i, j]:+.2f}".replace("0.", ".").replace("-", MINUS)
             axis.text(j, i, words, ha="center", va="center", fontsize=6, color="white")
     axis.set_xlim(-0.5, D - 0.5)
     axis.set_ylim(D - 0.5, -0.5)
@@ -107,11 +124,11 @@ def _names(axis: Any, read: Sequence[Estimate], labels: Sequence[str]) -> None:
 
 
 def _groups(
-    axis: Any, read: Sequence[Estimate], about: Mapping[str, Any], left: float, side: float
+    axis: Any, read: Sequence[Estimate], joints: Sequence[str], left: float, side: float
 ) -> None:
     """Lines between the groups, and their names at the left and on the diagonal."""
     D, at = len(read), 0
-    for name, own in groups(read, about["joints"]):
+    for name, own in groups(read, joints):
         end = at + len(own)
         if end < D:
             axis.plot([-0.5, end - 0.5], [end - 0.5, end - 0.5], color=GREY, linewidth=0.7)

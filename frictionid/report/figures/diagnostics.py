@@ -11,32 +11,31 @@ from frictionid.check import Verdict
 from frictionid.check.motion import Motion
 from frictionid.check.published import one_way
 from frictionid.data.recordings import Recording
-from frictionid.files import write_bytes
 from frictionid.mechanics import mechanism_of
+from frictionid.report.figures.panels import panel_grid
 from frictionid.report.figures.style import (
     COLOURS,
     PALE,
     drawing,
     figure,
     key_above,
+    line,
+    marker,
     plain,
-    rendered,
+    write_figure,
 )
 
 MOVING, RESTING = COLOURS[:2]
 RECORDINGS = 3  # shown over time
-_ABREAST = 3  # joints side by side
+ABREAST = 3  # joints side by side
 
 
 def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
     """Paths of the pictures written: coverage, motion and residual torque (PNG)."""
-    made = []
+    kinds = {"coverage": _coverage, "motion": _motion, "residual": _residual}
     with drawing():
-        for name, draw in (("coverage", _coverage), ("motion", _motion), ("residual", _residual)):
-            path = folder / f"{name}.png"
-            write_bytes(path, rendered(draw(verdict), ["png"])["png"])
-            made.append(path)
-    return made
+        paths = [write_figure(folder, name, draw(verdict), ["png"]) for name, draw in kinds.items()]
+    return [path for own in paths for path in own]
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
@@ -44,21 +43,10 @@ def _units(verdict: Verdict) -> tuple[str, str]:
     return description.angle_unit, description.torque_unit
 
 
-def _panels(verdict: Verdict) -> tuple[Any, list[Any]]:
-    """A figure with a panel for each joint, at most three abreast."""
-    n = len(verdict.joints)
-    lines = -(-n // _ABREAST)
-    picture = figure(0.35 + 2.4 * lines)
-    axes = picture.subplots(lines, min(n, _ABREAST), squeeze=False).ravel()
-    for spare in axes[n:]:
-        spare.set_axis_off()
-    return picture, list(axes[:n])
-
-
 def _coverage(verdict: Verdict) -> Any:
     """The (q, w) plane of each joint, rest marked."""
     unit = _units(verdict)[0]
-    picture, panels = _panels(verdict)
+    picture, panels = panel_grid(len(verdict.joints), ABREAST, 2.4, 0.35)
     states = [m.states for m in verdict.regression.measured.motions]
     q, w = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
     size = float(np.clip(2e4 / len(q), 0.3, 4.0))
@@ -71,15 +59,8 @@ def _coverage(verdict: Verdict) -> Any:
         axes.set_title(f"joint {j + 1}: {100 * fact.rest:.0f} % of the time at rest", loc="left")
         axes.set_xlabel(f"q{j + 1} [{unit}]")
         axes.set_ylabel(f"w{j + 1} [{unit}/s]")
-    dots = [_dot(colour) for colour in (MOVING, RESTING)]
-    key_above(picture, dots, ["moving", "at rest, or too slow to tell"])
+    key_above(picture, {"moving": marker(MOVING), "at rest, or too slow to tell": marker(RESTING)})
     return picture
-
-
-def _dot(colour: str) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=colour, marker="o", markersize=4, linestyle="")
 
 
 def _motion(verdict: Verdict) -> Any:
@@ -98,7 +79,7 @@ def _motion(verdict: Verdict) -> Any:
     )
     for axes, label in zip(rows[:, 0], labels, strict=True):
         axes.set_ylabel(label)
-    key_above(picture, rows[0][0].lines, [f"joint {j + 1}" for j in joints])
+    key_above(picture, {f"joint {j + 1}": rows[0][0].lines[j] for j in joints})
     return picture
 
 
@@ -128,7 +109,7 @@ def _residual(verdict: Verdict) -> Any:
     """Torque that the nominal mechanism leaves to friction, against velocity, and least squares."""
     rows = verdict.regression.rows
     unit, torque_unit = _units(verdict)
-    picture, panels = _panels(verdict)
+    picture, panels = panel_grid(len(verdict.joints), ABREAST, 2.4, 0.35)
     for j, axes in enumerate(panels):
         axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
         axes.axvline(0.0, color=PALE, linewidth=0.6, zorder=0)
@@ -139,10 +120,10 @@ def _residual(verdict: Verdict) -> Any:
             _friction(axes, verdict, j)
         else:
             axes.text(0.5, 0.5, "hardly slides", transform=axes.transAxes, ha="center")
-    from matplotlib.lines import Line2D
-
-    line = Line2D([], [], color=RESTING)
-    key_above(picture, [_dot(MOVING), line], ["nominal mechanism, before any fit", "least squares"])
+    key_above(
+        picture,
+        {"nominal mechanism, before any fit": marker(MOVING), "least squares": line(RESTING)},
+    )
     return picture
 
 

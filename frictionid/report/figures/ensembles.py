@@ -8,176 +8,137 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.bands import (
-    HATCH,
-    LINE,
-    SHADE,
+from frictionid.report.figures.bands import draw_error, near_end
+from frictionid.report.figures.panels import (
+    draw_truth,
+    error_to_truth,
     frame,
+    label_panels,
     measured,
     most,
-    off_truth,
+    paired_panels,
     prefixed,
+    side_by_side,
+    unmeasured_patch,
 )
-from frictionid.report.figures.panels import label, panels, side_by_side
-from frictionid.report.figures.style import DARK, GREY, Look, key_above
-from frictionid.report.load import Entry, Section
-from frictionid.report.numbers import listed, percent
+from frictionid.report.figures.style import DARK, DASHED, GREY, Look, key_above, line, patch
+from frictionid.report.numbers import percent
+from frictionid.report.sections import DataDescription, Model, Section
 
 OPACITY = 0.3  # of the band of one standard deviation
 
 
-def ensembles(section: Section) -> list[Entry]:
-    """Entries whose friction is the mean of several members."""
-    return [entry for entry in section.entries if entry.members is not None]
+def ensembles(section: Section) -> list[Model]:
+    """Models whose friction is the mean of several members."""
+    return [model for model in section.models if model.members is not None]
 
 
-def spread(entry: Entry) -> Array | None:
+def spread(model: Model) -> Array | None:
     """Standard deviation (V, n) over the members of an ensemble at each velocity; else None."""
-    return None if entry.members is None else entry.members.std(axis=0, ddof=1)
+    return None if model.members is None else model.members.std(axis=0, ddof=1)
 
 
-def spread_words(section: Section, about: Mapping[str, Any]) -> str:
-    """Sentences of a caption on the shaded bands of ensembles; "" where there is none."""
-    own = ensembles(section)
-    if not own:
+def spread_caption(section: Section) -> str:
+    """Part of a caption on the shaded bands of ensembles; "" where there is none."""
+    data, models = section.description, ensembles(section)
+    if not models:
         return ""
-    sizes = {e.label: len(e.members) for e in own if e.members is not None}
-    told = listed([f"{size} members of {name}" for name, size in sizes.items()])
-    words = (
-        f" Shaded: one standard deviation over the {told}, to either side of their mean, the fit "
-        "to all data. That is how far they differ, with other starts and other recordings held "
-        "out, and no interval that was calibrated"
+    sizes = {
+        m.label: f"{len(m.members)} members of {m.label}" for m in models if m.members is not None
+    }
+    caption = (
+        f" Shaded: one standard deviation over the {', '.join(sizes.values())}, to either side of "
+        "their mean, the fit to all data. Members differ by their initial weights and the "
+        "recordings held out: no calibrated interval."
     )
-    if about["truth"] is None:
-        return f"{words}."
-    several = len({entry.recipe for entry in own}) > 1
-    inside = [
-        f"{percent(held(entry, about))} of the velocities for "
-        f"{entry.title if several else entry.label}"
-        for entry in own
-    ]
-    return f"{words}: the truth lies in it at {listed(inside)}."
+    if data.truth is None:
+        return caption
+    shares = ", ".join(f"{m.name} {percent(share_held(m, data))}" for m in models)
+    return f"{caption} Share of the velocities at which it holds the truth: {shares}."
 
 
-def held(entry: Entry, about: Mapping[str, Any]) -> float:
+def share_held(model: Model, data: DataDescription) -> float:
     """Share of the velocities and joints at which the truth is within the spread."""
-    half = spread(entry)
+    half = spread(model)
     assert half is not None
-    parts = [off_truth(entry, about, joint) for joint in range(half.shape[1])]
+    parts = [error_to_truth(model, data, joint) for joint in range(half.shape[1])]
     off = np.stack([part[1] for part in parts if part is not None], axis=-1)
     known = np.isfinite(off)
     return float(np.mean((np.abs(off) <= half)[known]))
 
 
-def spreads(section: Section, about: Mapping[str, Any], looks: Mapping[str, Look]) -> list[Any]:
+def spreads(section: Section, looks: Mapping[str, Look]) -> list[Any]:
     """Pictures of ensembles: curves and, below each, its members about it; a column for each."""
-    own = ensembles(section)
-    return [_picture(part, own, about, looks) for part in side_by_side(own)]
+    models = ensembles(section)
+    return [_picture(part, models, section.description, looks) for part in side_by_side(models)]
 
 
 def _picture(
-    shown: Sequence[Entry],
-    every: Sequence[Entry],
-    about: Mapping[str, Any],
-    looks: Mapping[str, Look],
+    shown: Sequence[Model], every: Sequence[Model], data: DataDescription, looks: Mapping[str, Look]
 ) -> Any:
-    picture, axes = panels(len(shown), about, 1.3)
-    words = []
-    for joint in range(len(about["joints"])):
-        w = np.asarray(about["velocity"], dtype=float)[:, joint]
-        tall = 1.12 * max(_tall(entry, joint) for entry in every)
-        near = max(_near(entry, w, about, joint) for entry in every)
+    picture, axes = paired_panels(len(shown), data, 1.3)
+    for joint in range(len(data.joints)):
+        w = data.velocity[:, joint]
+        high = 1.12 * max(_high(model, joint) for model in every)
+        near = max(_near(model, data, joint) for model in every)
         scale, prefix = prefixed(near)
-        words.append(f"about the mean\n[{prefix}{about['torque_unit']}]")
-        for c, entry in enumerate(shown):
-            look, (above, below) = looks[entry.label], axes[2 * joint : 2 * joint + 2, c]
-            frame(above, w, about, joint, tall)
-            frame(below, w, about, joint, scale * near)
-            _curve(above, entry, w, about, joint, look)
-            _members(below, entry, w, about, joint, look, scale)
-            below.tick_params(labelleft=c == 0)
-    label(picture, axes, shown, every, about, looks, words)
-    _key(picture, about, looks[shown[0].label] if len(shown) == 1 else Look(GREY, "-"))
+        axes[2 * joint + 1, 0].set_ylabel(f"about the mean\n[{prefix}{data.torque_unit}]")
+        for c, model in enumerate(shown):
+            colour, (upper, lower) = looks[model.label].colour, axes[2 * joint : 2 * joint + 2, c]
+            mean, half = _mean(model, joint), _half(model, joint)
+            frame(upper, w, data, joint, high)
+            _fill(upper, w, mean, half, colour)
+            upper.plot(w, mean, color=colour, linewidth=1.2)
+            draw_truth(upper, data, joint)
+            frame(lower, w, data, joint, scale * near)
+            _fill(lower, w, 0.0 * half, scale * half, colour)
+            members = scale * _members(model, joint).T
+            lower.plot(w, members, color=colour, linewidth=0.6, alpha=0.7)
+            lower.axhline(0, color=colour, linewidth=1.2)
+            draw_error(lower, model, data, joint, scale)
+            lower.tick_params(labelleft=c == 0)
+    label_panels(picture, axes, shown, data, looks)
+    key_above(picture, _key(data, looks[shown[0].label].colour if len(shown) == 1 else GREY))
     return picture
 
 
-def _off(entry: Entry, joint: int) -> Array:
+def _mean(model: Model, joint: int) -> Array:
+    return np.asarray(model.curves[-1][:, joint])
+
+
+def _half(model: Model, joint: int) -> Array:
+    half = spread(model)
+    assert half is not None
+    return half[:, joint]
+
+
+def _members(model: Model, joint: int) -> Array:
     """Curves (N, V) of the members less their mean."""
-    members = np.empty((0, 0, 0)) if entry.members is None else entry.members
-    return np.asarray(members[..., joint] - entry.curves[-1][:, joint])
+    members = np.empty((0, 0, 0)) if model.members is None else model.members
+    return np.asarray(members[..., joint] - _mean(model, joint))
 
 
-def _tall(entry: Entry, joint: int) -> float:
+def _high(model: Model, joint: int) -> float:
     """The largest torque of a joint's curve and its band."""
-    half = spread(entry)
-    assert half is not None
-    return most([np.abs(entry.curves[-1][:, joint]) + half[:, joint]])
+    return most([np.abs(_mean(model, joint)) + _half(model, joint)])
 
 
-def _near(entry: Entry, w: Array, about: Mapping[str, Any], joint: int) -> float:
+def _near(model: Model, data: DataDescription, joint: int) -> float:
     """End of the axis of what is about the mean, the same for all ensembles."""
-    parts = [np.abs(_off(entry, joint))[:, measured(w, about, joint)].ravel()]
-    off = off_truth(entry, about, joint)
-    if off is not None:
-        # a truth far away must not flatten the members
-        parts.append(np.minimum(np.abs(off[1]), 4 * most(parts)))
-    return 1.12 * most(parts)
+    inside = measured(data.velocity[:, joint], data, joint)
+    return near_end([np.abs(_members(model, joint))[:, inside].ravel()], model, data, joint)
 
 
-def _curve(
-    axis: Any, entry: Entry, w: Array, about: Mapping[str, Any], joint: int, look: Look
-) -> None:
-    mean, half = entry.curves[-1][:, joint], spread(entry)
-    assert half is not None
-    low, high = mean - half[:, joint], mean + half[:, joint]
-    axis.fill_between(w, low, high, color=look.colour, alpha=OPACITY, linewidth=0)
-    axis.plot(w, mean, color=look.colour, linewidth=1.2)
-    if about["truth"] is not None:
-        true = np.asarray(about["truth"], dtype=float)[:, joint]
-        axis.plot(w, true, color=DARK, linewidth=1, linestyle=LINE)
+def _fill(axis: Any, w: Array, middle: Array, half: Array, colour: str) -> None:
+    axis.fill_between(w, middle - half, middle + half, color=colour, alpha=OPACITY, linewidth=0)
 
 
-def _members(
-    axis: Any,
-    entry: Entry,
-    w: Array,
-    about: Mapping[str, Any],
-    joint: int,
-    look: Look,
-    scale: float,
-) -> None:
-    """Each member less the mean and their spread, in a unit so many times smaller."""
-    half = spread(entry)
-    assert half is not None
-    size = scale * half[:, joint]
-    axis.fill_between(w, -size, size, color=look.colour, alpha=OPACITY, linewidth=0)
-    axis.plot(w, scale * _off(entry, joint).T, color=look.colour, linewidth=0.6, alpha=0.7)
-    axis.axhline(0, color=look.colour, linewidth=1.2)
-    off = off_truth(entry, about, joint)
-    if off is not None:
-        axis.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=LINE)
-
-
-def _key(picture: Any, about: Mapping[str, Any], look: Look) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Any] = [
-        Line2D([], [], color=look.colour, linewidth=1.2),
-        Line2D([], [], color=look.colour, linewidth=0.6, alpha=0.7),
-        Patch(facecolor=look.colour, alpha=OPACITY, linewidth=0),
-    ]
-    labels = ["mean, fit to all data", "each member", "± one standard deviation"]
-    if _gaps(about):
-        handles.append(Patch(facecolor=SHADE, edgecolor=HATCH, hatch="//////", linewidth=0))
-        labels.append("not measured")
-    if about["truth"] is not None:
-        handles.append(Line2D([], [], color=DARK, linewidth=1, linestyle=LINE))
-        labels.append("truth")
-    key_above(picture, handles, labels)
-
-
-def _gaps(about: Mapping[str, Any]) -> bool:
-    """Whether some velocity of the grid was not measured."""
-    grid = np.asarray(about["velocity"], dtype=float)
-    return not all(measured(grid[:, j], about, j).all() for j in range(grid.shape[1]))
+def _key(data: DataDescription, colour: str) -> dict[str, Any]:
+    key = {
+        "mean, fit to all data": line(colour),
+        "each member": line(colour, linewidth=0.6, alpha=0.7),
+        "± one standard deviation": patch(colour, OPACITY),
+    }
+    if not all(measured(w, data, joint).all() for joint, w in enumerate(data.velocity.T)):
+        key["not measured"] = unmeasured_patch()
+    return key if data.truth is None else {**key, "truth": line(DARK, DASHED, 1)}

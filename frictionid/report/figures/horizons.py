@@ -2,107 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import Array
-from frictionid.report.figures.style import Look, figure, key_above, plain
-from frictionid.report.load import Entry, Key, Section
-from frictionid.report.numbers import coordinate
+from frictionid.report.figures.panels import plain_logarithm
+from frictionid.report.figures.style import GRID, Look, figure, key_above, line, plain
+from frictionid.report.sections import Model, Section, SummaryData, rollout
+
+SHORT_DOTS = (0, (1, 1.4))
 
 
-def rollout_errors(
-    section: Section, horizons: Sequence[float], looks: Mapping[str, Look], unit: str
-) -> Any:
+def rollout_errors(section: Section, looks: Mapping[str, Look]) -> Any:
     """Angle errors over the horizon, a panel for each data set and recipe; None without any."""
+    horizons, description = section.fitted.horizons, section.description
     if not horizons:
         return None
-    rows = _panels(section)
+    rows = [[(data, recipe) for recipe in section.recipes] for data in section.data]
+    if len(section.recipes) == 1 and len(rows) <= 3:
+        rows = [[panel for row in rows for panel in row]]
     picture = figure(0.75 + 2.1 * len(rows))
     axes = picture.subplots(len(rows), len(rows[0]), sharex=True, sharey=True, squeeze=False)
-    for row, line in zip(rows, axes, strict=True):
-        for (dataset, recipe), axis in zip(row, line, strict=True):
-            for entry in section.under(recipe):
-                if dataset in entry.scores:
-                    _error(axis, entry, dataset, horizons, looks[entry.label])
-            axis.set_title(_title(section, dataset, recipe), fontsize=7.5)
-            axis.grid(color="#EEEEEE", linewidth=0.6)
-        line[0].set_ylabel(f"{coordinate(unit)} error [{unit}]")
+    for row, axes_of_row in zip(rows, axes, strict=True):
+        for (data, recipe), axis in zip(row, axes_of_row, strict=True):
+            for model in section.under(recipe):
+                _errors(axis, data, model, looks[model.label])
+            axis.set_title(_title(section, data, recipe), fontsize=7.5)
+            axis.grid(**GRID)
+        axes_of_row[0].set_ylabel(f"{description.coordinate} error [{description.angle_unit}]")
     _scales(axes[0, 0], horizons)
     picture.supxlabel("horizon [s]", fontsize=8)
-    _key(picture, section, looks)
+    labels = dict.fromkeys(model.label for model in section.models)
+    key = {name: line(looks[name].colour, looks[name].line) for name in labels}
+    median = line("black")
+    median.set(marker="o", markersize=2.8)
+    quantile = line("black", SHORT_DOTS, 0.8)
+    key_above(picture, {**key, "median": median, "90 % quantile": quantile})
     return picture
 
 
-def _panels(section: Section) -> list[list[tuple[str, str]]]:
-    """Data set and recipe of each panel: a row for each data set, or all in one for one recipe."""
-    datasets = (section.dataset, *section.tests)
-    rows = [[(dataset, recipe) for recipe in section.recipes] for dataset in datasets]
-    if len(section.recipes) == 1 and len(datasets) <= 3:
-        rows = [[panel for row in rows for panel in row]]
-    return rows
+def _title(section: Section, data: SummaryData, recipe: str) -> str:
+    parts = [plain(data.dataset), "held out" if data.held_out else "never seen"]
+    return ", ".join([*parts, f"{plain(recipe)} recipe"] if len(section.recipes) > 1 else parts)
 
 
-def _title(section: Section, dataset: str, recipe: str) -> str:
-    words = [plain(dataset), "held out" if dataset == section.dataset else "never seen"]
-    return ", ".join([*words, f"{plain(recipe)} recipe"] if len(section.recipes) > 1 else words)
+def _errors(axis: Any, data: SummaryData, model: Model, look: Look) -> None:
+    """Errors of a model that was scored there; arrows at the upper edge where one is infinite."""
+    horizons = np.asarray(data.horizons)
+    for statistic, width, alpha, dot in (("median", 1.3, 1.0, "o"), ("q90", 0.8, 0.75, "")):
+        values = np.array([data.value(model, rollout(h, statistic)) for h in horizons])
+        style = {"color": look.colour, "linewidth": width, "alpha": alpha, "marker": dot}
+        style["linestyle"] = look.line if statistic == "median" else SHORT_DOTS
+        shown = np.where(np.isfinite(values) & (values > 0), values, np.nan)
+        axis.plot(horizons, shown, markersize=2.8, **style)
+        infinite = horizons[np.isposinf(values)]
+        if len(infinite):
+            upper = axis.get_xaxis_transform()
+            arrows = {"color": look.colour, "markersize": 5, "transform": upper, "clip_on": False}
+            axis.plot(infinite, np.ones(len(infinite)), "^", **arrows)
 
 
-def _error(axis: Any, entry: Entry, dataset: str, horizons: Sequence[float], look: Look) -> None:
-    for statistic, width, alpha, marker in (("median", 1.3, 1.0, "o"), ("q90", 0.8, 0.75, "")):
-        keys = [Key("rollout_angle", statistic, h) for h in horizons]
-        values = np.array([entry.scores[dataset][key] for key in keys])
-        style = look.line if statistic == "median" else (0, (1, 1.4))
-        axis.plot(
-            horizons,
-            np.where(np.isfinite(values) & (values > 0), values, np.nan),
-            color=look.colour,
-            linestyle=style,
-            linewidth=width,
-            alpha=alpha,
-            marker=marker,
-            markersize=2.8,
-        )
-        _infinite(axis, np.asarray(horizons)[np.isposinf(values)], look)
-
-
-def _infinite(axis: Any, horizons: Array, look: Look) -> None:
-    """Arrows at the upper edge where an error is infinite."""
-    if len(horizons):
-        axis.plot(
-            horizons,
-            np.ones(len(horizons)),
-            "^",
-            color=look.colour,
-            markersize=5,
-            transform=axis.get_xaxis_transform(),
-            clip_on=False,
-        )
-
-
-def _scales(axis: Any, horizons: Sequence[float]) -> None:
+def _scales(axis: Any, horizons: tuple[float, ...]) -> None:
     """Logarithmic axes, which all panels share, with plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+    from matplotlib.ticker import NullLocator
 
     axis.set_xscale("log")
-    axis.set_yscale("log")
     axis.set_xticks(horizons, [f"{h:g}" for h in horizons])
     axis.xaxis.set_minor_locator(NullLocator())
-    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.yaxis.set_minor_locator(NullLocator())
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _key(picture: Any, section: Section, looks: Mapping[str, Look]) -> None:
-    from matplotlib.lines import Line2D
-
-    labels = list(dict.fromkeys(entry.label for entry in section.entries))
-    handles = [Line2D([], [], color=looks[n].colour, linestyle=looks[n].line) for n in labels]
-    handles += [
-        Line2D([], [], color="black", marker="o", markersize=2.8),
-        Line2D([], [], color="black", linestyle=(0, (1, 1.4)), linewidth=0.8),
-    ]
-    key_above(picture, handles, [*labels, "median", "90 % quantile"])
+    plain_logarithm(axis)

@@ -6,9 +6,11 @@ import io
 import warnings
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.report.load import Entry
+from frictionid.files import write_bytes
+from frictionid.report.sections import Model
 
 WIDTH = 7.2  # [inch], both columns of a journal's page
 FORMATS = ("png", "pdf")
@@ -19,6 +21,8 @@ GREY = "#767676"
 LONGEST = 36  # letters of a name
 PALE = "#D9D9D9"
 DARK = "#222222"
+DASHED = (0, (4, 1.5))  # the truth
+GRID = {"color": "#EEEEEE", "linewidth": 0.6}
 
 
 class Look(NamedTuple):
@@ -28,19 +32,19 @@ class Look(NamedTuple):
     line: Any
 
 
-def looks(entries: Iterable[Entry]) -> dict[str, Look]:
+def looks(models: Iterable[Model]) -> dict[str, Look]:
     """Look of each identifier by its label: no friction grey, the truth black, others coloured."""
     out: dict[str, Look] = {}
     coloured = 0
-    for entry in entries:
-        if entry.label in out:
+    for model in models:
+        if model.label in out:
             continue
-        if entry.role in ("none", "truth"):
-            dark = entry.role == "truth"
-            out[entry.label] = Look(DARK if dark else GREY, (0, (4, 1.5)) if dark else "-")
+        if model.role in ("none", "truth"):
+            dark = model.role == "truth"
+            out[model.label] = Look(DARK if dark else GREY, DASHED if dark else "-")
             continue
         repeat, place = divmod(coloured, len(COLOURS))
-        out[entry.label] = Look(COLOURS[place], DASHES[repeat % len(DASHES)])
+        out[model.label] = Look(COLOURS[place], DASHES[repeat % len(DASHES)])
         coloured += 1
     return out
 
@@ -94,6 +98,17 @@ def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
     return out
 
 
+def write_figure(
+    folder: Path, stem: str, picture: Any, kinds: Iterable[str] = FORMATS
+) -> list[Path]:
+    """Paths of a figure's files, written in all these formats."""
+    paths = []
+    for kind, content in rendered(picture, kinds).items():
+        paths.append(folder / f"{stem}.{kind}")
+        write_bytes(paths[-1], content)
+    return paths
+
+
 def plain(name: str) -> str:
     r"""A name that is drawn as it stands: no mathematics, no end of a line, shortened if long.
 
@@ -106,13 +121,36 @@ def plain(name: str) -> str:
     return words.replace("$", r"\$")
 
 
-def key_above(picture: Any, handles: list[Any], labels: list[str], handle: float = 1.8) -> None:
+def line(color: Any, linestyle: Any = "-", linewidth: float = 1.2, alpha: float = 1.0) -> Any:
+    """A line for a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=color, linestyle=linestyle, linewidth=linewidth, alpha=alpha)
+
+
+def marker(color: Any, kind: str = "o", size: float = 4, face: Any = None) -> Any:
+    """A marker for a legend; face : its inner colour, where it is another one."""
+    from matplotlib.lines import Line2D
+
+    face = color if face is None else face
+    return Line2D([], [], color=color, marker=kind, markersize=size, linestyle="", mfc=face)
+
+
+def patch(color: Any, alpha: float = 1.0) -> Any:
+    """An area for a legend."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=color, alpha=alpha, linewidth=0)
+
+
+def key_above(picture: Any, key: Mapping[str, Any], handle: float = 1.8) -> None:
     """A legend above all panels, read line by line, in as many lines as its words need.
 
-    handle : length of its lines, in letters
+    key : handles by their labels; handle : length of their lines, in letters
     """
+    handles, labels = list(key.values()), list(map(plain, key))
     # a label that begins with _ would be left out
-    shown = [f" {label}" if label.startswith("_") else label for label in map(plain, labels)]
+    shown = [f" {label}" if label.startswith("_") else label for label in labels]
     columns = next(
         c for c in range(len(shown), 0, -1) if c == 1 or _width(shown, c, handle) < WIDTH - 0.1
     )

@@ -1,0 +1,165 @@
+"""The page summary.md: findings, tables, pictures, and where the numbers come from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from frictionid.comparison.results import Results
+from frictionid.report import families, findings
+from frictionid.report.estimates import estimates
+from frictionid.report.memory import memory_analysis
+from frictionid.report.reliability import fold_settings, warnings_of
+from frictionid.report.render import render
+from frictionid.report.sections import EULER, Model, Section, SummaryData
+from frictionid.report.shooting_results import ShootingResults, shooting_results
+from frictionid.report.tables import Table
+
+SETTINGS = ("horizons", "every", "history", "sample_time", "seeds", "folds")
+ORIGIN = ("description", "origin", "licence", "citation")
+
+
+class Picture(NamedTuple):
+    """A figure, the stem of its files, and its caption."""
+
+    stem: str
+    figure: Any
+    caption: str
+
+
+class NamedTable(NamedTuple):
+    """A table, the stem of its files, its numbers where they are written as CSV, and a heading.
+
+    heading : of the part of the page that unfolds; "" where the page shows it elsewhere
+    """
+
+    stem: str
+    table: Table
+    numbers: pd.DataFrame | None = None
+    heading: str = ""
+
+
+class Exhibits(NamedTuple):
+    """Tables and pictures of one scored data set; the summary table is the first.
+
+    shooting, shooting_pictures : those of the fit by shooting that predicts best
+    linked, linked_pictures : those of the other fits, which the page does not show
+    """
+
+    tables: tuple[NamedTable, ...]
+    pictures: tuple[Picture, ...]
+    shooting: tuple[NamedTable, ...] = ()
+    shooting_pictures: tuple[Picture, ...] = ()
+    linked: tuple[NamedTable, ...] = ()
+    linked_pictures: tuple[Picture, ...] = ()
+
+
+class ShootingFit(NamedTuple):
+    """A fit by shooting: stem of its files and facts of its result."""
+
+    model: Model
+    stem: str
+    results: ShootingResults
+    parameters: int
+    identified: int
+
+
+def page(
+    results: Results,
+    sections: Sequence[Section],
+    exhibits: Mapping[tuple[str, str], Exhibits],
+    stems: Mapping[Model, str],
+) -> str:
+    """Markdown of the page.
+
+    exhibits : by the data sets fitted and scored; stems : of the files about fits by shooting
+    """
+    provenance = results.provenance
+    context = {
+        "results": results,
+        "title": provenance.get("title") or provenance["suite"],
+        "settings": provenance["settings"],
+        "warnings": warnings_of(results, sections),
+        "sections": [_section(results, section, exhibits, stems) for section in sections],
+        "data": [
+            (name, len(hashes), _digest(hashes), provenance.get("folds", {}).get(name, ""))
+            for name, hashes in provenance.get("data", {}).items()
+        ],
+        "origins": {
+            name: [origin[key].rstrip(". ") for key in ORIGIN if origin.get(key)]
+            for name, origin in provenance.get("origin", {}).items()
+        },
+        "versions": provenance.get("versions", {}),
+        "used": {k: json.dumps(v) for k, v in provenance["settings"].items() if k in SETTINGS},
+        "recipes": {m.recipe: m.settings["recipe"] for s in sections for m in s.models if m.recipe},
+        "identifiers": {m.identifier: m for s in sections for m in s.models},
+    }
+    return render("summary.md.j2", context)
+
+
+def _digest(hashes: Mapping[str, str]) -> str:
+    return hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
+
+
+def _section(
+    results: Results,
+    section: Section,
+    exhibits: Mapping[tuple[str, str], Exhibits],
+    stems: Mapping[Model, str],
+) -> dict[str, Any]:
+    fits = shooting_fits(section, stems)
+    return {
+        "section": section,
+        "folds": fold_settings(results.provenance, section.dataset),
+        "data": [scored_findings(data) for data in section.data],
+        "exhibits": [exhibits[section.dataset, data.dataset] for data in section.data],
+        "recipe_gains": findings.recipe_gains(section),
+        "fits": fits,
+        "family_table": families.family_table(section),
+        "notes": {key: _notes(section, key) for key in ("equation", "inclusion")},
+    }
+
+
+def scored_findings(data: SummaryData) -> dict[str, Any]:
+    """Findings on one data set, each by its name in the template."""
+    lowest, closest = data.best(data.of_role("fitted"), EULER), findings.closest_curves(data)
+    return {
+        "scores": data,
+        "predictions": findings.predictions(data),
+        "ranking": findings.ranking(data),
+        "truth": findings.truth_contrast(data),
+        "true_start": findings.true_start_contrast(data),
+        "loss": findings.loss_contrast(data),
+        "lowest_loss": data.value(lowest, EULER) if lowest else None,
+        "closest": closest,
+        "below_truth": findings.below_truth(data),
+        "families": families.families(data),
+        "memory": memory_analysis(data) if data.held_out else None,
+    }
+
+
+def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[ShootingFit]:
+    """The fits by shooting, the one that predicts best first."""
+    fits = [model for model in section.models if model in stems and model.refined is not None]
+    data = section.fitted
+    first = data.best(fits, findings.last_rollout(data)) if data.reported else None
+    fits.sort(key=lambda model: model is not first)
+    out = []
+    for model in fits:
+        document = model.refined or {}
+        read = estimates(document, section.description)
+        facts, known = shooting_results(document, read), sum(e.identified for e in read)
+        out.append(ShootingFit(model, stems[model], facts, len(read), known))
+    return out
+
+
+def _notes(section: Section, key: str) -> list[tuple[Model, str]]:
+    """Lines that models tell of themselves under a key."""
+    models = [
+        (model, model.document.get("provenance", {}).get(key, ())) for model in section.models
+    ]
+    return [(model, text) for model, own in models for text in own]

@@ -1,0 +1,380 @@
+"""What the report is about: models, data sets and scores of a comparison, sorted for reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from frictionid.arrays import Array
+from frictionid.comparison.results import Results
+
+ROLES = ("none", "fitted", "given", "truth")
+ANY = ""  # recipe of a model that no recipe changes
+REPORTED = (0.5, 1.0)  # [s], horizons that the findings are about, where a suite has them
+EULER, INTEGRAL = "one_step_euler_mean", "one_step_integral_rms"
+FEWEST = 3  # folds, below which a scatter says nothing
+CLEAR = 2.0  # standard errors
+
+
+def rollout(horizon: float, statistic: str = "median", score: str = "rollout_angle") -> str:
+    """Column of a rollout score after a horizon [s].
+
+    >>> rollout(0.5)
+    'rollout_angle_median_0.5s'
+    """
+    return f"{score}_{statistic}_{horizon:g}s"
+
+
+@dataclass(frozen=True, eq=False)
+class DataDescription:
+    """A data set as datasets.json describes it; V velocities, n joints, SI units.
+
+    Attributes
+    ----------
+    velocity, truth : (V, n), grid of the friction curves, and the true ones or None
+    density : (n, B), how often each velocity occurred, in bins over the grid
+    measured : (2, n), lowest and highest velocity that occurred
+    true_parameters : what a simulation knows of each block of parameters
+    mechanism, own_base : the nominal mechanism, and what recordings add to its base parameters
+    velocities, speeds : (N, n) samples and their distribution; None in older folders
+    """
+
+    joints: tuple[str, ...]
+    torque_unit: str
+    angle_unit: str
+    recordings: int
+    samples: int
+    seconds: float
+    velocity: Array
+    truth: Array | None
+    density: Array
+    measured: Array
+    true_parameters: Mapping[str, Any]
+    mechanism: Mapping[str, Any] | None
+    own_base: Any
+    velocities: Array | None
+    speeds: Mapping[str, Any] | None
+
+    @property
+    def coordinate(self) -> str:
+        """What the joints' coordinates are called."""
+        return "angle" if self.angle_unit == "rad" else "position"
+
+    @property
+    def true_joints(self) -> tuple[str, ...]:
+        """Numbers "1", "2" ... of the joints where true curves are known, else none."""
+        return tuple(str(j + 1) for j in range(len(self.joints)) if self.truth is not None)
+
+
+def description_of(document: Mapping[str, Any]) -> DataDescription:
+    """A data set's description; what folders of earlier versions lack is taken from the grid."""
+    velocity = np.asarray(document["velocity"], dtype=float)
+    truth, velocities = document["truth"], document.get("velocities")
+    return DataDescription(
+        joints=tuple(map(str, document["joints"])),
+        **{key: document[key] for key in ("torque_unit", "angle_unit", "recordings", "samples")},
+        seconds=float(document["seconds"]),
+        velocity=velocity,
+        truth=None if truth is None else np.asarray(truth, dtype=float),
+        density=np.asarray(document["density"], dtype=float),
+        measured=np.asarray(document.get("measured", velocity[[0, -1]]), dtype=float),
+        true_parameters=document.get("true_parameters") or {},
+        mechanism=document.get("mechanism"),
+        own_base=document.get("own_base", 0.0),
+        velocities=None if velocities is None else np.asarray(velocities, dtype=float),
+        speeds=document.get("speeds"),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A line of the tables: an identifier with the recipe by which it was fitted.
+
+    Attributes
+    ----------
+    task : position of its task among the results, the index of its scores
+    recipe : its name, "" where no recipe plays a part
+    role : "none" (no friction), "fitted", "given" (fixed numbers) or "truth"
+    label : the identifier's name, with the seed where seeds differ
+    name : label, with the recipe where the comparison has several
+    curves : (F + 1, V, n) [N m], the friction of all data last
+    theta : (F, n, P)
+    document, settings : the model file's content; constructor calls of identifier and recipe
+    refined : what shooting found, or None
+    members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
+    loops : friction along sinusoids, where the suite asked for it
+    method : scheme of the recipe, and what corrects its data
+    """
+
+    task: int
+    identifier: str
+    recipe: str
+    role: str
+    label: str
+    name: str
+    curves: Array
+    motions: Sequence[Mapping[str, Any]]
+    theta: Array
+    document: Mapping[str, Any]
+    settings: Mapping[str, str]
+    refined: Mapping[str, Any] | None = None
+    members: Array | None = None
+    loops: Sequence[Mapping[str, Any]] = ()
+    method: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Pair(NamedTuple):
+    """Mean difference over the folds with its standard error; NaN where one is not finite."""
+
+    mean: float
+    error: float
+    folds: int
+
+    @property
+    def clear(self) -> bool | None:
+        """Whether the difference exceeds two standard errors; None where that cannot be told."""
+        if self.folds < FEWEST or not np.isfinite(self.mean):
+            return None
+        return bool(abs(self.mean) > CLEAR * self.error)
+
+
+@dataclass(frozen=True, eq=False)
+class SummaryData:
+    """Scores of the models on one data set.
+
+    Columns of the frames: "one_step_euler_mean", "rollout_angle_median_0.5s",
+    "curve_error_joint1", "n_parameters" ...; indices are positions of tasks.
+
+    Attributes
+    ----------
+    fitted_on : the data set that the models were fitted to; another one for data that only test
+    models : those that were scored on it
+    horizons : of the rollouts of the whole comparison [s], ascending
+    folds : (task, fold) x columns, scores of each fold
+    level : task x columns, scores as they stand in tables: mean over the folds one step ahead,
+        else pooled over all folds
+    """
+
+    dataset: str
+    fitted_on: str
+    description: DataDescription
+    models: tuple[Model, ...]
+    horizons: tuple[float, ...]
+    folds: pd.DataFrame
+    level: pd.DataFrame
+
+    @property
+    def held_out(self) -> bool:
+        """Whether these are the fitted data, judged on held-out folds; else data that only test."""
+        return self.dataset == self.fitted_on
+
+    @property
+    def reported(self) -> tuple[float, ...]:
+        """Horizons [s] that the findings are about: 0.5 and 1 s, or else the last two."""
+        return tuple(h for h in REPORTED if h in self.horizons) or self.horizons[-2:]
+
+    def of_role(self, *roles: str) -> list[Model]:
+        """Models of some roles, in their order."""
+        return [model for model in self.models if model.role in roles]
+
+    def value(self, model: Model, column: str) -> float:
+        """A model's score as it stands in tables; NaN where it has none."""
+        if column not in self.level or model.task not in self.level.index:
+            return float("nan")
+        return float(self.level[column][model.task])
+
+    def best(self, models: Sequence[Model], column: str) -> Model | None:
+        """The model of the lowest finite score; None where no model has one."""
+        values = np.array([self.value(model, column) for model in models])
+        if not np.isfinite(values).any():
+            return None
+        return models[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
+
+    def of_folds(self, model: Model, column: str) -> Array:
+        """A model's score in each fold (F,)."""
+        values = self._by_fold(column)
+        return values.loc[model.task].to_numpy() if model.task in values.index else np.empty(0)
+
+    def paired(self, model: Model, other: Model, column: str) -> Pair:
+        """A model's score less another's, paired over the folds.
+
+        The standard error is that of independent folds; their training sets overlap, so that it is
+        rather too small.
+        """
+        mine, theirs = self.of_folds(model, column), self.of_folds(other, column)
+        if len(mine) != len(theirs) or len(mine) < 2:
+            return Pair(float("nan"), float("nan"), 0)
+        finite = np.isfinite(mine) & np.isfinite(theirs)
+        values = np.full(len(mine), np.nan)
+        values[finite] = mine[finite] - theirs[finite]
+        error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
+        return Pair(float(np.mean(values)), error, len(values))
+
+    def curve_errors(self, model: Model) -> list[float]:
+        """Curve error of each joint; empty where no true curve is known."""
+        return [self.value(model, f"curve_error_joint{j}") for j in self.description.true_joints]
+
+    def _by_fold(self, column: str) -> pd.DataFrame:
+        """Scores, task x fold; folds in which nothing was scored are left out."""
+        if column not in self.folds:
+            return pd.DataFrame()
+        return self.folds[column].unstack("fold").dropna(axis=1, how="all").sort_index(axis=1)
+
+
+class Section(NamedTuple):
+    """Everything that was fitted to one data set.
+
+    data : scores on that data set first, then on data sets that no fit has seen
+    """
+
+    dataset: str
+    recipes: tuple[str, ...]
+    models: tuple[Model, ...]
+    data: tuple[SummaryData, ...]
+
+    @property
+    def fitted(self) -> SummaryData:
+        """Scores on the data set that was fitted."""
+        return self.data[0]
+
+    @property
+    def tests(self) -> tuple[SummaryData, ...]:
+        """Scores on data sets that no fit has seen."""
+        return self.data[1:]
+
+    @property
+    def description(self) -> DataDescription:
+        """Description of the data set that was fitted."""
+        return self.data[0].description
+
+    def of_role(self, *roles: str) -> list[Model]:
+        """Models of some roles, in their order."""
+        return [model for model in self.models if model.role in roles]
+
+    def under(self, recipe: str) -> list[Model]:
+        """Models that belong beside a recipe: its own, and those that no recipe changes."""
+        return [model for model in self.models if model.recipe in (ANY, recipe)]
+
+
+def sections_of(results: Results) -> tuple[Section, ...]:
+    """Sections of a comparison, one for each data set that was fitted."""
+    names = dict.fromkeys(task["dataset"] for task in results.tasks)
+    return tuple(_section(results, name) for name in names)
+
+
+def _section(results: Results, dataset: str) -> Section:
+    numbers = [i for i, task in enumerate(results.tasks) if task["dataset"] == dataset]
+    tasks = {i: results.tasks[i] for i in numbers}
+    recipes = tuple(dict.fromkeys(str(task["fit"]) for task in tasks.values()))
+    models: list[Model] = []
+    for number, task in tasks.items():
+        model = _model(number, task, tasks.values(), len(recipes) > 1)
+        if not any(_same(model, other) for other in models):
+            models.append(model)
+    place = {recipe: i for i, recipe in enumerate((ANY, *recipes))}
+    models.sort(key=lambda model: (ROLES.index(model.role), place[model.recipe]))
+    scored = dict.fromkeys([dataset, *(name for task in tasks.values() for name in task["rows"])])
+    horizons = tuple(sorted(results.scores["horizon_s"].dropna().unique()))
+    data = [
+        _summary_data(
+            results.scores.loc[numbers],
+            (name, dataset, description_of(results.datasets[name])),
+            [m for m in models if name in tasks[m.task]["rows"]],
+            horizons,
+        )
+        for name in scored
+    ]
+    return Section(dataset, recipes, tuple(models), tuple(data))
+
+
+def _model(
+    number: int, task: Mapping[str, Any], tasks: Iterable[Mapping[str, Any]], several: bool
+) -> Model:
+    theta = np.asarray(task["folds"]["theta"], dtype=float).reshape(task["folds"]["shape"])
+    overall = np.asarray(task["model"]["theta"], dtype=float).reshape(task["model"]["shape"])
+    identifier, role = str(task["identifier"]), _role(task, theta, overall)
+    twins = [t for t in tasks if t["identifier"] == identifier and t["fit"] == task["fit"]]
+    differ = any(t["folds"]["theta"] != task["folds"]["theta"] for t in twins)
+    label = f"{identifier}, seed {task['seed']}" if differ else identifier
+    recipe = str(task["fit"]) if role == "fitted" else ANY
+    return Model(
+        task=number,
+        identifier=identifier,
+        recipe=recipe,
+        role=role,
+        label=label,
+        name=f"{label} ({recipe})" if several and recipe else label,
+        curves=np.asarray(task["curves"], dtype=float),
+        motions=task["motions"],
+        theta=theta,
+        document=task["model"],
+        settings=task["settings"],
+        refined=task.get("refined") or None,
+        members=np.asarray(task["members"], dtype=float) if task.get("members") else None,
+        loops=task.get("loops") or (),
+        method=task.get("method") or task.get("way") or {},
+    )
+
+
+def _role(task: Mapping[str, Any], theta: Array, overall: Array) -> str:
+    if task["model"].get("provenance", {}).get("source") == "truth":
+        return "truth"
+    if not overall.size:
+        return "none"
+    # numbers that no fold changes were not fitted
+    return "given" if np.array_equal(theta, np.broadcast_to(overall, theta.shape)) else "fitted"
+
+
+def _same(model: Model, other: Model) -> bool:
+    """Whether two models are one: seeds that changed nothing, fixed numbers under two recipes."""
+    names = model.identifier == other.identifier and model.recipe == other.recipe
+    return names and np.array_equal(model.theta, other.theta)
+
+
+def _summary_data(
+    scores: pd.DataFrame,
+    about: tuple[str, str, DataDescription],
+    models: Sequence[Model],
+    horizons: tuple[float, ...],
+) -> SummaryData:
+    """Scores of a section's tasks, rows as in scores.csv, those on one data set in columns."""
+    own = scores[scores["dataset"] == about[0]].rename_axis("task").reset_index()
+    folds, level = score_tables(own)
+    return SummaryData(*about, tuple(models), horizons, folds, level)
+
+
+def score_tables(scores: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Frames `folds` and `level` of `SummaryData`; `scores` has the column `task` besides."""
+    scores = scores.assign(column=_columns(scores))
+    pooled = scores["fold"] == "all"
+    level = scores[pooled].pivot(index="task", columns="column", values="value")
+    folds = scores[~pooled].astype({"fold": int})
+    folds = folds.pivot(index=["task", "fold"], columns="column", values="value")
+    means = over_folds(folds, "mean")
+    steps = means.filter(like="one_step")
+    return folds, steps.combine_first(level)  # a single fold leaves what is pooled
+
+
+def over_folds(folds: pd.DataFrame, statistic: str) -> pd.DataFrame:
+    """The "mean" or "std" over the folds of each task's scores; NaN with a single fold."""
+
+    def reduced(values: pd.Series[float]) -> float:
+        own = values.to_numpy()
+        if len(own) < 2 or (statistic == "std" and not np.isfinite(own).all()):
+            return float("nan")
+        return float(own.mean() if statistic == "mean" else own.std(ddof=1))
+
+    return folds.groupby("task").agg(reduced)
+
+
+def _columns(scores: pd.DataFrame) -> pd.Series[str]:
+    """Name of the column of each score: score, statistic, horizon and joint."""
+    names: pd.Series[str] = scores["score"] + "_" + scores["statistic"]
+    names = names.replace({"curve_error_rms": "curve_error", "n_parameters_count": "n_parameters"})
+    horizon = scores["horizon_s"].map(lambda h: "" if np.isnan(h) else f"_{h:g}s")
+    joint = scores["joint"].astype(str)
+    return names + horizon + joint.where(joint == "all", "_joint" + joint).replace("all", "")
