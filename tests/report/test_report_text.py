@@ -12,6 +12,7 @@ from fixtures import result_folders as made
 from markdown_it import MarkdownIt
 
 from frictionid.comparison.results import load_results, model_scores
+from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
 from frictionid.report.difference_table import difference_table
 from frictionid.report.figures.style import looks
@@ -181,7 +182,8 @@ def test_tables_fit_the_terminal(width, typical, capsys, monkeypatch):
 
 def test_given_models_are_shown_in_short(capsys):
     rows = {"mine": made.rows(0.3, 0.2, curve=0.1), "theirs": made.rows(0.5, np.inf, curve=0.2)}
-    show_scores(model_scores("rig", {k: [r for r in v if r[0] == "all"] for k, v in rows.items()}))
+    frames = {k: score_frame(r for r in v if r[0] == "all") for k, v in rows.items()}
+    show_scores(model_scores("rig", frames))
     text = capsys.readouterr().out
     assert re.search(r"mine +0\.300 +0\.300 +0\.020 .* 0\.20 \(0\.40, 0 %\) +10 +10 +4", text)
     assert re.search(r"theirs +0\.500 .*∞ \(∞, 100 %\)", text)
