@@ -29,7 +29,7 @@ from frictionid.acquire.camera.marker_setup import Links, Marker, MarkerSetup
 from frictionid.acquire.camera.propose import propose
 from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
-from frictionid.data.recordings import Motion
+from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.simulate.film import Film, write_film
@@ -50,7 +50,7 @@ HARD = Film(
 )
 
 
-def swinging(seed: int, frames: int) -> Motion:
+def swinging(seed: int, frames: int) -> TrueMotion:
     """Part of a recording of data/acrobot_clean, drawn by the seed."""
     rng = np.random.default_rng(seed)
     recordings = load_dataset(ROOT / "data" / "acrobot_clean").recordings
@@ -59,23 +59,23 @@ def swinging(seed: int, frames: int) -> Motion:
     at = int(rng.integers(0, len(truth.angle.time) - frames + 1))
     time = np.arange(frames) / 60  # films begin at nought
     parts = (signal.value[at : at + frames] for signal in (truth.angle, truth.velocity))
-    return Motion(*(Signal(time, np.asarray(value)) for value in parts))
+    return TrueMotion(*(Signal(time, np.asarray(value)) for value in parts))
 
 
-def fast(seconds: float) -> Motion:
+def fast(seconds: float) -> TrueMotion:
     """Both joints up to 20 rad/s."""
     t = np.arange(int(60 * seconds)) / 60
     q = np.column_stack([2.0 * np.sin(10 * t), 2.5 * np.sin(8 * t + 1)])
     w = np.column_stack([20.0 * np.cos(10 * t), 20.0 * np.cos(8 * t + 1)])
-    return Motion(Signal(t, q), Signal(t, w))
+    return TrueMotion(Signal(t, q), Signal(t, w))
 
 
-def whirling(seed: int, frames: int) -> Motion:
+def whirling(seed: int, frames: int) -> TrueMotion:
     """The second link goes round and round, past the pivot."""
     rng = np.random.default_rng(seed)
     t, turn = np.arange(frames) / 60, rng.uniform(8, 20) * rng.choice([-1, 1])
     q = np.column_stack([0.8 * np.sin(6 * t + seed), turn * t])
-    return Motion(
+    return TrueMotion(
         Signal(t, q), Signal(t, np.column_stack([4.8 * np.cos(6 * t + seed), 0 * t + turn]))
     )
 
@@ -94,7 +94,7 @@ def marker_setup_of(film: Film, **others: object) -> MarkerSetup:
     )
 
 
-def errors(angles: Angles, motion: Motion) -> np.ndarray:
+def errors(angles: Angles, motion: TrueMotion) -> np.ndarray:
     """Errors [deg] of the frames that were found."""
     true = CubicHermiteSpline(motion.angle.time, motion.angle.value, motion.velocity.value)
     found = np.array(angles.state) == "found"

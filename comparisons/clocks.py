@@ -74,9 +74,9 @@ def tried(recording: Recording) -> list[float] | str:
     out = []
     for at in (found.clock.at, found.span[0]):
         out.append(1e3 * (found.clock.offset_at(at) - OFFSET - DRIFT * at))
-        out.append(1e3 * found.reach * found.error_at(at))
+        out.append(1e3 * found.t_quantile * found.error_at(at))
     drift = found.clock.drift - DRIFT
-    return [*out, 1e6 * drift, 1e6 * found.reach * found.drift_error]
+    return [*out, 1e6 * drift, 1e6 * found.t_quantile * found.drift_error]
 
 
 def main() -> None:

@@ -1,12 +1,12 @@
-"""The log of a drive as a file: rows appended so that no crash can take them, and read again.
+"""The log of a drive as a file: rows are appended so that a crash loses none, and read again.
 
 A CSV table with the columns
 
     host [s], the protocol's columns as they came (time in s), torque [N m] of each motor
 
-`host` is when a row arrived by this computer's clock (Unix time that no later correction moves),
-`time` what the controller said. Whole rows are handed to the system at once, with no buffer of our
-own, and to the disk twice a second; only the last row of a file can be torn, and is then none.
+`host` is the arrival of a row by this computer's clock (Unix time without later corrections),
+`time` that of the controller. Whole rows are written at once, without a buffer, and synced to the
+disk twice a second. Only the last row of a file can be incomplete; it is left out.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.acquire.controller_clock import Runs, one_clock, runs_of
+from frictionid.acquire.controller_clock import ClockRuns, clock_runs, unified_time
 from frictionid.acquire.protocol import SECOND, Cells
 from frictionid.acquire.rig_settings import RigSettings
 from frictionid.data.readers.table import content_of, read_table
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
-_SYNC = 0.5  # [s] between two calls of the disk
+_SYNC = 0.5  # [s] between two syncs to the disk
 _DIGITS = {"s": 0, "ms": 3, "us": 6}
 
 
 @dataclass(frozen=True)
 class Layout:
-    r"""How rows of the protocol become rows of the file.
+    r"""Columns of the file, and its rows from those of the protocol.
 
     >>> from frictionid.acquire.rig_settings import rig_settings_of
     >>> layout = Layout(rig_settings_of({"motor": {"kt": 0.01, "gear": 10.0}}, "rig.toml"))
@@ -45,33 +45,33 @@ class Layout:
     '7.000000,1.500000,0.1,2,0.2\n'
     """
 
-    setup: RigSettings
+    rig: RigSettings
 
     @property
     def header(self) -> str:
         """First line of the file."""
-        return ",".join(("host", *self.setup.protocol.columns, *self._added()))
+        return ",".join(("host", *self.rig.protocol.columns, *self._added()))
 
     def row(self, host: str, cells: Cells) -> str:
         """Row of the file for a row of the protocol that arrived at `host`."""
-        protocol = self.setup.protocol
+        protocol = self.rig.protocol
         texts = [cell.decode("ascii").strip() for cell in cells]
         values = dict(zip(protocol.columns, texts, strict=True))
         values["time"] = seconds(values["time"], protocol.unit)
         torques = [
             f"{m.per_measured * float(values[m.measured]):.9g}"
-            for m in self.setup.motors
+            for m in self.rig.motors
             if not m.torque
         ]
         return ",".join((host, *values.values(), *torques)) + "\n"
 
     def _added(self) -> list[str]:
-        names = zip(self.setup.torque_columns(), self.setup.motors, strict=True)
+        names = zip(self.rig.torque_columns(), self.rig.motors, strict=True)
         return [name for name, motor in names if not motor.torque]
 
 
 def seconds(text: str, unit: str) -> str:
-    """A time in seconds, to the last digit of a count.
+    """Text of a time in seconds, exact for whole counts.
 
     >>> seconds("1234567", "us"), seconds("5", "ms"), seconds("1.25", "s")
     ('1.234567', '0.005', '1.25')
@@ -86,13 +86,13 @@ def seconds(text: str, unit: str) -> str:
 
 
 class Appender:
-    """A file that only grows, by whole rows.
+    """A file to which whole rows are appended.
 
     Raises
     ------
     InputError
-        Where there is a file already and it is not to be continued, or is another log; and where
-        rows cannot be written: those before are safe.
+        Where the file exists and is not to be continued, or is another log; and where rows cannot
+        be written: those before are safe.
     """
 
     def __init__(self, path: Path, header: str, *, more: bool = False) -> None:
@@ -113,19 +113,19 @@ class Appender:
         except BaseException:
             os.close(self._file)
             raise
-        # the disk may take long: rows go on coming meanwhile
+        # in a thread: the disk may take long, and rows keep coming
         self._syncing = threading.Thread(target=self._sync, daemon=True)
         self._syncing.start()
 
     def append(self, rows: Sequence[str]) -> None:
-        """Hand whole rows to the system."""
+        """Write whole rows."""
         if rows:
             self._write("".join(rows).encode())
             self.rows += len(rows)
             self._dirty.set()
 
     def close(self) -> None:
-        """All rows on the disk, and the file closed."""
+        """Sync all rows to the disk and close the file."""
         if self._file < 0:
             return
         self._wake.set()
@@ -144,7 +144,7 @@ class Appender:
         if content.partition(b"\n")[0].decode("utf-8", "replace") != header:
             raise InputError(f"{self.path} has other columns than {header!r}: choose another name")
         whole = content.rfind(b"\n") + 1
-        if not whole:  # all of the header but its line's end
+        if not whole:  # the header without its line end
             self._write(b"\n")
         elif whole < size:
             os.ftruncate(self._file, whole)
@@ -168,27 +168,27 @@ class Appender:
 
 
 class Log(NamedTuple):
-    """A log as it was read: arrays (K,) by the columns of its file, and where they come from."""
+    """Columns of a log, arrays (K,), and its file, for errors."""
 
     file: str
     columns: dict[str, Array]
 
-    def on_one_clock(self, wrap: float) -> tuple[Log, Runs, float]:
-        """Usable rows with one controller's time, their runs, and how unsure joints are [s]."""
-        runs = runs_of(self.columns["time"], self.columns["host"], wrap)
-        time, unsure = one_clock(runs, self.columns["host"])
+    def unified(self, wrap: float) -> tuple[Log, ClockRuns, float]:
+        """Usable rows on one controller time, its runs, and the uncertainty of their joints [s]."""
+        runs = clock_runs(self.columns["time"], self.columns["host"], wrap)
+        time, uncertainty = unified_time(runs, self.columns["host"])
         kept = runs.kept.copy()
-        # the host's clock may be unsure of where one run ends and the next begins
+        # runs joined by the host's clock may overlap
         latest = np.maximum.accumulate(np.where(kept, time, -np.inf))
         kept[1:] &= time[1:] > latest[:-1]
         columns = {k: (time if k == "time" else v)[kept] for k, v in self.columns.items()}
-        return Log(self.file, columns), runs, unsure
+        return Log(self.file, columns), runs, uncertainty
 
 
 def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
-    """Log of a file; a torn last row is none.
+    """Log of a file; an incomplete last row is left out.
 
-    columns : names that it must have beside host and time
+    columns : required beside host and time
 
     Raises
     ------

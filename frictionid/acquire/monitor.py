@@ -1,4 +1,4 @@
-"""When logging ends, and what a person sees meanwhile."""
+"""Progress of logging on the terminal, and when it ends."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _PUMP = 0.1  # [s]
 _SHOW = 0.5  # [s] between two lines that are shown
 
 
-class Shown:
-    """One line that is written again and again on a terminal; elsewhere only what happens."""
+class ProgressLine:
+    """One line that is rewritten on a terminal; elsewhere only connections are reported."""
 
     def __init__(self, columns: tuple[str, ...], stream: TextIO | None = None) -> None:
         self._columns, self._stream = columns, stream or sys.stderr
@@ -26,7 +26,7 @@ class Shown:
         self._connected = True
 
     def __call__(self, counts: Counts, connected: bool) -> None:
-        """Show what has come so far."""
+        """Show the counts."""
         if connected != self._connected:
             self._say("the port is back" if connected else "the port is gone: waiting for it")
             self._connected = connected
@@ -39,8 +39,10 @@ class Shown:
             self._stream.write(f"\r\033[K{progress(self._columns, counts, self._rate)}")
             self._stream.flush()
 
-    def end(self) -> None:
-        """Leave the line."""
+    def __enter__(self) -> ProgressLine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         if self._live:
             self._stream.write("\r\033[K")
             self._stream.flush()
@@ -51,17 +53,17 @@ class Shown:
 
 
 def progress(columns: tuple[str, ...], counts: Counts, rate: float) -> str:
-    """What has come so far, in a line: rate, errors and newest values."""
+    """Rate, errors and newest values in one line."""
     values = ", ".join(
         f"{name} {cell.decode().strip()}" for name, cell in zip(columns, counts.last, strict=False)
     )
-    return f"{rate:.0f} lines/s, {told(counts)}{'; ' if values else ''}{values}"
+    return f"{rate:.0f} lines/s, {counts_text(counts)}{'; ' if values else ''}{values}"
 
 
-def told(counts: Counts) -> str:
-    """Numbers of lines and of what went wrong.
+def counts_text(counts: Counts) -> str:
+    """Numbers of lines and of faults.
 
-    >>> told(Counts(rows=7, unplugged=1))
+    >>> counts_text(Counts(rows=7, unplugged=1))
     '7 lines, 0 damaged, 1 unplugged, 0 restarts'
     """
     return (
@@ -71,8 +73,8 @@ def told(counts: Counts) -> str:
 
 
 @contextlib.contextmanager
-def asked_to_stop() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C or a request to terminate has come; neither breaks off what is under way."""
+def stop_requests() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C or SIGTERM has come; neither interrupts the program meanwhile."""
     asked: list[int] = []
     before = {
         number: signal.signal(number, lambda number, _: asked.append(number))
@@ -85,19 +87,19 @@ def asked_to_stop() -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
-def keep_logging(
+def log_until(
     logger: Logger,
     stop: Callable[[], bool],
     show: Callable[[Counts, bool], None],
     seconds: float | None = None,
     patience: float | None = None,
 ) -> None:
-    """Log until somebody asks to stop, for `seconds`, or until nothing has come for `patience` [s].
+    """Log until `stop`, for `seconds` [s], or until nothing has come for `patience` [s].
 
     Raises
     ------
     InputError
-        Where nothing came at all.
+        Where no line came.
     """
     start = last = time.monotonic()
     while not stop():

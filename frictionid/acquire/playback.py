@@ -1,4 +1,4 @@
-"""Playing a torque signal to a drive: limits, ramps, silence, and an emergency stop."""
+"""Playing a torque signal to a drive: limits, ramps, a watchdog, and an emergency stop."""
 
 from __future__ import annotations
 
@@ -16,49 +16,54 @@ from pathlib import Path
 import numpy as np
 
 from frictionid.acquire.log import Counts, Logger
+from frictionid.acquire.protocol import Cells
 from frictionid.acquire.rig_settings import RigSettings
+from frictionid.config import Positive, check_settings
 from frictionid.data.readers.table import content_of, read_table
 from frictionid.data.recordings import first_fault
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 
 _PUMP = 0.05  # [s], longest wait for a line
-_AGAIN = 3  # times that a stop is sent: a line may be damaged
-_OVER = 1.5  # of the limit: a measured torque beyond it stops everything
+_REPEATS = 3  # of a stop command: a line may be damaged
+_OVERLOAD = 1.5  # times the limit: a larger measured torque stops at once
+
+Show = Callable[[Counts, bool], None]
 
 
 @dataclass(frozen=True)
-class Playing:
+class PlaySettings:
     """How a signal is played.
 
-    rate : commands per second [Hz]; ramp : [s] down to nothing, and up to the first value
-    silence : [s] without a line from the drive, after which the torque goes down
+    Attributes
+    ----------
+    rate : commands per second [Hz]
+    ramp : [s], from zero torque to the signal and back
+    silence : [s] without a line from the drive, after which the torque is ramped down
     """
 
-    rate: float = 100.0
-    ramp: float = 0.3
-    silence: float = 0.25
+    rate: Positive = 100.0
+    ramp: Positive = 0.3
+    silence: Positive = 0.25
 
     def __post_init__(self) -> None:
-        for name in ("rate", "ramp", "silence"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise InputError(f"{name} = {getattr(self, name)} must be positive and finite")
+        check_settings(self)
 
 
-def load_signal(path: Path, setup: RigSettings) -> Signal:
+def load_signal(path: Path, rig: RigSettings) -> Signal:
     """Torque signal of a table: time [s] and one column per motor [N m], held.
 
     Raises
     ------
     InputError
-        Where columns do not fit, or a torque exceeds its motor's limit.
+        Where columns do not fit, or a torque exceeds the limit of its motor.
     """
     content = content_of(path)
     header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
     names = [h for h in header if h != "time"]
-    if "time" not in header or len(names) != len(setup.motors):
+    if "time" not in header or len(names) != len(rig.motors):
         raise InputError(
-            f"{path} has the columns {', '.join(header)}; a signal for {len(setup.motors)} motors "
+            f"{path} has the columns {', '.join(header)}; a signal for {len(rig.motors)} motors "
             "has time and one torque for each"
         )
     table = read_table(content, str(path), ["time", *names])
@@ -69,10 +74,10 @@ def load_signal(path: Path, setup: RigSettings) -> Signal:
     fault = first_fault(time_, value, ("time", *names))
     if fault:
         raise InputError(f"{path}, row {table.rows[fault[0]]}: {fault[1]}; repair or delete it")
-    for motor, column, name in zip(setup.motors, value.T, names, strict=True):
+    for motor, column, name in zip(rig.motors, value.T, names, strict=True):
         if motor.limit is None:
             raise InputError(
-                f"{setup.file}: [motor] has no limit: add limit = the largest torque [N m] that is "
+                f"{rig.file}: [motor] has no limit: add limit = the largest torque [N m] that is "
                 "safe at the joint"
             )
         k = int(np.argmax(np.abs(column)))
@@ -85,35 +90,26 @@ def load_signal(path: Path, setup: RigSettings) -> Signal:
 
 
 def excite(
-    logger: Logger,
-    signal: Signal,
-    setup: RigSettings,
-    playing: Playing,
-    stop: Callable[[], str],
-    show: Callable[[Counts, bool], None],
+    logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str], show: Show
 ) -> str:
-    """Play a signal and log meanwhile; why it ended, "" where the signal was over.
+    """Play a signal while logging; the reason why it ended early, "" where it did not.
 
-    stop : why everything must end at once, "" while nothing must. A request "ramp" lets the torque
-        go down within the ramp.
+    stop : reason to stop at once, "" while there is none; "ramp" ramps the torque down first
 
-    Whatever happens the last that the drive hears is its stop command.
+    Whatever happens, the last that the drive receives is zero torque and its stop command.
     """
-    reason = ""
     try:
-        # nothing is played to a drive that does not answer
-        _wait(logger, playing, show)
-        reason = _played(logger, signal, setup, playing, stop, show)
+        _wait_for_drive(logger, settings, show)
+        return _played(logger, signal, settings, stop, show)
     finally:
-        for _ in range(_AGAIN):
-            _order(logger, setup, np.zeros(len(setup.motors)))
-            logger.send(setup.protocol.stop)
+        for _ in range(_REPEATS):
+            _command(logger, np.zeros(len(logger.rig.motors)))
+            logger.send(logger.rig.protocol.stop)
         logger.pump(_PUMP)
-    return reason
 
 
-def _wait(logger: Logger, playing: Playing, show: Callable[[Counts, bool], None]) -> None:
-    end = time.monotonic() + max(4 * playing.silence, 1.0)
+def _wait_for_drive(logger: Logger, settings: PlaySettings, show: Show) -> None:
+    end = time.monotonic() + max(4 * settings.silence, 1.0)
     while not logger.pump(_PUMP):
         show(logger.counts, logger.connected)
         if time.monotonic() > end:
@@ -121,59 +117,55 @@ def _wait(logger: Logger, playing: Playing, show: Callable[[Counts, bool], None]
 
 
 def _played(
-    logger: Logger,
-    signal: Signal,
-    setup: RigSettings,
-    playing: Playing,
-    stop: Callable[[], str],
-    show: Callable[[Counts, bool], None],
+    logger: Logger, signal: Signal, settings: PlaySettings, stop: Callable[[], str], show: Show
 ) -> str:
+    """Send commands until the signal and the ramp down are over, or something stops them.
+
+    The torque is the signal times an envelope: up within the ramp, down from `ramp_down` on.
+    """
     length = float(signal.time[-1]) + float(np.median(np.diff(signal.time)))
     start = heard = time.monotonic()
-    reason, down = "", float("inf")
-    number = 0
-    while True:
-        now = time.monotonic() - start
-        share = float(np.clip((down + playing.ramp - now) / playing.ramp, 0.0, 1.0))
-        share = min(share, now / playing.ramp)
-        if now >= min(length, down) + playing.ramp:
-            return reason
-        if now >= length and not np.isfinite(down):
-            down = now
-        _order(logger, setup, share * sample(signal, [min(now, length)])[0])
-        number += 1
-        rows = logger.pump(max(min(start + number / playing.rate - time.monotonic(), _PUMP), 0.0))
+    reason, ramp_down, count = "", float("inf"), 0
+    while (now := time.monotonic() - start) < min(length, ramp_down) + settings.ramp:
+        if now >= length:
+            ramp_down = min(ramp_down, now)
+        envelope = np.clip((ramp_down + settings.ramp - now) / settings.ramp, 0.0, 1.0)
+        envelope = min(float(envelope), now / settings.ramp)
+        _command(logger, envelope * sample(signal, [min(now, length)])[0])
+        count += 1
+        due = start + count / settings.rate
+        rows = logger.pump(max(min(due - time.monotonic(), _PUMP), 0.0))
         show(logger.counts, logger.connected)
         heard = time.monotonic() if rows else heard
         asked = stop()
-        if asked and asked != "ramp":
-            return asked
-        too_much = _too_much(setup, rows)
-        if too_much:
-            return too_much
-        if not np.isfinite(down):
-            silent = time.monotonic() - heard > playing.silence or not logger.connected
+        emergency = _overload(logger.rig, rows) if asked in ("", "ramp") else asked
+        if emergency:
+            return emergency
+        if not np.isfinite(ramp_down):
+            silent = time.monotonic() - heard > settings.silence or not logger.connected
             if asked or silent:
-                down = time.monotonic() - start
+                ramp_down = time.monotonic() - start
                 reason = "the drive fell silent" if silent else "stopped on request"
+    return reason
 
 
-def _order(logger: Logger, setup: RigSettings, torque: Array) -> None:
+def _command(logger: Logger, torque: Array) -> None:
+    """Send torques [N m] of the joints, clipped to the limits, in the unit of the commands."""
     values = [
         float(np.clip(u, -(m.limit or 0.0), m.limit or 0.0)) / m.per_command
-        for u, m in zip(torque, setup.motors, strict=True)
+        for u, m in zip(torque, logger.rig.motors, strict=True)
     ]
     text = ",".join(f"{v:.6f}" for v in values)
-    logger.send(setup.protocol.send.replace("{value}", text))
+    logger.send(logger.rig.protocol.send.replace("{value}", text))
 
 
-def _too_much(setup: RigSettings, rows: list[tuple[bytes, ...]]) -> str:
-    """What to say of a measured torque far beyond its limit."""
+def _overload(rig: RigSettings, rows: list[Cells]) -> str:
+    """Message about a measured torque far beyond its limit, "" where there is none."""
     for cells in rows:
-        values = dict(zip(setup.protocol.columns, cells, strict=True))
-        for motor in setup.motors:
+        values = dict(zip(rig.protocol.columns, cells, strict=True))
+        for motor in rig.motors:
             torque = motor.per_measured * float(values[motor.measured])
-            if abs(torque) > _OVER * (motor.limit or np.inf):
+            if abs(torque) > _OVERLOAD * (motor.limit or np.inf):
                 return (
                     f"the drive reports {torque:.3g} N m, beyond its limit of {motor.limit:g} N m"
                 )
@@ -182,7 +174,7 @@ def _too_much(setup: RigSettings, rows: list[tuple[bytes, ...]]) -> str:
 
 @contextlib.contextmanager
 def keys() -> Iterator[Callable[[], str]]:
-    """The key that was pressed, "" where none was; nothing is echoed meanwhile."""
+    """The key that was pressed, "" where none was; keys are not echoed meanwhile."""
     if not sys.stdin.isatty():
         yield lambda: ""
         return

@@ -1,4 +1,4 @@
-"""A serial port that may be unplugged: bytes in, bytes out, and mistakes told in one line."""
+"""A serial port that may be unplugged: bytes in, bytes out, and mistakes in one line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from serial.tools import list_ports
 from frictionid.errors import InputError
 
 _CHUNK = 65536
-_PATIENCE = 1.0  # [s] for a command to be taken
+_WRITE_TIMEOUT = 1.0  # [s]
 
 
 class UnpluggedError(Exception):
@@ -27,7 +27,7 @@ class Port:
     Raises
     ------
     InputError
-        Where there is none of this name, or it is busy or not ours to open.
+        Where it does not exist, is busy or may not be opened.
     UnpluggedError
         From all methods, where the port is gone.
     """
@@ -35,15 +35,15 @@ class Port:
     def __init__(self, name: str, baud: int) -> None:
         self.name = name
         try:
-            # another program that reads, too, would take bytes away
+            # exclusive: another reader would take bytes away
             self._serial: Any = serial.Serial(
-                name, baud, timeout=0, write_timeout=_PATIENCE, exclusive=True
+                name, baud, timeout=0, write_timeout=_WRITE_TIMEOUT, exclusive=True
             )
         except (serial.SerialException, OSError, ValueError, OverflowError) as error:
             raise InputError(_complaint(name, baud, error)) from None
 
     def read(self, timeout: float) -> bytes:
-        """What has come, after at most `timeout` [s]; nothing where nothing has."""
+        """Bytes that came within `timeout` [s]."""
         try:
             handle = self._serial.fileno()
             if not select.select([handle], [], [], timeout)[0]:
@@ -63,7 +63,7 @@ class Port:
             raise UnpluggedError(str(error)) from None
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         try:
             self._serial.close()
         except (serial.SerialException, OSError):

@@ -1,11 +1,11 @@
-r"""The line protocol of a motor drive, as pure functions between bytes and rows.
+r"""The line protocol of a motor drive: pure functions between bytes and rows.
 
 A line is
 
     [mark] value , value , ... [* checksum] newline
 
-in ASCII, one value for each column, with \n or \r\n at its end. Whatever comes between two lines is
-passed over; with a mark, a line whose predecessor lost its end is found all the same.
+in ASCII, one value for each column, with \n or \r\n at its end. Other bytes between lines are
+skipped. With a mark, a line is found even if the one before it lost its end.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from frictionid.errors import InputError
 # SI value of a unit of the controller's clock.
 SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 CHECKSUMS = ("none", "xor", "crc16")
-LONGEST = 1024  # bytes of a line; what goes on longer is none
+MAX_LINE = 1024  # bytes; longer lines are damaged
 _NUMBER = rb"[+-]?(?:\d{1,24}(?:\.\d{0,24})?|\.\d{1,24})(?:[eE][+-]?\d{1,2})?"
 _EXAMPLE = 60  # bytes of a rejected line that are shown
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -32,11 +32,13 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 @dataclass(frozen=True)
 class Format:
-    r"""What a line looks like.
+    r"""Format of a line.
 
+    Attributes
+    ----------
     columns : names of the values, one of them "time"
     unit : of the time, "s", "ms" or "us"
-    wrap : the time begins anew after so many units, 2^32 for a counter of 32 bits
+    wrap : units after which the time wraps around to zero, 2^32 for a counter of 32 bits
     checksum : "none"; "xor" of all bytes between mark and asterisk, two hexadecimal digits; or
         "crc16", CCITT with the start value FFFF, four digits
     mark : one character that begins each line, or none
@@ -45,7 +47,7 @@ class Format:
     Raises
     ------
     InputError
-        For names used twice, no time, and characters that would be taken for numbers.
+        For repeated names, no time, and marks or separators that numbers contain.
 
     Examples
     --------
@@ -91,43 +93,43 @@ Cells = tuple[bytes, ...]
 
 
 class Rejected(NamedTuple):
-    """A line that is none: its bytes, and why ("checksum", "columns", "garbage")."""
+    """A damaged line, and the reason: "checksum", "columns" or "garbage"."""
 
     line: bytes
-    why: str
+    reason: str
 
 
 class Parsed(NamedTuple):
-    """What some bytes hold: rows in order, rejected lines, and the begin of an unfinished line."""
+    """Content of some bytes: rows, rejected lines, and the begin of an unfinished line."""
 
     rows: list[Cells]
     rejected: list[Rejected]
-    rest: bytes
+    remainder: bytes
 
 
-def parsed(form: Format, rest: bytes, new: bytes) -> Parsed:
-    r"""Rows of a stream of which `rest` was left and `new` has come.
+def parsed(form: Format, remainder: bytes, new: bytes) -> Parsed:
+    r"""Rows of new bytes of a stream, after the `remainder` of those before.
 
-    However a stream is cut into pieces, its rows are the same.
+    The rows do not depend on how the stream is cut into pieces.
 
-    >>> parsed(Format(), b"", b"1,2,3\n4,x,6\n7,8")
-    Parsed(rows=[(b'1', b'2', b'3')], rejected=[Rejected(line=b'4,x,6', why='garbage')], rest=b'7,8')
-    """  # noqa: E501
-    *lines, rest = (rest + new).split(b"\n")
+    >>> parsed(Format(), b"", b"1,2,3\n4,x,6\n7,8").rejected
+    [Rejected(line=b'4,x,6', reason='garbage')]
+    """
+    *lines, last = (remainder + new).split(b"\n")
     rows, rejected = [], []
     for line in lines:
         cells = read(form, line)
         if cells is not None:
             rows.append(cells)
         elif line.strip():
-            rejected.append(Rejected(line[-LONGEST:], why(form, line)))
-    return Parsed(rows, rejected, rest[-LONGEST - 2 :])
+            rejected.append(Rejected(line[-MAX_LINE:], rejection_reason(form, line)))
+    return Parsed(rows, rejected, last[-MAX_LINE - 2 :])
 
 
 def read(form: Format, line: bytes) -> Cells | None:
     """Values of a line as they were written, or None where it is damaged."""
     line = _candidate(form, line)
-    found = _pattern(form).fullmatch(line) if len(line) <= LONGEST else None
+    found = _pattern(form).fullmatch(line) if len(line) <= MAX_LINE else None
     if found is None:
         return None
     if form.checksum == "none":
@@ -144,7 +146,7 @@ def written(form: Format, values: Sequence[str]) -> bytes:
 
 
 def framed(form: Format, text: str) -> bytes:
-    """Line of any text with mark and checksum; commands to a drive are framed in the same way."""
+    """Line of any text with mark and checksum, such as a command to the drive."""
     body = text.encode("ascii")
     end = b"" if form.checksum == "none" else b"*" + checksum(form.checksum, body)
     return form.mark.encode() + body + end + b"\n"
@@ -174,8 +176,8 @@ def checksum(kind: str, body: bytes) -> bytes:
     return b"%04X" % binascii.crc_hqx(body, 0xFFFF)
 
 
-def why(form: Format, line: bytes) -> str:
-    """Why a line is none: wrong "checksum", wrong number of "columns", or "garbage"."""
+def rejection_reason(form: Format, line: bytes) -> str:
+    """Why a line is damaged: wrong "checksum", wrong number of "columns", or "garbage"."""
     body = _candidate(form, line)
     if form.checksum != "none":
         body, star, stated = body.rpartition(b"*")
@@ -190,38 +192,38 @@ def why(form: Format, line: bytes) -> str:
 
 
 def diagnosis(form: Format, rejected: Iterable[Rejected], count: int) -> str:
-    """What is wrong where no line can be read: the rule, what came, and the way out.
+    """Message where no line can be read: the expected format, what came, and what to correct.
 
     count : bytes that came
     """
     lines = list(rejected)
-    shown = max((r.line for r in lines), key=_plainness, default=b"")
+    shown = max((r.line for r in lines), key=_printable_share, default=b"")
     text = shown[:_EXAMPLE].decode("ascii", "backslashreplace").strip()
-    if _plainness(shown) < 0.9:
+    if _printable_share(shown) < 0.9:
         return (
             f"nothing but garbage in {count} bytes: the baud rate is wrong, or something else is "
             "connected; check --baud and the port"
         )
-    kinds = Counter(r.why for r in lines)
+    kinds = Counter(r.reason for r in lines)
     kind = kinds.most_common(1)[0][0]
     wanted = form.separator.join(form.columns)
     rule = f"{form.mark}{wanted}{'' if form.checksum == 'none' else '*' + form.checksum}"
-    ways = {
+    hints = {
         "checksum": f"their checksums are not {form.checksum}: correct checksum in [protocol]",
         "columns": "their number of values is another: correct columns in [protocol]",
         "garbage": "correct [protocol], or what the drive sends",
     }
-    return f"lines such as {text!r} are none of the protocol {rule!r}; {ways[kind]}"
+    return f"lines such as {text!r} do not follow the protocol {rule!r}; {hints[kind]}"
 
 
-def _plainness(line: bytes) -> float:
-    """Share of characters that numbers, names and separators have."""
+def _printable_share(line: bytes) -> float:
+    """Share of printable characters."""
     plain = sum(32 <= b < 127 or b in b"\r\t" for b in line)
     return plain / len(line) if line else 0.0
 
 
 def _candidate(form: Format, line: bytes) -> bytes:
-    """The part of a line that may be one: behind its last mark, without blanks at its ends."""
+    """The part of a line behind its last mark, without a carriage return."""
     line = line.removesuffix(b"\r")
     if form.mark:
         _, mark, line = line.rpartition(form.mark.encode())

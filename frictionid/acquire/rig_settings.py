@@ -138,14 +138,19 @@ def rig_tables(path: Path) -> dict[str, Any]:
     """
     if not path.is_file():
         raise InputError(f"{path} does not exist; name the rig.toml with --rig")
+    document = toml_document(path)
+    _check_tables(document, str(path))
+    return document
+
+
+def toml_document(path: Path) -> dict[str, Any]:
+    """Tables of a TOML file; InputError where it is none."""
     try:
-        document = tomllib.loads(content_of(path).decode("utf-8"))
+        return tomllib.loads(content_of(path).decode("utf-8"))
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} is no TOML ({error}); correct it") from None
-    _check_tables(document, str(path))
-    return document
 
 
 def _check_tables(document: dict[str, Any], file: str) -> None:

@@ -1,4 +1,4 @@
-"""frictionid align: angles and a torque log on one clock, as a recording of a data set."""
+"""frictionid align: put angles and a torque log on one clock, as a recording of a data set."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ def align(
         Path, typer.Option(help="Settings with the tables [mechanism] and [motor].")
     ] = Path("rig.toml"),
     name: Annotated[str, typer.Option(help="Name of the recording [that of the angles].")] = "",
-    replace: Annotated[bool, typer.Option("--replace", help="In place of one so called.")] = False,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Replace a recording of that name.")
+    ] = False,
     marker: Annotated[
-        str, typer.Option(help="Column of both files with the state of a lamp that both see.")
+        str, typer.Option(help="Column of both files with state or brightness of a sync LED.")
     ] = "",
     offset: Annotated[
         float | None, typer.Option(help="Offset to within 0.5 s, where it is known [s].")
@@ -26,17 +28,21 @@ def align(
     hold: Annotated[
         str, typer.Option(help="The logged torque between two rows: linear, or previous.")
     ] = "linear",
-    json: Annotated[bool, typer.Option("--json", help="Everything, as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
 ) -> None:
-    """Find offset and drift between two clocks from the motion itself (docs/drive.md)."""
+    """Estimate offset and drift between two clocks from the motion itself (docs/drive.md)."""
     import json as texts
     import math
 
     import tomli_w
 
-    from frictionid.acquire.align import align_files as session
-    from frictionid.acquire.align.alignment_text import described, document_of
-    from frictionid.acquire.align.recording_folder import recording_name
+    from frictionid.acquire.align.align_files import AlignmentOptions, align_files, load_rig
+    from frictionid.acquire.align.alignment_text import alignment_document, alignment_text
+    from frictionid.acquire.align.recording_folder import (
+        add_recording,
+        check_place,
+        recording_name,
+    )
     from frictionid.errors import InputError
     from frictionid.files import write_bytes, write_text
     from frictionid.report.figures.alignment import clock_picture, command_picture
@@ -46,20 +52,20 @@ def align(
     if offset is not None and not math.isfinite(offset):
         raise InputError(f"--offset {offset} must be a finite number of seconds")
     name = name or recording_name(angles)
-    session.check_out(out, name, rig, hold, replace)
-    one = session.aligned(angles, torque, rig, session.Wanted(marker, offset, hold))
-    session.write(one, out, name, rig, hold)
-    document = document_of(one.found, one.marker, one.drives, one.sources)
+    settings = load_rig(rig)
+    head = settings.head(hold)
+    check_place(out, name, head, replace)
+    one = align_files(angles, torque, settings, AlignmentOptions(marker, offset, hold))
+    add_recording(out, name, head, one.angle, one.torque)
+    document = alignment_document(one.alignment, one.marker, one.responses, one.sources)
     write_text(out / f"{name}.align.toml", tomli_w.dumps(document))
-    table = session.head(one, rig, hold)["mechanism"]
-    pictures = {"clock": clock_picture(one, table), "command": command_picture(one)}
-    for kind, content in pictures.items():
-        if content is not None:
-            write_bytes(out / f"{name}.{kind}.png", content)
+    for kind, picture in (("clock", clock_picture(one)), ("command", command_picture(one))):
+        if picture is not None:
+            write_bytes(out / f"{name}.{kind}.png", picture)
     if json:
         print(texts.dumps(document, indent=1))
         return
-    print(described(one.found, one.mechanism, one.marker, one.drives))
-    for remark in one.remarks:
-        print(f"caution  {remark}")
+    print(alignment_text(one.alignment, one.mechanism, one.marker, one.responses))
+    for warning in one.warnings:
+        print(f"warning  {warning}")
     print(f"written to {out}: {name}, {len(one.angle.time)} angles, {len(one.torque.time)} torques")

@@ -13,10 +13,10 @@ data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
 @data.command("list")
 def list_() -> None:
     """Say which public recordings there are, their licences and what of them is here."""
-    from frictionid.data.readers.public_collections import cached, collections, present
+    from frictionid.data.readers.public_collections import cached, collections, count_present
 
     for name, collection in collections().items():
-        total, here = len(collection.files), present(name)
+        total, here = len(collection.files), count_present(name)
         known = sum(file.sha256 is not None for file in collection.files)
         print(name)
         print(f"  {collection.title}")
@@ -36,12 +36,17 @@ def get(
     ] = None,
 ) -> None:
     """Put the files of a public collection into its folder, each checked by its hash."""
-    from frictionid.data.readers.public_collections import cached, collection_named, download, take
+    from frictionid.data.readers.public_collections import (
+        cached,
+        collection_named,
+        copy_collection,
+        download,
+    )
 
     collection = collection_named(name)
     print(f"{name}: licence {collection.licence}; redistribution {collection.redistribution}")
     if from_ is not None:
-        missing = take(name, from_)
+        missing = copy_collection(name, from_)
         if missing:
             print(f"not there: {len(missing)} of {len(collection.files)}, {', '.join(missing)}")
     else:

@@ -1,4 +1,4 @@
-"""frictionid excite: a torque signal played to a drive, with limits, and logged."""
+"""frictionid excite: play a torque signal to a drive, within limits, and log its answer."""
 
 from __future__ import annotations
 
@@ -19,36 +19,27 @@ def excite(
     rate: Annotated[float, typer.Option(help="Commands per second [Hz].")] = 100.0,
     ramp: Annotated[float, typer.Option(help="Time of the ramps up and down [s].")] = 0.3,
     silence: Annotated[float, typer.Option(help="Ramp down when the drive is silent [s].")] = 0.25,
-    append: Annotated[bool, typer.Option("--append", help="Go on with an existing log.")] = False,
+    append: Annotated[bool, typer.Option("--append", help="Continue an existing log.")] = False,
 ) -> None:
     """Play a torque signal to a drive and log what it reports; any key is an emergency stop.
 
     Ctrl-C ramps the torque down. The signal must stay within [motor] limit.
     """
-    from functools import partial
-
-    from frictionid.acquire.log import Logger
-    from frictionid.acquire.logfile import Appender, Layout
-    from frictionid.acquire.monitor import Shown, asked_to_stop, told
-    from frictionid.acquire.playback import Playing, keys, load_signal
+    from frictionid.acquire.log import open_logger
+    from frictionid.acquire.monitor import ProgressLine, counts_text, stop_requests
+    from frictionid.acquire.playback import PlaySettings, keys, load_signal
     from frictionid.acquire.playback import excite as play
-    from frictionid.acquire.port import Port
     from frictionid.acquire.rig_settings import load_rig_settings
 
-    setup = load_rig_settings(rig)
-    torque, playing = load_signal(signal, setup), Playing(rate, ramp, silence)
-    layout = Layout(setup)
-    opened = Port(port, baud or setup.protocol.baud)
-    again = partial(Port, port, baud or setup.protocol.baud)
-    first = iter([opened])
-    try:
-        file = Appender(out, layout.header, more=append)
-    except BaseException:
-        opened.close()
-        raise
-    logger = Logger(lambda: next(first, None) or again(), layout, file)
-    show = Shown(setup.protocol.format().columns)
-    with asked_to_stop() as asked, keys() as key:
+    settings = load_rig_settings(rig)
+    torque, how = load_signal(signal, settings), PlaySettings(rate, ramp, silence)
+    show = ProgressLine(settings.protocol.format().columns)
+    with (
+        stop_requests() as asked,
+        keys() as key,
+        open_logger(port, baud, settings, out, append=append) as logger,
+        show,
+    ):
 
         def stop() -> str:
             pressed = key()
@@ -56,14 +47,8 @@ def excite(
                 return f"emergency stop by the key {pressed!r}"
             return "ramp" if asked() else ""
 
-        try:
-            reason = play(logger, torque, setup, playing, stop, show)
-        finally:
-            show.end()
-            logger.close()
-            if not file.rows and not append:
-                out.unlink(missing_ok=True)
-    print(told(logger.counts))
+        reason = play(logger, torque, how, stop, show)
+    print(counts_text(logger.counts))
     print(f"written to {out}")
     if reason:
         print(f"not played to its end: {reason}")

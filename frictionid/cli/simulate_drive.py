@@ -1,4 +1,4 @@
-"""frictionid simulate-drive: a motor drive at a pseudo-terminal, for trying everything without."""
+"""frictionid simulate-drive: a virtual motor drive at a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -9,29 +9,33 @@ import typer
 
 
 def simulate_drive(
-    dataset: Annotated[Path, typer.Argument(help="Data set whose torque is played.")],
+    dataset: Annotated[Path, typer.Argument(help="Data set with the torque to play.")],
     port: Annotated[Path, typer.Option(help="Name of the port to make, e.g. /tmp/drive.")],
-    recording: Annotated[str, typer.Option(help="Its name [the first].")] = "",
+    recording: Annotated[str, typer.Option(help="Recording to play [the first].")] = "",
     rig: Annotated[
         Path, typer.Option(help="Settings with the tables [motor] and [protocol].")
     ] = Path("rig.toml"),
     rate: Annotated[float, typer.Option(help="Lines per second [Hz].")] = 1000.0,
-    speed: Annotated[float, typer.Option(help="Times real time; inf as fast as possible.")] = 1.0,
-    offset: Annotated[float, typer.Option(help="The clock's zero [s] by the angles' clock.")] = 0.0,
-    drift: Annotated[float, typer.Option(help="How much too slow its clock goes [ppm].")] = 0.0,
-    gain: Annotated[float, typer.Option(help="Measured torque per commanded.")] = 1.0,
-    bias: Annotated[float, typer.Option(help="Measured torque at none [N m].")] = 0.0,
-    lag: Annotated[float, typer.Option(help="Measured torque behind the command [s].")] = 0.0,
-    noise: Annotated[float, typer.Option(help="Of the measured torque [N m].")] = 0.0,
+    speed: Annotated[
+        float, typer.Option(help="Times real time; inf: as fast as it is read.")
+    ] = 1.0,
+    offset: Annotated[
+        float, typer.Option(help="Zero of its clock by the angles' clock [s].")
+    ] = 0.0,
+    drift: Annotated[
+        float, typer.Option(help="Drift of its clock, positive where slow [ppm].")
+    ] = 0.0,
+    gain: Annotated[float, typer.Option(help="Measured over commanded torque.")] = 1.0,
+    bias: Annotated[float, typer.Option(help="Measured torque at zero command [N m].")] = 0.0,
+    lag: Annotated[float, typer.Option(help="Delay of the measured torque [s].")] = 0.0,
+    noise: Annotated[float, typer.Option(help="Noise of the measured torque [N m].")] = 0.0,
     damaged: Annotated[float, typer.Option(help="Share of damaged lines.")] = 0.0,
-    unplugged: Annotated[int, typer.Option(help="Times that the cable is pulled.")] = 0,
-    restarts: Annotated[int, typer.Option(help="Times that the controller restarts.")] = 0,
+    unplugged: Annotated[int, typer.Option(help="Number of times that the cable is pulled.")] = 0,
+    restarts: Annotated[int, typer.Option(help="Number of restarts of the controller.")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of faults and noise.")] = 0,
-    sent: Annotated[
-        Path | None, typer.Option(help="File for the undamaged lines, as they were sent.")
-    ] = None,
+    sent: Annotated[Path | None, typer.Option(help="File for the undamaged lines.")] = None,
 ) -> None:
-    """Play a recording's torque as a drive would report it, and obey commands."""
+    """Play the torque of a recording as a drive would report it, and obey commands."""
     import contextlib
 
     from frictionid.acquire.rig_settings import load_rig_settings
@@ -44,7 +48,7 @@ def simulate_drive(
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")
     drive = Drive(
-        setup=load_rig_settings(rig),
+        rig=load_rig_settings(rig),
         torque=torque_of(load_dataset(dataset), recording),
         rate=rate,
         offset=offset,

@@ -13,7 +13,7 @@ from frictionid.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TrueMotion:
     """Noise-free motion of a simulation.
 
     Attributes
@@ -46,7 +46,7 @@ class Recording:
         Parameters of the mechanism that differ in this recording (an exchangeable mass).
     covariates : mapping of str to Signal
         Other measured quantities, in the unit of the file (temperature, voltage).
-    truth : Motion or None
+    truth : TrueMotion or None
         The noise-free motion, for simulated recordings.
     servo : Servo or None
         What makes the torque of the motion, where that is known; `torque` is then what follows for
@@ -70,7 +70,7 @@ class Recording:
     velocity: Signal | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     covariates: Mapping[str, Signal] = field(default_factory=dict)
-    truth: Motion | None = None
+    truth: TrueMotion | None = None
     servo: Servo | None = None
 
     def __post_init__(self) -> None:

@@ -17,13 +17,20 @@ import tomli_w
 
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Array
+from frictionid.data.two_clock_table import (
+    CAMERA,
+    DRIVE,
+    csv_text,
+    decimal_cells,
+    joint_columns,
+    two_clock_csv,
+)
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of
 from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
 
 # Of the tables: finer than the 1e-7 rad and rad/s that a noise-free twin has to keep.
 DECIMALS = 8
-_CLOCKS = {"angle": "time_camera", "torque": "time_drive"}
 
 
 def write(dataset: Dataset, folder: str | Path, beside: Mapping[str, bytes] | None = None) -> None:
@@ -70,19 +77,18 @@ def _files(dataset: Dataset) -> dict[str, bytes]:
 
 def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
     joints = range(1, len(driven) + 1)
+    columns = joint_columns(driven)
+    if _one_clock(dataset.recordings[0]):
+        columns["time"] = "time"
+    columns["truth"] = {
+        "angle": [f"q{j}_true" for j in joints],
+        "velocity": [f"w{j}_true" for j in joints],
+    }
     return {
         "name": dataset.name,
         **dataset.origin,
         "mechanism": dict(dataset.mechanism),
-        "columns": {
-            "time": "time" if _one_clock(dataset.recordings[0]) else _CLOCKS,
-            "angle": [f"q{j}" for j in joints],
-            "torque": [f"u{j}" if motor else "" for j, motor in zip(joints, driven, strict=True)],
-            "truth": {
-                "angle": [f"q{j}_true" for j in joints],
-                "velocity": [f"w{j}_true" for j in joints],
-            },
-        },
+        "columns": columns,
         "recordings": {"patterns": ["*.csv"]},
     }
 
@@ -94,46 +100,33 @@ def _one_clock(recording: Recording) -> bool:
 def _table(recording: Recording, driven: tuple[bool, ...]) -> bytes:
     """CSV text of a recording; with two clocks, the drive's rows follow those of the camera."""
     camera, drive = _columns(recording, driven)
-    if _one_clock(recording):
-        columns = {"time": camera.pop("time_camera"), **camera, **drive}
-        del columns["time_drive"]
-        return _csv(columns)
-    seen, logged = len(recording.angle.time), len(recording.torque.time)
-    columns = {name: cells + [""] * logged for name, cells in camera.items()}
-    columns |= {name: [""] * seen + cells for name, cells in drive.items()}
-    return _csv(columns)
+    if not _one_clock(recording):
+        return two_clock_csv(camera, drive).encode()
+    columns = {"time": camera.pop(CAMERA), **camera, **drive}
+    del columns[DRIVE]
+    return csv_text(columns).encode()
 
 
 def _columns(
     recording: Recording, driven: tuple[bool, ...]
 ) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
     """Cells of the columns on the camera's and on the drive's clock."""
-    camera = {"time_camera": _exact(recording.angle.time)}
+    camera = {CAMERA: _exact(recording.angle.time)}
     measured = [("q{}", recording.angle)]
     if recording.truth:
         measured += [("q{}_true", recording.truth.angle), ("w{}_true", recording.truth.velocity)]
     for name, signal in measured:
         for j, column in enumerate(signal.value.T, start=1):
-            camera[name.format(j)] = _cells(column, DECIMALS)
-    drive = {"time_drive": _exact(recording.torque.time)}
+            camera[name.format(j)] = decimal_cells(column, DECIMALS)
+    drive = {DRIVE: _exact(recording.torque.time)}
     for j in [j for j, motor in enumerate(driven) if motor]:
-        drive[f"u{j + 1}"] = _cells(recording.torque.value[:, j], COMMAND_DECIMALS)
+        drive[f"u{j + 1}"] = decimal_cells(recording.torque.value[:, j], COMMAND_DECIMALS)
     return camera, drive
-
-
-def _cells(values: Array, decimals: int) -> list[str]:
-    # + 0.0 turns -0.0 into 0.0
-    return [f"{v:.{decimals}f}".rstrip("0").rstrip(".") for v in np.round(values, decimals) + 0.0]
 
 
 def _exact(time: Array) -> list[str]:
     """Shortest texts that give the same numbers again: even clocks stay even to the last bit."""
     return [repr(float(t)) for t in time]
-
-
-def _csv(columns: Mapping[str, list[str]]) -> bytes:
-    rows = [",".join(columns), *(",".join(cells) for cells in zip(*columns.values(), strict=True))]
-    return ("\n".join(rows) + "\n").encode()
 
 
 def _check_replaceable(target: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from frictionid.config import NotNegative, Positive, check_settings
-from frictionid.data.recordings import Motion
+from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.simulate.scene import Image, Look, Scene, SyncLed
@@ -91,7 +91,7 @@ class Shot:
     hidden: Array
 
 
-def shots(film: Film, motion: Motion) -> Iterator[Shot]:
+def shots(film: Film, motion: TrueMotion) -> Iterator[Shot]:
     """Frames of a motion; the same for the same settings."""
     rng = np.random.default_rng([film.seed, 7])
     scene = Scene(film.look, film.view.size, film.view.pivot, film.seed, film.sync_led)
@@ -112,7 +112,7 @@ def shots(film: Film, motion: Motion) -> Iterator[Shot]:
         yield Shot(float(time), _noisy(image, bank, rng), hidden)
 
 
-def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Array]:
+def write_film(film: Film, motion: TrueMotion, stem: Path) -> tuple[Path, Array, Array]:
     """Path of the video, times (K,) of its frames, and which markers (K, n + 1) are occluded.
 
     The path is the stem with .mov (JPEGs with time stamps) or .mp4 (MPEG-4 at the film's rate).
@@ -149,7 +149,7 @@ def write_film(film: Film, motion: Motion, stem: Path) -> tuple[Path, Array, Arr
     return path, np.array(times), np.array(hidden)
 
 
-def _times(film: Film, motion: Motion, rng: np.random.Generator) -> Array:
+def _times(film: Film, motion: TrueMotion, rng: np.random.Generator) -> Array:
     """Middles of the exposures [s], inside the motion."""
     start, stop = motion.angle.time[0], motion.angle.time[-1]
     count = int(np.floor((stop - start) * film.rate + 1e-9)) + 1

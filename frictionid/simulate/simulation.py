@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.data.recordings import Dataset, Motion, Recording
+from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.simulate.integrate import motion
 from frictionid.simulate.rig import Rig, Run, nominal_mechanism, true_system
@@ -95,7 +95,7 @@ def _recorded(
         name=run.name,
         angle=Signal(time, q + rig.camera.angle_noise * noise),
         torque=command,
-        truth=Motion(Signal(time, q), Signal(time, w)),
+        truth=TrueMotion(Signal(time, q), Signal(time, w)),
     )
 
 

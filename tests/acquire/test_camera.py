@@ -32,7 +32,7 @@ from frictionid.acquire.camera.thresholds import follow_by_thresholds
 from frictionid.acquire.camera.track import track
 from frictionid.acquire.camera.view_calibration import calibrate_view
 from frictionid.data.marker_geometry import flattened
-from frictionid.data.recordings import Motion
+from frictionid.data.recordings import TrueMotion
 from frictionid.simulate.film import write_film
 from frictionid.simulate.view import chain
 
@@ -226,7 +226,7 @@ def test_the_table_is_empty_where_a_dot_was_not_found():
 
 def test_a_still_chain_is_found_where_it_is():
     still = motion(12)
-    still = Motion(
+    still = TrueMotion(
         still.angle._replace(value=np.full((12, 2), 0.4)),
         still.velocity._replace(value=np.zeros((12, 2))),
     )
@@ -261,7 +261,7 @@ def test_one_link_is_a_pendulum(round_and_round):
     m = motion(60)
     turn = 12.0 * round_and_round
     time = m.angle.time[:, None]
-    movement = Motion(
+    movement = TrueMotion(
         m.angle._replace(value=m.angle.value[:, :1] + turn * time),
         m.velocity._replace(value=m.velocity.value[:, :1] + turn),
     )

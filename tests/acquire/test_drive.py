@@ -16,15 +16,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.acquire.logfile import read_log
-from frictionid.acquire.playback import Playing, excite, keys, load_signal
+from frictionid.acquire.playback import PlaySettings, excite, keys, load_signal
 from frictionid.acquire.protocol import read
 from frictionid.acquire.rig_settings import rig_settings_of
 from frictionid.acquire.virtual_drive.controller import (
     RAMP,
     SILENCE,
+    Controller,
     Drive,
     Faults,
-    Speaker,
     broken_line,
     command_line,
     torque_of,
@@ -44,10 +44,10 @@ def sine(length=1.0, rate=200.0):
     return Signal(time, 0.1 * np.sin(7 * time)[:, None], "previous")
 
 
-def values(drive, speaker, k):
+def values(drive, controller, k):
     """Time, command and torque of the k-th line."""
-    made = drive.setup
-    cells = [float(c) for c in read(made.protocol.format(), speaker.line(k)[:-1])]
+    made = drive.rig
+    cells = [float(c) for c in read(made.protocol.format(), controller.line(k)[:-1])]
     return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].per_measured
 
 
@@ -59,9 +59,9 @@ def values(drive, speaker, k):
 def test_it_tells_the_torque_that_acts_by_its_own_clock(offset, drift, gain, lag):
     torque = sine()
     drive = Drive(setup(), torque, offset=offset, drift=drift, gain=gain, bias=0.01, lag=lag)
-    speaker = Speaker(drive)
+    controller = Controller(drive)
     for k in (0, 17, 400, 900):
-        time, command, measured = values(drive, speaker, k)
+        time, command, measured = values(drive, controller, k)
         t = k / drive.rate
         assert time == pytest.approx((t - offset) / (1 + drift), abs=1e-6)
         assert measured == pytest.approx(float(sample(torque, [t])[0, 0]), abs=1e-6)
@@ -71,28 +71,28 @@ def test_it_tells_the_torque_that_acts_by_its_own_clock(offset, drift, gain, lag
 
 def test_it_obeys_within_its_limits_until_the_host_is_silent():
     drive = Drive(setup(), sine(3.0), gain=0.9)
-    speaker, form = Speaker(drive), drive.setup.protocol.format()
-    most = drive.setup.motors[0].limit
-    speaker.obey(500, command_line(form, "u,{value}", [0.2])[:-1])
-    assert values(drive, speaker, 501)[1:] == pytest.approx((0.2, 0.18), abs=1e-6)
-    speaker.obey(510, command_line(form, "u,{value}", [5.0])[:-1])
-    assert values(drive, speaker, 511)[2] == pytest.approx(most, abs=1e-6)
-    speaker.obey(520, command_line(form, "u,{value}", [0.2])[:-1])
+    controller, form = Controller(drive), drive.rig.protocol.format()
+    most = drive.rig.motors[0].limit
+    controller.obey(500, command_line(form, "u,{value}", [0.2])[:-1])
+    assert values(drive, controller, 501)[1:] == pytest.approx((0.2, 0.18), abs=1e-6)
+    controller.obey(510, command_line(form, "u,{value}", [5.0])[:-1])
+    assert values(drive, controller, 511)[2] == pytest.approx(most, abs=1e-6)
+    controller.obey(520, command_line(form, "u,{value}", [0.2])[:-1])
     silent = 520 + int(1000 * SILENCE)
-    torques = [values(drive, speaker, k)[1] for k in range(silent - 1, silent + 400, 10)]
+    torques = [values(drive, controller, k)[1] for k in range(silent - 1, silent + 400, 10)]
     assert torques[0] == pytest.approx(0.2)
     assert np.all(np.diff(torques) <= 1e-9)
     assert torques[-1] == 0.0
-    assert values(drive, speaker, silent + int(500 * RAMP))[1] == pytest.approx(0.1, abs=1e-3)
+    assert values(drive, controller, silent + int(500 * RAMP))[1] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
     drive = Drive(setup(), sine(3.0))
-    speaker, form = Speaker(drive), drive.setup.protocol.format()
+    controller, form = Controller(drive), drive.rig.protocol.format()
 
     def told(k, text):
-        speaker.obey(k, command_line(form, text, [0.2])[:-1])
-        return values(drive, speaker, k + 1)[2]
+        controller.obey(k, command_line(form, text, [0.2])[:-1])
+        return values(drive, controller, k + 1)[2]
 
     assert told(1, "u,{value}") == pytest.approx(0.2, abs=1e-6)
     assert told(2, "stop") == 0.0
@@ -100,15 +100,15 @@ def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
     assert told(4, "start") == 0.0
     assert told(5, "u,{value}") == pytest.approx(0.2, abs=1e-6)
     # what is no command changes nothing
-    speaker.obey(6, b"$u,0.4*0000")
+    controller.obey(6, b"$u,0.4*0000")
     assert told(7, "u,{value},7") == pytest.approx(0.2, abs=1e-6)
     assert told(8, "u,nan") == pytest.approx(0.2, abs=1e-6)
 
 
 def test_a_restart_sets_the_clock_back_once():
     drive = Drive(setup(), sine(), faults=Faults(restarts=1, seed=4), offset=-50.0)
-    speaker = Speaker(drive)
-    time = np.array([values(drive, speaker, k)[0] for k in range(drive.lines)])
+    controller = Controller(drive)
+    time = np.array([values(drive, controller, k)[0] for k in range(drive.lines)])
     back = np.flatnonzero(np.diff(time) < 0)
     assert len(back) == 1
     assert time[back[0] + 1] == 0.0
@@ -135,21 +135,21 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"rate": 0.0}, "rate = 0.0 must be positive"),
-        ({"lag": -1.0}, "lag = -1.0 must not be negative"),
-        ({"rate": float("inf")}, "rate = inf must be a finite number"),
+        ({"rate": 0.0}, "rate: it should be greater than 0"),
+        ({"lag": -1.0}, "lag: it should be greater than or equal to 0"),
+        ({"rate": float("inf")}, "rate: it should be a finite number"),
         ({"rate": 1e12}, "lower it"),
-        ({"offset": float("nan")}, "offset = nan must be a finite number"),
-        ({"drift": 1.0}, "given in ppm"),
+        ({"offset": float("nan")}, "offset: it should be a finite number"),
+        ({"drift": 1.0}, "drift: it should be less than 0.5"),
         ({"torque": Signal(np.arange(3.0), np.zeros((3, 2)))}, "drives 2 joints, [motor] has 1"),
     ],
 )
 def test_a_drive_that_cannot_be_is_refused(given, said):
     with pytest.raises(InputError, match=".") as complaint:
-        Drive(**{"setup": setup(), "torque": sine(), **given})
+        Drive(**{"rig": setup(), "torque": sine(), **given})
     assert said in str(complaint.value)
     for faults in ({"damaged": 1.0}, {"unplugged": -1}):
-        with pytest.raises(InputError, match="must"):
+        with pytest.raises(InputError, match="should be"):
             Faults(**faults)
 
 
@@ -163,8 +163,8 @@ def rig(tmp_path):
     drive = Drive(setup(), sine(600.0))
     running = threading.Thread(target=partial(_play, drive, terminal), daemon=True)
     running.start()
-    log = logger(terminal.link, tmp_path / "log.csv", drive.setup)
-    yield log, drive.setup, terminal
+    log = logger(terminal.link, tmp_path / "log.csv", drive.rig)
+    yield log, drive.rig, terminal
     log.close()
     terminal.unplug()
     running.join(20.0)
@@ -185,7 +185,7 @@ def short_signal(height=0.3, length=0.4):
 def test_a_signal_is_played_logged_and_ramped(rig, tmp_path):
     log, made, _ = rig
     reason = excite(
-        log, short_signal(), made, Playing(ramp=0.2, silence=20.0), lambda: "", lambda *_: None
+        log, short_signal(), PlaySettings(ramp=0.2, silence=20.0), lambda: "", lambda *_: None
     )
     until(lambda: log.pump(0.05) and float(log.counts.last[1]) == 0.0)
     assert reason == ""
@@ -202,8 +202,7 @@ def test_the_emergency_stop_ends_everything_at_once(rig):
     reason = excite(
         log,
         short_signal(length=60.0),
-        made,
-        Playing(silence=20.0),
+        PlaySettings(silence=20.0),
         lambda: next(asked, "emergency stop by the key ' '"),
         lambda *_: None,
     )
@@ -230,8 +229,7 @@ def test_a_request_to_end_ramps_down(rig):
     reason = excite(
         log,
         short_signal(length=60.0),
-        made,
-        Playing(ramp=0.1, silence=20.0),
+        PlaySettings(ramp=0.1, silence=20.0),
         lambda: next(asked, "ramp"),
         lambda *_: None,
     )
@@ -247,7 +245,7 @@ def test_a_drive_that_falls_silent_is_ramped_down(rig):
             terminal.unplug()
 
     reason = excite(
-        log, short_signal(length=60.0), made, Playing(ramp=0.1, silence=20.0), lambda: "", show
+        log, short_signal(length=60.0), PlaySettings(ramp=0.1, silence=20.0), lambda: "", show
     )
     assert reason == "the drive fell silent"
 
@@ -269,10 +267,10 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
         with pytest.raises(InputError, match=".") as complaint:
             load_signal(path, given_rig)
         assert said in str(complaint.value)
-    with pytest.raises(InputError, match="ramp = 0 must be positive"):
-        Playing(ramp=0)
-    with pytest.raises(InputError, match="rate = inf must be positive and finite"):
-        Playing(rate=float("inf"))
+    with pytest.raises(InputError, match="ramp: it should be greater than 0"):
+        PlaySettings(ramp=0)
+    with pytest.raises(InputError, match="rate: it should be a finite number"):
+        PlaySettings(rate=float("inf"))
 
 
 # --- The commands --------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from frictionid.acquire.logfile import Appender, Layout, Log, read_log
-from frictionid.acquire.monitor import Shown, asked_to_stop, keep_logging, progress
+from frictionid.acquire.monitor import ProgressLine, log_until, progress, stop_requests
 from frictionid.acquire.port import Port
 from frictionid.acquire.protocol import parsed, read, written
 from frictionid.acquire.virtual_drive.terminal import Terminal
@@ -122,13 +122,13 @@ def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows
     assert read_log(path).columns["time"].tolist() == [*range(whole), 99.0]
 
 
-def test_all_runs_of_a_log_are_on_one_clock_that_only_goes_on():
+def test_all_clock_runs_a_log_are_unified_that_only_goes_on():
     host = 1e9 + np.array([0.0, 1.0, 2.0, 2.5, 3.5, 4.5])
     # the second run came sooner after it was sent, so that its first row falls before the last
     time = np.array([7.0, 8.0, 9.0, 0.0, 1.0, 2.0])
     host[:3] += 0.8
     log = Log("log.csv", {"host": host, "time": time, "torque": np.arange(6.0)})
-    rows, runs, _ = log.on_one_clock(4294.967296)
+    rows, runs, _ = log.unified(4294.967296)
     assert runs.number.tolist() == [0, 0, 0, 1, 1, 1]
     assert np.all(np.diff(rows.columns["time"]) > 0)
     assert set(rows.columns["torque"]) >= {0.0, 1.0, 2.0, 4.0, 5.0}
@@ -212,7 +212,7 @@ def test_a_restart_of_the_controller_is_counted(protocol, tmp_path):
     [
         ({}, b"\x00\xfe\x9c" * 3000, "nothing but garbage"),
         ({"checksum": "none", "mark": ""}, b"1,2,3,4\n" * 30, "number of values is another"),
-        ({}, b"1,2,3\n" * 30, "none of the protocol"),
+        ({}, b"1,2,3\n" * 30, "do not follow the protocol"),
     ],
 )
 def test_what_cannot_be_read_is_told_and_ends_the_log(wires, content, said, protocol, tmp_path):
@@ -300,8 +300,8 @@ def test_a_request_to_stop_ends_the_log_with_all_rows_safe(protocol, tmp_path, n
         if counts.rows == 7:
             os.kill(os.getpid(), number)
 
-    with asked_to_stop() as stop:
-        keep_logging(log, stop, show)
+    with stop_requests() as stop:
+        log_until(log, stop, show)
     log.close()
     assert len(read_log(tmp_path / "log.csv").columns["time"]) == 7
 
@@ -309,10 +309,9 @@ def test_a_request_to_stop_ends_the_log_with_all_rows_safe(protocol, tmp_path, n
 def test_what_is_shown_names_what_happens(capsys):
     from frictionid.acquire.log import Counts
 
-    show = Shown(("time",))
-    for connected in (True, False, True):
-        show(Counts(), connected)
-    show.end()
+    with ProgressLine(("time",)) as show:
+        for connected in (True, False, True):
+            show(Counts(), connected)
     assert capsys.readouterr().err.splitlines() == [
         "the port is gone: waiting for it",
         "the port is back",

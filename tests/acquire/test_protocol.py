@@ -5,10 +5,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from frictionid.acquire.controller_clock import one_clock, runs_of
+from frictionid.acquire.controller_clock import clock_runs, unified_time
 from frictionid.acquire.logfile import seconds
 from frictionid.acquire.protocol import (
-    LONGEST,
+    MAX_LINE,
     Format,
     diagnosis,
     framed,
@@ -50,7 +50,7 @@ def pieces(form, stream, cuts):
     rest, rows = b"", []
     for a, b in zip(edges[:-1], edges[1:], strict=True):
         found = parsed(form, rest, stream[a:b])
-        rest, rows = found.rest, rows + found.rows
+        rest, rows = found.remainder, rows + found.rows
     return rows
 
 
@@ -82,14 +82,14 @@ def test_with_a_mark_no_undamaged_line_is_lost_behind_garbage(case):
 
 @settings(deadline=None)
 @given(st.binary(max_size=200), st.sampled_from(FORMATS))
-@example(b"1" * 3 * LONGEST + b",2,3\n", Format())
+@example(b"1" * 3 * MAX_LINE + b",2,3\n", Format())
 @example(b"\xff\n$\n*\n,,\n", SAFE)
 def test_garbage_never_breaks_anything(content, form):
     found = parsed(form, b"", content)
     for row in found.rows:
         assert len(row) == len(form.columns)
         assert np.isfinite([float(cell) for cell in row]).all()
-    assert len(found.rest) <= LONGEST + 2
+    assert len(found.remainder) <= MAX_LINE + 2
     unframed(form, content)
 
 
@@ -122,10 +122,10 @@ def test_checksums_may_be_written_in_small_letters(kind):
     [
         (b"\xfe\x81\x00\xf3" * 9, Format(), "nothing but garbage in 999 bytes: the baud rate"),
         (b"1,2,3,4", Format(), "their number of values is another: correct columns"),
-        (b"1,2,3", SAFE, "'1,2,3' are none of the protocol '$time,command,current*crc16'"),
+        (b"1,2,3", SAFE, "'1,2,3' do not follow the protocol '$time,command,current*crc16'"),
         (written(Format(checksum="xor"), "123")[:-1], Format(checksum="crc16"), "correct [proto"),
         (b"$1,2,3*0000", SAFE, "their checksums are not crc16"),
-        (b"speed: 3", Format(), "lines such as 'speed: 3' are none of"),
+        (b"speed: 3", Format(), "lines such as 'speed: 3' do not follow"),
     ],
 )
 def test_a_foreign_protocol_is_told_in_one_line(line, form, said):
@@ -194,7 +194,7 @@ def test_times_keep_their_last_digit(count, unit):
 def test_a_counter_that_begins_anew_is_unwound(count, start, step):
     wrap = 2.0**32 * 1e-6
     time = start + step * np.arange(count)
-    runs = runs_of(time % wrap, 1e9 + time, wrap)
+    runs = clock_runs(time % wrap, 1e9 + time, wrap)
     assert runs.kept.all()
     assert not runs.number.any()
     np.testing.assert_allclose(np.diff(runs.time), step, atol=1e-6)
@@ -214,15 +214,15 @@ def test_restarts_are_told_apart_and_joined_by_the_hosts_clock(lengths, seed):
         late.append(at + np.arange(length))
         at += length + 3.0
     host, time, late = (np.concatenate(x) for x in (host, time, late))
-    runs = runs_of(time, host, 2.0**32 * 1e-6)
+    runs = clock_runs(time, host, 2.0**32 * 1e-6)
     assert runs.number.max() == len(lengths) - 1
-    joined, unsure = one_clock(runs, host)
+    joined, unsure = unified_time(runs, host)
     np.testing.assert_allclose(joined - joined[0], late - late[0], atol=1e-6)
     assert 0.0 <= unsure <= 0.01
 
 
 def test_a_damaged_time_and_a_repeated_one_are_left_out():
     time = np.array([1.0, 2.0, 9e9, 3.0, 3.0, 4.0])
-    runs = runs_of(time, np.arange(6.0), 4294.0)
+    runs = clock_runs(time, np.arange(6.0), 4294.0)
     assert runs.time[runs.kept].tolist() == [1.0, 2.0, 3.0, 4.0]
     assert not runs.number.any()

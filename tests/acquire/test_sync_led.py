@@ -22,8 +22,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.acquire.align import align
-from frictionid.acquire.align.cross_correlation import match
-from frictionid.acquire.align.sync_edges import edges_of, marked
+from frictionid.acquire.align.cross_correlation import coarse_offset
+from frictionid.acquire.align.sync_edges import clock_from_edges, edges_of
 from frictionid.acquire.camera.angles import angles_csv
 from frictionid.acquire.camera.marker_setup import SyncLed as TrackedLed
 from frictionid.acquire.camera.marker_setup import load_marker_setup, marker_setup_text
@@ -211,7 +211,7 @@ def test_a_noisy_brightness_tells_offset_and_drift(seed, offset, exposure, told,
     # each edge lies where it is said to, but for the noise of what seemed clear
     slack = exposure / 2 if noise else 1e-9
     assert (np.abs(seen.time - switches) <= seen.half + slack).all()
-    found = marked(seen, edges_of((drive - offset) / (1 + drift), on, "log.csv"))
+    found = clock_from_edges(seen, edges_of((drive - offset) / (1 + drift), on, "log.csv"))
     assert found.edges == 14
     assert abs(found.offset - offset - drift * found.at) < 4.5 * found.error
     assert abs(found.drift - drift) < 4.5 * found.drift_error
@@ -232,11 +232,11 @@ def test_a_led_that_blinks_evenly_needs_to_be_told_roughly_where():
     seen = edges_of(camera, 1.0 * ((camera + 20.3) % 1.5 < 0.5), "a")
     log = edges_of(drive, 1.0 * (drive % 1.5 < 0.5), "b")
     with pytest.raises(InputError, match="as well as with .* --offset"):
-        marked(seen, log)
-    assert marked(seen, log, roughly=-20.0).offset == pytest.approx(-20.3, abs=0.01)
+        clock_from_edges(seen, log)
+    assert clock_from_edges(seen, log, roughly=-20.0).offset == pytest.approx(-20.3, abs=0.01)
     # nor does one edge tell which of several it is
     with pytest.raises(InputError, match="as well as with"):
-        marked(edges_of(camera, 1.0 * (camera > 7.0), "a"), log)
+        clock_from_edges(edges_of(camera, 1.0 * (camera > 7.0), "a"), log)
 
 
 # --- Mistakes ------------------------------------------------------------------------------------
@@ -350,14 +350,14 @@ def pulsed(*starts):
 def test_a_few_pulses_of_torque_tell_the_offset():
     found = align(TABLE, *pulsed(2.0, 4.1, 7.4))
     off = found.clock.offset - (OFFSET + DRIFT * found.clock.at)
-    assert abs(off) < min(1e-3, found.reach * found.error_at(found.clock.at))
+    assert abs(off) < min(1e-3, found.t_quantile * found.error_at(found.clock.at))
 
 
 def test_one_pulse_of_torque_is_found_in_the_log():
     angle, log = pulsed(4.0)
     mechanism = mechanism_of(TABLE)
     still = Recording("motion", angle, Signal(angle.time, 0 * angle.value))
-    told = mechanism.base(parameters_of(TABLE, {}))
-    found = match(mechanism, told, unit_rows(mechanism, motions_of([still])), angle, log)
+    nominal = mechanism.base(parameters_of(TABLE, {}))
+    found = coarse_offset(mechanism, nominal, unit_rows(mechanism, motions_of([still])), angle, log)
     assert found.offset == pytest.approx(OFFSET, abs=5e-3)
-    assert found.left < 0.1 and found.second[1] > 0.2
+    assert found.unexplained < 0.1 and found.runner_up[1] > 0.2

@@ -11,8 +11,8 @@ from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_b
 from fixtures.paths import ROOT
 
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.dataset_toml import UNITS, check_layout
-from frictionid.data.recordings import Dataset, Motion, Recording
+from frictionid.data.readers.dataset_toml import UNITS, check_dataset_toml
+from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
 
@@ -263,7 +263,7 @@ def test_the_readmes_description_is_valid():
     _, _, rest = (ROOT / "data" / "README.md").read_text().partition("```toml\n")
     text, end, _ = rest.partition("```")
     assert end
-    assert check_layout(tomllib.loads(text), "README").columns.two_clocks is False
+    assert check_dataset_toml(tomllib.loads(text), "README").columns.two_clocks is False
 
 
 # --- Objects made without files ------------------------------------------------------------------
@@ -288,7 +288,7 @@ IMPOSSIBLE = {
     "time": ({"velocity": still()._replace(time=np.zeros(5))}, "velocity, sample 1.*must increase"),
     "hold": ({"torque": still()._replace(hold="next")}, "torque: hold must be"),
     "joints": ({"torque": still(joints=1)}, "torque has 1 columns and angle has 2"),
-    "truth": ({"truth": Motion(still(), still(joints=3))}, "true velocity has 3 columns"),
+    "truth": ({"truth": TrueMotion(still(), still(joints=3))}, "true velocity has 3 columns"),
     "covariate": ({"covariates": {"temp": still()._replace(hold="?")}}, "covariate 'temp': hold"),
     "sigma": ({"angle": still()._replace(sigma=np.zeros(2))}, "sigma must be positive"),
     "sigma shape": ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),

@@ -12,7 +12,7 @@ import pytest
 from fixtures.drive_ports import until
 from fixtures.paths import ROOT
 
-from frictionid.acquire.align.recording_folder import AngleColumns
+from frictionid.acquire.align.angles_file import AngleColumns
 from frictionid.acquire.protocol import written
 from frictionid.acquire.rig_settings import rig_settings_of
 from frictionid.cli import main

@@ -1,4 +1,4 @@
-"""An alignment in words, and as a document beside the recording."""
+"""An alignment as text, and as a document beside the recording."""
 
 from __future__ import annotations
 
@@ -7,155 +7,162 @@ from collections.abc import Iterator
 from typing import Any
 
 from frictionid.acquire.align.clock import Alignment
-from frictionid.acquire.align.drive_response import Response
-from frictionid.acquire.align.sync_edges import Marked
+from frictionid.acquire.align.drive_response import DriveResponse
+from frictionid.acquire.align.sync_edges import MarkerClock
 from frictionid.mechanics import Mechanism
 
-_WIDE = 1e-3  # [s], half of an interval: such an offset is not good enough
-_LARGE = 0.1  # of a viscous coefficient: what the clock's interval leaves open matters
+_WIDE = 1e-3  # [s], half-width of an interval from which on the offset is too uncertain
+_LARGE = 0.1  # share of a viscous coefficient from which on the clock's uncertainty matters
+
+Responses = list[DriveResponse | None]
 
 
-def described(
-    found: Alignment, mechanism: Mechanism, marker: Marked | None, drives: list[Response | None]
+def alignment_text(
+    alignment: Alignment, mechanism: Mechanism, marker: MarkerClock | None, responses: Responses
 ) -> str:
-    """All that was found, a line for each."""
-    parts = (_clock(found), _viscous(found, mechanism), _marker(found, marker), _drives(drives))
+    """Result of an alignment, a line for each quantity."""
+    parts = (
+        _clock(alignment),
+        _viscous(alignment, mechanism),
+        _marker(alignment, marker),
+        _responses(responses),
+    )
     return "\n".join(line for part in parts for line in part)
 
 
-def _clock(found: Alignment) -> Iterator[str]:
-    clock, reach = found.clock, found.reach
-    begin, end = found.span
-    if found.why:
-        yield f"caution  the marker alone ties the clocks: {found.why}"
+def _clock(alignment: Alignment) -> Iterator[str]:
+    clock, t = alignment.clock, alignment.t_quantile
+    begin, end = alignment.span
+    if alignment.marker_only:
+        yield f"warning  the marker alone ties the clocks: {alignment.marker_only}"
     yield (
         f"offset   {clock.offset:.5f} s, 95 % interval "
-        f"+-{1e3 * reach * found.error_at(clock.at):.3f} ms, at {clock.at:.2f} s of the log's clock"
+        f"+-{1e3 * t * alignment.error_at(clock.at):.3f} ms, at {clock.at:.2f} s of the log's clock"
     )
     yield (
-        f"drift    {1e6 * clock.drift:.1f} ppm, +-{1e6 * reach * found.drift_error:.1f} ppm "
-        f"({'the log' if clock.drift > 0 else 'the camera'}'s clock goes too slowly)"
+        f"drift    {1e6 * clock.drift:.1f} ppm, +-{1e6 * t * alignment.drift_error:.1f} ppm "
+        f"({'the log' if clock.drift > 0 else 'the camera'}'s clock is too slow)"
     )
     yield (
         f"span     {begin:.2f} to {end:.2f} s of the log's clock; at its ends the offset is known "
-        f"to +-{1e3 * reach * found.error_at(begin):.3f} and "
-        f"+-{1e3 * reach * found.error_at(end):.3f} ms"
+        f"to +-{1e3 * t * alignment.error_at(begin):.3f} and "
+        f"+-{1e3 * t * alignment.error_at(end):.3f} ms"
     )
-    if math.isfinite(found.coarse.left):
+    coarse = alignment.coarse
+    if math.isfinite(coarse.unexplained):
         yield (
-            f"match    leaves {100 * found.coarse.left:.2g} % of the torque unexplained, the next "
-            f"best one {_share(found.coarse.second[1])}"
+            f"match    leaves {100 * coarse.unexplained:.2g} % of the torque unexplained, the next "
+            f"best offset {_percent(coarse.runner_up[1])}"
         )
-    half = max(reach * found.error_at(t) for t in (begin, end))
+    half = max(t * alignment.error_at(time) for time in (begin, end))
     if half > _WIDE:
         yield (
-            f"caution  the offset is known to {1e3 * half:.1f} ms only: record longer, or livelier "
+            f"warning  the offset is known to {1e3 * half:.1f} ms only: record longer, or livelier "
             "motion in which the driven joints slide most of the time"
         )
-    if not found.settled:
-        yield "caution  the fit did not settle: trust its intervals less"
+    if not alignment.converged:
+        yield "warning  the fit did not converge: its intervals are too narrow"
 
 
-def _share(left: float) -> str:
-    return f"{100 * left:.3g} %" if math.isfinite(left) else "none"
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %" if math.isfinite(share) else "none"
 
 
-def _viscous(found: Alignment, mechanism: Mechanism) -> Iterator[str]:
-    """What the interval of the offset means for viscous friction."""
-    half = found.reach * found.error_at(found.clock.at)
-    d = mechanism.description
-    if found.why:
+def _viscous(alignment: Alignment, mechanism: Mechanism) -> Iterator[str]:
+    """Effect of the offset, and of its interval, on viscous friction."""
+    if alignment.marker_only:
         return
-    for name, slope, value in zip(d.joints, found.viscous, found.found, strict=True):
-        open_ = abs(slope) * half
-        share = f", {100 * open_ / abs(value):.2g} % of it" if value else ""
+    half = alignment.t_quantile * alignment.error_at(alignment.clock.at)
+    d = mechanism.description
+    for name, slope, value in zip(
+        d.joints, alignment.viscous_slope, alignment.viscous, strict=True
+    ):
+        uncertain = abs(slope) * half
+        share = f", {100 * uncertain / abs(value):.2g} % of it" if value else ""
         yield (
             f"viscous  of {name}: 1 ms of offset changes it by {1e-3 * slope:.2g} {d.torque_unit} "
-            f"s/{d.angle_unit}; what the interval leaves open is +-{open_:.2g}{share}"
-            + ("; do not read more into it" if value and open_ > _LARGE * abs(value) else "")
+            f"s/{d.angle_unit}; the interval of the offset by +-{uncertain:.2g}{share}"
+            + ("; it is not known better" if value and uncertain > _LARGE * abs(value) else "")
         )
 
 
-def _marker(found: Alignment, marker: Marked | None) -> Iterator[str]:
+def _marker(alignment: Alignment, marker: MarkerClock | None) -> Iterator[str]:
     if marker is None:
         return
-    apart = found.clock.offset_at(marker.at) - marker.offset
-    both = math.hypot(1.96 * marker.error, found.reach * found.error_at(marker.at))
+    delay = alignment.clock.offset_at(marker.at) - marker.offset
+    both = math.hypot(1.96 * marker.error, alignment.t_quantile * alignment.error_at(marker.at))
     yield (
         f"marker   {marker.edges} edges: offset {marker.offset:.5f} s, "
         f"+-{1.96e3 * marker.error:.2f} ms, at {marker.at:.2f} s"
     )
-    if found.why:
-        yield "marker   a delay between log and torque is not known: compare with that fitted, too"
-        return
-    if abs(apart) > both:
+    if alignment.marker_only:
+        yield "marker   a delay between log and torque remains unknown: fit it, too"
+    elif abs(delay) > both:
         yield (
-            f"marker   by the motion the torque acts {1e3 * apart:.2f} ms later than it was logged "
+            f"marker   by the motion the torque acts {1e3 * delay:.2f} ms later than it was logged "
             f"(+-{1e3 * both:.2f} ms): a delay of the drive; the data set has the motion's clock"
         )
     else:
-        yield f"marker   and motion agree ({1e3 * apart:.2f} ms apart, +-{1e3 * both:.2f} ms)"
+        yield f"marker   and motion agree ({1e3 * delay:.2f} ms apart, +-{1e3 * both:.2f} ms)"
 
 
-def _drives(drives: list[Response | None]) -> Iterator[str]:
-    for k, r in enumerate(drives, start=1):
-        label = "command " if len(drives) == 1 else f"motor {k} "
+def _responses(responses: Responses) -> Iterator[str]:
+    for k, r in enumerate(responses, start=1):
+        label = "command " if len(responses) == 1 else f"motor {k} "
         if r is None:
             yield f"{label} does not change: nothing to compare the measured torque with"
             continue
-        e = r.reach * r.error
+        e = r.t_quantile * r.error
         yield (
             f"{label} measured = {r.gain:.4f} (+-{e[0]:.4f}) command {r.bias:+.4g} (+-{e[1]:.2g}) "
-            f"N m, {1e3 * r.delay:.2f} (+-{1e3 * e[2]:.2f}) ms later; {_levels(r)}; "
-            f"{r.left:.2g} N m unexplained"
+            f"N m, {1e3 * r.delay:.2f} (+-{1e3 * e[2]:.2f}) ms later; {_saturation(r)}; "
+            f"{r.rms:.2g} N m unexplained"
         )
 
 
-def _levels(r: Response) -> str:
-    low, high = math.isfinite(r.low), math.isfinite(r.high)
-    if not (low or high):
-        return "no saturation"
-    sides = [f"{v:.4g}" for v, there in ((r.low, low), (r.high, high)) if there]
-    return f"saturates at {' and '.join(sides)} N m"
+def _saturation(r: DriveResponse) -> str:
+    levels = [f"{level:.4g}" for level in (r.low, r.high) if math.isfinite(level)]
+    return f"saturates at {' and '.join(levels)} N m" if levels else "no saturation"
 
 
-def document_of(
-    found: Alignment, marker: Marked | None, drives: list[Response | None], sources: dict[str, str]
+def alignment_document(
+    alignment: Alignment,
+    marker: MarkerClock | None,
+    responses: Responses,
+    sources: dict[str, str],
 ) -> dict[str, Any]:
-    """What was found as a table of plain numbers, SI units; intervals are those of 95 %."""
-    clock = found.clock
-    half = found.reach * found.error_at(clock.at)
+    """The alignment as a table of plain numbers in SI units; intervals are those of 95 %."""
+    clock, t = alignment.clock, alignment.t_quantile
+    offset, drift = t * alignment.error_at(clock.at), t * alignment.drift_error
     out: dict[str, Any] = {
         "clock": {
             "offset": clock.offset,
-            "offset_interval": [clock.offset - half, clock.offset + half],
+            "offset_interval": [clock.offset - offset, clock.offset + offset],
             "at": clock.at,
             "drift": clock.drift,
-            "drift_interval": [
-                clock.drift - found.reach * found.drift_error,
-                clock.drift + found.reach * found.drift_error,
-            ],
-            "span": list(found.span),
-            "settled": found.settled,
+            "drift_interval": [clock.drift - drift, clock.drift + drift],
+            "span": list(alignment.span),
+            "converged": alignment.converged,
         },
         "sources": sources,
     }
-    if not found.why:
+    if not alignment.marker_only:
         out["viscous"] = {
-            "per_second_of_offset": found.viscous.tolist(),
-            "found": found.found.tolist(),
+            "estimate": alignment.viscous.tolist(),
+            "per_second_of_offset": alignment.viscous_slope.tolist(),
         }
     if marker is not None:
         out["marker"] = {k: float(v) for k, v in marker._asdict().items()}
-    out["command"] = [
-        {
-            "gain": r.gain,
-            "bias": r.bias,
-            "delay": r.delay,
-            "errors": r.error.tolist(),
-            **{k: v for k, v in (("low", r.low), ("high", r.high)) if math.isfinite(v)},
-        }
-        for r in drives
-        if r is not None
-    ]
+    out["command"] = [_response_table(r) for r in responses if r is not None]
     return out
+
+
+def _response_table(r: DriveResponse) -> dict[str, Any]:
+    levels = {name: getattr(r, name) for name in ("low", "high")}
+    return {
+        "gain": r.gain,
+        "bias": r.bias,
+        "delay": r.delay,
+        "errors": r.error.tolist(),
+        **{name: level for name, level in levels.items() if math.isfinite(level)},
+    }

@@ -1,8 +1,8 @@
-"""Which stretch of a torque log belongs to a motion: the coarse offset, by cross-correlation.
+"""Coarse offset of a torque log against a motion, by cross-correlation over all offsets at once.
 
-The torque that the told mechanism asks for along the observed motion (observed acceleration minus
-the one predicted without a motor, times M) is looked for in the log at every offset at once. What
-any friction could have done is taken off both, so that it is no matter how much there is.
+The torque asked for by the observed motion follows from the nominal mechanism: the observed minus
+the predicted acceleration without a motor, times M. It is compared with the log at every offset.
+What any friction could have done is projected out of both: its amount is irrelevant.
 """
 
 from __future__ import annotations
@@ -16,47 +16,68 @@ from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, Rows
 from frictionid.check.partial_regression import partial_regression
 from frictionid.data.integrals import averages, integrals_of
-from frictionid.data.signals import Array as Values
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
-STEP = 0.01  # [s] of the offsets that are tried
+STEP = 0.01  # [s] between offsets
 _OVERLAP, _NEARLY = 0.5, 0.9  # shares of the motion that the log must cover
-_CANDIDATES, _APART = 8, 0.1  # best offsets that are looked at closely, [s] between them
-_NEAR = np.arange(-0.06, 0.0601, STEP)
-# An offset is found where it leaves this share of the torque unexplained at most, and any other
+_CANDIDATES, _SEPARATION = 8, 0.1  # best offsets that are refined, [s] between them
+_NEAR = np.arange(-0.06, 0.0601, STEP)  # [s] around a candidate
+# An offset is accepted where it leaves this share of the torque unexplained at most, and any other
 # leaves this many times as much.
 _EXPLAINS, _CLEAR = 0.6, 2.0
 
 
-class Match(NamedTuple):
-    """A coarse offset.
+class CoarseOffset(NamedTuple):
+    """Offset of the log's clock by cross-correlation.
 
-    offset : [s], added to the log's time; left : share of the asked torque that it leaves
-    unexplained, with any friction; second : (offset, left) of the next best
-    turned : most that any offset explains with the torque's sign turned
-    offsets (D,), explained (D,) : all that were tried, and what share of the torque they explain
+    Attributes
+    ----------
+    offset : [s], added to the log's time
+    unexplained : share of the asked torque that it leaves unexplained, with any friction
+    runner_up : offset [s] and unexplained share of the next best
+    reversed : largest share that any offset explains with the sign of the torque reversed
+    offsets, explained : arrays, shape (D,), all offsets [s] and the share that each explains
     """
 
     offset: float
-    left: float
-    second: tuple[float, float]
-    turned: float
+    unexplained: float
+    runner_up: tuple[float, float]
+    reversed: float
     offsets: Array
     explained: Array
 
 
-def match(mechanism: Mechanism, told: Array, rows: Rows, angle: Signal, torque: Signal) -> Match:
+class Correlation(NamedTuple):
+    """Share of the asked torque that the log explains at each offset.
+
+    offsets (D,) [s]; explained (D,), -inf where the log covers too little; reversed (D,), the same
+    for the log with its sign reversed
+    """
+
+    offsets: Array
+    explained: Array
+    reversed: Array
+
+
+def coarse_offset(
+    mechanism: Mechanism, base: Array, rows: Rows, angle: Signal, torque: Signal
+) -> CoarseOffset:
     """The offset at which a log explains a motion.
 
-    told : (nb,) base parameters; rows : unit rows of the motion; torque : n columns, by the log's
-    clock
+    Parameters
+    ----------
+    mechanism : Mechanism
+    base : array, shape (nb,), nominal base parameters
+    rows : unit rows of the motion
+    angle : Signal, n columns
+    torque : Signal, n columns, by the log's clock
 
     Raises
     ------
     InputError
-        Where nothing moves, the log explains the motion nowhere, or in several places.
+        Where nothing moves, or the log explains the motion nowhere or in several places.
     """
     driven = np.array(mechanism.description.driven)
     if int((rows.moving & driven).sum()) < MIN_WINDOWS:
@@ -65,16 +86,26 @@ def match(mechanism: Mechanism, told: Array, rows: Rows, angle: Signal, torque: 
         )
     if np.ptp(torque.value, axis=0).max() <= 0:
         raise InputError("the logged torque never changes: nothing to find in the motion")
-    asked = rows.required(told[None])
-    offsets, explained, turned = _correlated(rows, asked, torque, driven)
-    peaks = _peaks(offsets, explained)
+    asked = rows.required(base[None])
+    correlation = correlate(rows, asked, torque, driven)
+    peaks = _peaks(correlation)
     if not len(peaks):
         raise InputError(_uncovered(float(np.ptp(angle.time)), float(np.ptp(torque.time))))
-    found = sorted(_closely(rows, asked, told, angle, torque, float(p)) for p in peaks)
-    best = found[0]
-    others = [f for f in found[1:] if abs(f[1] - best[1]) > _APART / 2]
-    second = others[0] if others else (1.0, float("nan"))
-    out = Match(best[1], best[0], (second[1], second[0]), turned, offsets, explained)
+    refined = sorted(
+        (_refined(rows, base, angle, torque, float(p)) for p in peaks),
+        key=lambda r: (r.unexplained, r.offset),
+    )
+    best = refined[0]
+    others = [r for r in refined[1:] if abs(r.offset - best.offset) > _SEPARATION / 2]
+    second = others[0] if others else _Refined(float("nan"), 1.0)
+    out = CoarseOffset(
+        best.offset,
+        best.unexplained,
+        (second.offset, second.unexplained),
+        float(correlation.reversed.max()),
+        correlation.offsets,
+        correlation.explained,
+    )
     _check(out)
     return out
 
@@ -91,67 +122,106 @@ def _uncovered(motion: float, log: float) -> str:
     )
 
 
-def _check(found: Match) -> None:
-    if found.left > _EXPLAINS:
-        sign = found.turned > 1.0 - 0.5 * found.left
-        way = (
-            "the torque fits best with its sign turned: check the signs of kt and gear, and the "
+def _check(found: CoarseOffset) -> None:
+    if found.unexplained > _EXPLAINS:
+        hint = (
+            "the torque fits best with its sign reversed: check the signs of kt and gear, and the "
             "direction of the angles"
-            if sign
+            if found.reversed > 1.0 - 0.5 * found.unexplained
             else "were both recorded at the same time, by this mechanism?"
         )
         raise InputError(
             f"no stretch of the log explains the motion (the best one leaves "
-            f"{100 * found.left:.0f} % of the torque): {way}"
+            f"{100 * found.unexplained:.0f} % of the torque): {hint}"
         )
-    if found.second[1] < _CLEAR * found.left:
+    if found.runner_up[1] < _CLEAR * found.unexplained:
         raise InputError(
-            f"the log explains the motion as well with an offset of {found.second[0]:.3f} s as "
+            f"the log explains the motion as well with an offset of {found.runner_up[0]:.3f} s as "
             f"with {found.offset:.3f} s: use a torque that does not repeat itself, or a marker"
         )
 
 
-def _correlated(
-    rows: Rows, asked: Array, torque: Signal, driven: Values
-) -> tuple[Array, Array, float]:
-    """Offsets, the share of the asked torque that the log explains at each, and with turned sign.
+class _Grids(NamedTuple):
+    """Even time grids: motion (A,) by the angles' clock, log (B,) by its own.
 
-    With P, which takes the friction columns Q out, and the log x at an offset:
-    |P(y - x)|^2 = |Py|^2 - 2 Py.x + |x|^2 - |Q'x|^2, each a correlation.
+    Entry i of a convolution of the motion with the reversed log pairs sample k of the motion with
+    sample k + B - 1 - i of the log, which is offset i.
+    """
+
+    motion: Array
+    log: Array
+
+    @property
+    def offsets(self) -> Array:
+        size = len(self.motion) + len(self.log) - 1
+        return self.motion[0] - self.log[0] + STEP * (np.arange(size) - (len(self.log) - 1))
+
+
+class _Sums(NamedTuple):
+    """Sums over the overlap at each offset (D,), of one joint.
+
+    cross : (P y).x; energy : |P x|^2; covered : number of moving samples; asked, moving : |P y|^2
+    and number of moving samples of the whole motion
+    """
+
+    cross: Array
+    energy: Array
+    covered: Array
+    asked: float
+    moving: float
+
+
+def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correlation:
+    """Share of the asked torque that the log explains at each offset.
+
+    With y the asked torque of the moving samples, x the log at an offset, Q an orthonormal basis of
+    the shapes that friction may have, and P = 1 - Q Q',
+
+        explained = 1 - |P (y - x)|^2 / |P y|^2 = (2 (P y).x - |x|^2 + |Q' x|^2) / |P y|^2
+
+    in which each term is a correlation, summed over the driven joints.
     """
     middle = (rows.start + rows.stop) / 2
-    grid = np.arange(middle[0], middle[-1], STEP)
-    clock = np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP)
-    if len(clock) < 2:
-        return np.zeros(0), np.zeros(0), 0.0
-    # nothing is known of what happened in a gap
-    after = np.clip(np.searchsorted(middle, grid), 1, len(middle) - 1)
-    near = (middle[after] - middle[after - 1] < WIDTH).astype(float)
-    size, all_of_it, moving = len(grid) + len(clock) - 1, 0.0, 0.0
-    cross, energy, covered = (np.zeros(size) for _ in range(3))
-    for j in np.flatnonzero(driven):
-        seen = (np.interp(grid, middle, rows.moving[:, j].astype(float)) > 0.999) * near
-        y = seen * np.interp(grid, middle, asked[:, j])
-        shapes = [seen * np.interp(grid, middle, f) for f in rows.friction[:, j].T]
-        Q = _basis(np.stack(shapes, axis=1))
-        y = y - Q @ (Q.T @ y)
-        x = _means(torque._replace(value=torque.value[:, [j]]), clock)[::-1]
-        all_of_it += float(y @ y)
-        moving += float(seen.sum())
-        cross += _convolved(y, x)
-        energy += _convolved(seen, x**2)
-        for q in Q.T:
-            energy -= _convolved(q, x) ** 2
-        covered += _convolved(seen, np.ones(len(x)))
-    # entry i of a convolution has the grid's sample k beside the clock's k + len(x) - 1 - i
-    offsets = grid[0] - clock[0] + STEP * (np.arange(size) - (len(clock) - 1))
-    enough = covered >= _OVERLAP * moving
-    # of little sliding, such as the answer to one pulse, nearly all
-    enough &= covered >= max(min(MIN_WINDOWS * WIDTH / 2 / STEP, _NEARLY * moving), MIN_WINDOWS)
-    scale = max(all_of_it, 1e-300)
-    explained, turned = ((sign * 2 * cross - energy) / scale for sign in (1.0, -1.0))
-    known = np.where(enough, explained, -np.inf)
-    return offsets, known, float(np.where(enough, turned, -np.inf).max())
+    grids = _Grids(
+        np.arange(middle[0], middle[-1], STEP),
+        np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP),
+    )
+    if len(grids.log) < 2:
+        return Correlation(np.zeros(0), np.zeros(0), np.zeros(1))
+    sums = [_joint_sums(rows, asked, torque, grids, j) for j in range(len(driven)) if driven[j]]
+    cross, energy, covered = (sum(s[k] for s in sums) for k in range(3))
+    moving = sum(s.moving for s in sums)
+    # of little sliding, such as the answer to one pulse, nearly all must be covered
+    few = max(min(MIN_WINDOWS * WIDTH / 2 / STEP, _NEARLY * moving), MIN_WINDOWS)
+    enough = (covered >= _OVERLAP * moving) & (covered >= few)
+    scale = max(sum(s.asked for s in sums), 1e-300)
+    explained, reversed_ = (
+        np.where(enough, (sign * 2 * cross - energy) / scale, -np.inf) for sign in (1.0, -1.0)
+    )
+    return Correlation(grids.offsets, explained, reversed_)
+
+
+def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int) -> _Sums:
+    """Sums of `correlate` for joint j."""
+    middle = (rows.start + rows.stop) / 2
+    # nothing is known of what happened in a gap of the motion
+    after = np.clip(np.searchsorted(middle, grids.motion), 1, len(middle) - 1)
+    known = (middle[after] - middle[after - 1] < WIDTH).astype(float)
+    free = np.interp(grids.motion, middle, rows.moving[:, j].astype(float))
+    moves = (free > 0.999) * known
+
+    def on_grid(values: Array) -> Array:
+        return moves * np.interp(grids.motion, middle, values)
+
+    Q = _basis(np.stack([on_grid(shape) for shape in rows.friction[:, j].T], axis=1))
+    y = on_grid(asked[:, j])
+    y = y - Q @ (Q.T @ y)
+    x = _means(torque._replace(value=torque.value[:, [j]]), grids.log)[::-1]
+    energy = _convolved(moves, x**2)
+    for q in Q.T:
+        energy -= _convolved(q, x) ** 2
+    covered = _convolved(moves, np.ones(len(x)))
+    return _Sums(_convolved(y, x), energy, covered, float(y @ y), float(moves.sum()))
 
 
 def _convolved(a: Array, b: Array) -> Array:
@@ -168,7 +238,7 @@ def _basis(columns: Array) -> Array:
 
 
 def _means(torque: Signal, clock: Array) -> Array:
-    """Mean torque over a window round each time of an even clock."""
+    """Mean torque over a window around each time of an even clock."""
     half = round(WIDTH / 2 / STEP)
     edges = clock[0] + STEP * (np.arange(len(clock) + 2 * half) - half)
     fine = averages(torque, np.append(edges, edges[-1] + STEP))[:, 0]
@@ -176,41 +246,47 @@ def _means(torque: Signal, clock: Array) -> Array:
     return np.asarray((sums[2 * half :] - sums[: -2 * half])[: len(clock)] / (2 * half))
 
 
-def _peaks(offsets: Array, explained: Array) -> Array:
-    """Offsets that explain most, apart from each other."""
-    left = explained.copy()
+def _peaks(correlation: Correlation) -> Array:
+    """Offsets [s] that explain most, apart from each other."""
+    left = correlation.explained.copy()
     out: list[float] = []
-    gap = round(_APART / STEP)
+    gap = round(_SEPARATION / STEP)
     while len(out) < _CANDIDATES and len(left) and np.isfinite(left.max()):
         k = int(np.argmax(left))
-        out.append(float(offsets[k]))
+        out.append(float(correlation.offsets[k]))
         left[max(k - gap, 0) : k + gap + 1] = -np.inf
     return np.array(out)
 
 
 def around(torque: Signal, start: float, stop: float, margin: float = 1.0) -> Signal:
-    """The torque from `start` to `stop`, and for a margin [s] on either side."""
+    """The torque from `start` to `stop` and for a margin [s] on either side."""
     return cut(torque, start - margin, stop + margin)
 
 
-def _closely(
-    rows: Rows, asked: Array, told: Array, angle: Signal, torque: Signal, offset: float
-) -> tuple[float, float]:
-    """Share left unexplained, with any friction, near an offset, and the best offset there."""
+class _Refined(NamedTuple):
+    """Best offset [s] near a candidate, and the share of the torque that it leaves unexplained."""
+
+    offset: float
+    unexplained: float
+
+
+def _refined(rows: Rows, base: Array, angle: Signal, torque: Signal, offset: float) -> _Refined:
+    """Best offset near a candidate, by the exact torque integrals and a parabola through three."""
     moved = torque._replace(time=torque.time + offset)
     known = (rows.start > moved.time[0]) & (rows.stop < moved.time[-1])
     if int(known.sum()) < MIN_WINDOWS:
-        return 1.0, offset
+        return _Refined(offset, 1.0)
     kept = rows.where(known)
     near = cut(angle, moved.time[0], moved.time[-1])
     late = kept.means(integrals_of([around(moved, near.time[0], near.time[-1])]), _NEAR)
-    fit = partial_regression(kept, late[len(_NEAR) // 2], told[None])
-    none = (fit.residual(asked[known]) ** 2).sum()
-    left = (fit.residual(asked[known] - late) ** 2).sum(-1) / max(float(none), 1e-300)
+    fit = partial_regression(kept, late[len(_NEAR) // 2], base[None])
+    asked = kept.required(base[None])
+    total = float((fit.residual(asked) ** 2).sum())
+    left = (fit.residual(asked - late) ** 2).sum(-1) / max(total, 1e-300)
     k = min(max(int(np.argmin(left)), 1), len(left) - 2)
     before, here, behind = left[k - 1 : k + 2]
-    bend = max(before - 2 * here + behind, 1e-300)
-    shift = float(np.clip(0.5 * (before - behind) / bend, -1.0, 1.0))
+    curvature = max(before - 2 * here + behind, 1e-300)
+    shift = float(np.clip(0.5 * (before - behind) / curvature, -1.0, 1.0))
     # on the grid two equally good offsets need not look so
     least = max(here - 0.25 * (before - behind) * shift, 0.1 * here)
-    return float(least), offset + float(_NEAR[k]) + shift * STEP
+    return _Refined(offset + float(_NEAR[k]) + shift * STEP, float(least))

@@ -1,7 +1,7 @@
-"""Shooting with two clocks: beside the delay of the torque its drift is a parameter.
+"""Shooting with a drifting torque clock: delay and drift of the torque are parameters.
 
-The torque logged at time t of its clock acts at t + delay + drift (t - middle). Within a sample
-interval that is a delay, so that all that the drift changes follows from what the delay changes.
+The torque logged at time t acts at t + delay + drift (t - middle). Within a sample interval that is
+a delay, so that the derivatives by the drift are (t - middle) times those by the delay.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from frictionid.shooting.parameters import Block, DelayBlock
 from frictionid.shooting.parameters.parameter_block import Entry, Guess
 from frictionid.shooting.settings import Settings
 
-MOST = 0.01  # of the drift: clocks further apart are broken
-QUARTZ = 5e-4  # standard deviation of the drift that is known beforehand
+MAX_DRIFT = 0.01
+DRIFT_SIGMA = 5e-4  # prior standard deviation: of quartz clocks
 
 
 @dataclass(frozen=True)
 class ClockCalibration(Calibration):
-    """A calibration with a drifting torque clock: `drift` () [1], positive where it is slow."""
+    """A calibration with a torque clock that drifts: `drift` () [1], positive where it is slow."""
 
     drift: float = 0.0
 
 
 @dataclass(frozen=True)
 class DriftBlock:
-    """How much too slowly the torque's clock goes; `prior` is a standard deviation."""
+    """Drift of the torque's clock [1]; `prior` is its prior standard deviation."""
 
-    prior: float = QUARTZ
+    prior: float = DRIFT_SIGMA
     name: str = "drift"
     enters: str = "torque"
 
     def entries(self, guess: Guess) -> tuple[Entry, ...]:
         drift = guess.calibration.drift if isinstance(guess.calibration, ClockCalibration) else 0.0
-        return (Entry(self.name, "clock drift", "1", drift, -MOST, MOST, self.prior),)
+        return (Entry(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT, self.prior),)
 
     def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
         own = {f: getattr(guess.calibration, f) for f in Calibration.__dataclass_fields__}
@@ -49,7 +49,7 @@ class DriftBlock:
 
 @dataclass(frozen=True, eq=False)
 class Drifting(Intervals):
-    """Intervals whose torque has a clock of its own; `middle` [s]: where its drift is nothing."""
+    """Intervals whose torque has a clock of its own, right at `middle` [s] but for its delay."""
 
     inner: Intervals
     middle: float
@@ -82,7 +82,7 @@ def drifting(
 
 
 def drifted(track: Track, drift: float, middle: float) -> Track:
-    """The track with the torque where its clock's drift puts it."""
+    """The track with its torque on the drifting clock."""
     recordings = tuple(
         replace(r, torque=r.torque._replace(time=r.torque.time + drift * (r.torque.time - middle)))
         for r in track.dataset.recordings

@@ -1,1 +1,1 @@
-"""A simulated motor drive at a pseudo-terminal."""
+"""A virtual motor drive at a pseudo-terminal, for trying everything without hardware."""

@@ -1,4 +1,4 @@
-"""A pseudo-terminal that stands for a serial port, under a name that stays when it is replaced."""
+"""A pseudo-terminal in place of a serial port, under a name that stays when it is replugged."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pathlib import Path
 
 from frictionid.errors import InputError
 
-_QUIET, _AGAIN = 3, 0.02  # times that nothing was waiting to be read, [s] between them
-_LONG = 10.0  # [s], how long a reader may take
-_STEP = 0.01
+_QUIET, _POLL = 3, 0.02  # polls in a row without unread bytes, [s] between them
+_MAX_DRAIN = 10.0  # [s] that a reader may take
+_STEP = 0.01  # [s]
 
 
 class Terminal:
@@ -28,7 +28,7 @@ class Terminal:
         if link.exists():
             raise InputError(f"{link} exists and is no link to a port: choose another --port")
         self.link = link
-        self._master, self._heard = -1, b""
+        self._master, self._received = -1, b""
         self.plug()
 
     def plug(self) -> None:
@@ -44,18 +44,18 @@ class Terminal:
         except OSError as error:
             raise InputError(f"{self.link} cannot be made ({error.strerror})") from None
         finally:
-            # from now on the system says whether anybody has the port open
+            # from now on the system knows whether anybody has the port open
             os.close(slave)
 
     def unplug(self) -> None:
-        """Make the port disappear, with all that was not yet read."""
+        """Make the port disappear, with all unread bytes."""
         if self._master >= 0:
             with contextlib.suppress(OSError):
                 self.link.unlink()
             os.close(self._master)
-            self._master, self._heard = -1, b""
+            self._master, self._received = -1, b""
 
-    def attended(self) -> bool:
+    def is_open(self) -> bool:
         """Whether somebody has the port open."""
         poll = select.poll()
         poll.register(self._master, 0)
@@ -70,28 +70,28 @@ class Terminal:
         except OSError:  # full, or nobody there any more
             return 0
 
-    def heard(self, timeout: float = 0.0) -> list[bytes]:
-        """Lines that the other side sent, within `timeout` [s]."""
-        if not self.attended():
+    def received(self, timeout: float = 0.0) -> list[bytes]:
+        """Lines that the other side sent within `timeout` [s]."""
+        if not self.is_open():
             time.sleep(min(timeout, _STEP))
             return []
         if not select.select([self._master], [], [], timeout)[0]:
             return []
         with contextlib.suppress(OSError):
-            self._heard += os.read(self._master, 65536)
-        *lines, self._heard = self._heard.split(b"\n")
+            self._received += os.read(self._master, 65536)
+        *lines, self._received = self._received.split(b"\n")
         return lines
 
     def drain(self) -> None:
-        """Wait until all that was sent has been read, or nobody reads."""
-        if not self.attended():
+        """Wait until all bytes have been read, or nobody reads."""
+        if not self.is_open():
             return
         slave = os.open(os.path.realpath(self.link), os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
         try:
-            quiet, end = 0, time.monotonic() + _LONG
+            quiet, end = 0, time.monotonic() + _MAX_DRAIN
             while quiet < _QUIET and time.monotonic() < end:
                 waiting = fcntl.ioctl(slave, termios.FIONREAD, b"\0\0\0\0")
                 quiet = quiet + 1 if struct.unpack("i", waiting)[0] == 0 else 0
-                time.sleep(_AGAIN)
+                time.sleep(_POLL)
         finally:
             os.close(slave)

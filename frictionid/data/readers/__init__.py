@@ -1,1 +1,1 @@
-"""Readers: one format per file, each from the bytes of a file to checked arrays."""
+"""Readers of files, one format per module. Readers convert units on loading."""

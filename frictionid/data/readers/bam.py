@@ -1,6 +1,6 @@
 """Reader `bam`: logs of a position-controlled servo with a pendulum [Duclusaud2025].
 
-Torque is not measured, it follows from the model of a DC motor that the firmware drives:
+Torque is not measured. It follows from the firmware's controller and the model of a DC motor:
 
     duty = gain kp (goal - q), within +-limit;  u = kt (vin duty - kt w)/R
 
@@ -36,8 +36,8 @@ class BamSettings(Strict):
     """Settings of the reader `bam`.
 
     kt : torque constant [N m/A]; R : resistance [Ohm]; gain : duty per radian and unit of kp;
-    limit : largest duty; vin : supply [V], the log's where it is not given; offset : [rad] that is
-    added to the angles so that 0 hangs down; phase : which part of each log
+    limit : largest duty; vin : supply [V], by default that of the log; offset : [rad], added to the
+    angles so that 0 hangs down; phase : part of each log
     """
 
     kt: Positive
@@ -52,9 +52,9 @@ class BamSettings(Strict):
 def read_bam(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Angle, servo and modelled motor torque of a log (.json, .json.gz), its pendulum's dimensions.
 
-    The velocity behind the back-EMF is the central difference of the angles: the servo's own lags
-    by more than 20 ms. Covariates are the voltage [V] at the motor, zero where it is disconnected,
-    and as logged load (the duty, 885 is full), supply [V] and temperature [deg C].
+    The velocity for the back-EMF is the central difference of the angles; the logged one lags by
+    more than 20 ms. Covariates are the voltage [V] at the motor, zero where it is disconnected, and
+    as logged: load (the duty, 885 is full), supply [V] and temperature [deg C].
 
     Raises
     ------
@@ -103,7 +103,7 @@ def signed_word(word: Array) -> Array:
 def _servo(
     log: Mapping[str, Any], goal: Signal, columns: Mapping[str, Array], given: BamSettings
 ) -> Servo:
-    """The log's firmware: it acts on the counts of its own encoder, whose zero does not matter."""
+    """Servo of a log; its controller needs differences of angles only, not their zero."""
     enabled = (columns["torque_enable"] > 0).astype(float)[:, None]
     return Servo(
         goal=goal,
@@ -121,12 +121,12 @@ def _pendulum(log: Mapping[str, Any]) -> dict[str, float]:
     mass, arm, length = log["mass"], log["arm_mass"], log["length"]
     if arm == 0:
         return {"mass": mass, "length": length}
-    # Gravity counts half of the arm's mass at the end, inertia a third of it.
+    # the arm counts with half of its mass in gravity, and a third in inertia
     return {"mass": mass + arm / 2, "length": length, "inertia": -arm * length**2 / 6}
 
 
 def _log(content: bytes, file: str) -> dict[str, Any]:
-    """The log with its numbers checked; without an arm's mass it has none."""
+    """The log, its numbers checked; the mass of the arm is zero where it is missing."""
     try:
         log = json.loads(content)
     except (ValueError, RecursionError) as error:
@@ -168,13 +168,11 @@ def _number(value: Any, where: str) -> float:
 
 
 def _phase(driven: np.ndarray, phase: str, file: str) -> np.ndarray:
-    """Which entries belong to a phase: those from the first to the last of its only stretch."""
+    """Entries of a phase, which must be contiguous."""
     if phase == "all":
         return np.ones_like(driven)
     keep = driven if phase == "driven" else ~driven
-    stretches = int(np.count_nonzero(np.diff(keep.astype(int)) == 1) + keep[0])
-    if stretches != 1:
-        raise InputError(
-            f"{file} has {stretches} {phase} phases; leave it out, or use phase = 'all'"
-        )
+    count = int(np.count_nonzero(np.diff(keep.astype(int)) == 1) + keep[0])
+    if count != 1:
+        raise InputError(f"{file} has {count} {phase} phases; leave it out, or use phase = 'all'")
     return keep

@@ -1,4 +1,4 @@
-"""Data sets: dataset.toml and the tables that it describes, as checked recordings in SI units."""
+"""Data sets: a dataset.toml and its tables, as checked recordings in SI units."""
 
 import hashlib
 import math
@@ -13,26 +13,26 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import nearest
-from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, Layout, check_layout
-from frictionid.data.readers.public_collections import cached, check_file, is_cached, way_to_get
+from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml, check_dataset_toml
+from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
 from frictionid.data.readers.table import Table, content_of, read_table, table_name
 from frictionid.data.readers.table_signals import signal_of
-from frictionid.data.recordings import Dataset, Motion, Recording
+from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 
 
 def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
-    """The data set that a dataset.toml describes.
+    """The data set of a dataset.toml.
 
     Parameters
     ----------
     path : str or Path
         Folder with a dataset.toml, or that file.
     data : str or Path, optional
-        Folder of the tables. Default: the folder of dataset.toml or, where it names a collection,
-        the folder of that name in the folder that the variable FRICTIONID_DATA names.
+        Folder of the tables. Default: that of dataset.toml or, where it names a collection, the
+        folder of that name in $FRICTIONID_DATA or in the cache.
 
     Returns
     -------
@@ -46,32 +46,32 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
     """
     file = _description(Path(path))
     document = _parse(file)
-    layout = check_layout(document, str(file))
-    folder = _tables_folder(layout, file, None if data is None else Path(data))
-    names = _matching(layout.recordings.patterns, folder, file)
-    _check_names(layout.sha256, names, f"{file}: sha256")
-    _check_names(layout.recordings.parameters, names, f"{file}: recordings.parameters")
-    read = None if layout.reader is None else reader_of(layout.reader.kind, file)
+    toml = check_dataset_toml(document, str(file))
+    folder = _tables_folder(toml, file, None if data is None else Path(data))
+    names = _matching(toml.recordings.patterns, folder, file)
+    _check_names(toml.sha256, names, f"{file}: sha256")
+    _check_names(toml.recordings.parameters, names, f"{file}: recordings.parameters")
+    read = None if toml.reader is None else reader_of(toml.reader.kind, file)
     recordings, hashes = [], {}
     for name in names:
         content = content_of(folder / name)
-        hashes[name] = _sha256(content, folder / name, layout.sha256.get(name))
-        if layout.collection is not None:
-            check_file(layout.collection, name, hashes[name], folder)
-        recordings.append(_recording(content, folder, name, layout, read))
-    origin = {key: getattr(layout, key) for key in ("description", "origin", "licence", "citation")}
+        hashes[name] = _sha256(content, folder / name, toml.sha256.get(name))
+        if toml.collection is not None:
+            check_file(toml.collection, name, hashes[name], folder)
+        recordings.append(_recording(content, folder, name, toml, read))
+    origin = {key: getattr(toml, key) for key in ("description", "origin", "licence", "citation")}
     return Dataset(
-        name=layout.name,
+        name=toml.name,
         mechanism=document["mechanism"],
         recordings=tuple(recordings),
         hashes=hashes,
         origin={key: text for key, text in origin.items() if text},
-        truth=layout.truth,
+        truth=toml.truth,
     )
 
 
 def _description(path: Path) -> Path:
-    """The dataset.toml that the user means."""
+    """The dataset.toml of a path."""
     file = path / "dataset.toml" if path.is_dir() else path
     if not file.is_file():
         raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")
@@ -88,9 +88,9 @@ def _parse(file: Path) -> dict[str, Any]:
         raise InputError(f"{file} is no TOML ({error}); correct it") from None
 
 
-def _tables_folder(layout: Layout, file: Path, data: Path | None) -> Path:
+def _tables_folder(toml: DatasetToml, file: Path, data: Path | None) -> Path:
     """Folder that the patterns are relative to."""
-    collection = layout.collection
+    collection = toml.collection
     if data is not None:
         folder = data
     elif collection is None:
@@ -103,7 +103,7 @@ def _tables_folder(layout: Layout, file: Path, data: Path | None) -> Path:
         raise InputError(
             f"{file}: its tables are in the collection {collection!r}; name their folder "
             "with --data FOLDER, or set FRICTIONID_DATA to the folder of the collections"
-            f"{way_to_get(collection)}"
+            f"{download_hint(collection)}"
         )
     if not folder.is_dir():
         raise InputError(
@@ -151,47 +151,47 @@ def _sha256(content: bytes, file: Path, expected: str | None) -> str:
 
 
 def _recording(
-    content: bytes, folder: Path, name: str, layout: Layout, read: Reader | None
+    content: bytes, folder: Path, name: str, toml: DatasetToml, read: Reader | None
 ) -> Recording:
     if read is None:
-        recording = _from_table(content, folder, name, layout)
+        recording = _from_table(content, folder, name, toml)
     else:
-        assert layout.reader is not None
-        own = read(folder / name, layout.reader.settings)
-        parameters = {**own.parameters, **layout.recordings.parameters.get(name, {})}
+        assert toml.reader is not None
+        own = read(folder / name, toml.reader.settings)
+        parameters = {**own.parameters, **toml.recordings.parameters.get(name, {})}
         recording = replace(own, name=table_name(name), parameters=parameters)
-        recording = _with_sigma(recording, layout)
-    start, stop = layout.recordings.start, layout.recordings.stop
+        recording = _with_sigma(recording, toml)
+    start, stop = toml.recordings.start, toml.recordings.stop
     return recording if (start, stop) == (0.0, math.inf) else _within(recording, start, stop)
 
 
-def _from_table(content: bytes, folder: Path, name: str, layout: Layout) -> Recording:
-    columns = layout.columns
+def _from_table(content: bytes, folder: Path, name: str, toml: DatasetToml) -> Recording:
+    columns = toml.columns
     assert columns is not None
     table = read_table(content, str(folder / name), columns.names())
     whole = table
     if columns.missing == "drop":
         table = _seen(table, columns)
-    signals = partial(_signal, table, layout, columns)
+    signals = partial(_signal, table, toml, columns)
     truth = None
     if columns.truth:
-        truth = Motion(
+        truth = TrueMotion(
             signals("angle", columns.truth.angle)._replace(sigma=None),
             signals("velocity", columns.truth.velocity)._replace(sigma=None),
         )
     return Recording(
         name=table_name(name),
-        angle=_with_deviations(signals("angle", columns.angle), table, layout, columns),
-        torque=_signal(whole, layout, columns, "torque", columns.torque),
+        angle=_with_deviations(signals("angle", columns.angle), table, toml, columns),
+        torque=_signal(whole, toml, columns, "torque", columns.torque),
         velocity=signals("velocity", columns.velocity) if columns.velocity else None,
-        parameters=layout.recordings.parameters.get(name, {}),
+        parameters=toml.recordings.parameters.get(name, {}),
         covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
         truth=truth,
     )
 
 
 def _seen(table: Table, columns: ColumnNames) -> Table:
-    """The rows on the angles' clock whose angles are there."""
+    """The rows that have all angles."""
     cells = np.stack([table.columns[name] for name in columns.angle])
     keep = ~np.isnan(cells).any(axis=0)
     if not keep.any():
@@ -199,17 +199,19 @@ def _seen(table: Table, columns: ColumnNames) -> Table:
     return Table(table.file, table.rows[keep], {k: v[keep] for k, v in table.columns.items()})
 
 
-def _with_deviations(angle: Signal, table: Table, layout: Layout, columns: ColumnNames) -> Signal:
-    """The angles with the standard deviation of each sample, where a table has them."""
+def _with_deviations(
+    angle: Signal, table: Table, toml: DatasetToml, columns: ColumnNames
+) -> Signal:
+    """The angles with the standard deviation of each sample, where the table has columns for it."""
     if columns.sigma is None:
         return angle
-    return angle._replace(sigma=_signal(table, layout, columns, "angle", columns.sigma).value)
+    return angle._replace(sigma=_signal(table, toml, columns, "angle", columns.sigma).value)
 
 
-def _with_sigma(recording: Recording, layout: Layout) -> Recording:
-    """The recording with the stated noise, in SI units: a reader leaves no others."""
+def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
+    """The recording of a reader with the stated noise, in SI units."""
     signals: dict[str, Any] = {}
-    for quantity, deviations in layout.sigma:
+    for quantity, deviations in toml.sigma:
         signal = getattr(recording, quantity)
         if deviations is not None and signal is not None:
             joints = signal.value.shape[1]
@@ -223,19 +225,19 @@ def _with_sigma(recording: Recording, layout: Layout) -> Recording:
 
 
 def _signal(
-    table: Table, layout: Layout, columns: ColumnNames, quantity: str, names: list[str]
+    table: Table, toml: DatasetToml, columns: ColumnNames, quantity: str, names: list[str]
 ) -> Signal:
     """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
     torque = quantity == "torque"
     clock = columns.time.torque if torque and any(names) else columns.time.angle
-    sigma = getattr(layout.sigma, quantity) if quantity else None
+    sigma = getattr(toml.sigma, quantity) if quantity else None
     return signal_of(
         table,
         clock,
         names,
-        second=UNITS["time"][layout.units.time],
-        unit=UNITS[quantity][getattr(layout.units, quantity)] if quantity else 1.0,
-        hold=layout.hold.torque if torque else "linear",
+        second=UNITS["time"][toml.units.time],
+        unit=UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0,
+        hold=toml.hold.torque if torque else "linear",
         sparse=columns.two_clocks,
         sigma=None if sigma is None else np.full(len(names), sigma),
     )
@@ -256,12 +258,12 @@ def _within(recording: Recording, start: float, stop: float) -> Recording:
         torque=_around(recording.torque, angle.time[0], angle.time[-1]),
         velocity=velocity and span(velocity),
         covariates={key: span(signal) for key, signal in recording.covariates.items()},
-        truth=truth and Motion(span(truth.angle), span(truth.velocity)),
+        truth=truth and TrueMotion(span(truth.angle), span(truth.velocity)),
     )
 
 
 def _around(torque: Signal, start: float, stop: float) -> Signal:
-    """The samples that set the torque from start to stop: one more at each end than lie inside."""
+    """Samples that determine the torque from start to stop: one more at each end than inside."""
     time = torque.time
     before = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
     behind = min(int(np.searchsorted(time, stop, side="left")), len(time) - 1)

@@ -1,4 +1,4 @@
-"""The layout of dataset.toml: which tables and keys there are, their types and their defaults."""
+"""Schema of dataset.toml: its tables and keys, their types and defaults."""
 
 import math
 from collections.abc import Iterator
@@ -70,11 +70,11 @@ class TruthColumns(Strict):
 
 
 class ColumnNames(Strict):
-    """Which column holds what; one entry per joint, "" in ``torque`` where there is no motor.
+    """Columns of the signals, one per joint; "" in ``torque`` where there is no motor.
 
-    sigma : columns with the standard deviation of each angle, in the unit of the angles
-    missing : what to do with rows whose angles are empty, as a tracker leaves what it has not seen:
-        "refuse" them or "drop" them from all signals on the angles' clock
+    sigma : columns of the standard deviations of the angles, in their unit
+    missing : rows without angles, such as frames with a hidden dot: "refuse" them, or "drop" them
+        from all signals on the angles' clock
     """
 
     time: Annotated[Clocks, BeforeValidator(_both_clocks)]
@@ -126,7 +126,7 @@ class ColumnNames(Strict):
             yield "truth.velocity", self.truth.velocity
 
     def names(self) -> list[str]:
-        """Every column that is to be read, once."""
+        """All columns to read, each once."""
         names = [self.time.angle, *self.covariates.values()]
         for _, columns in self._per_joint():
             names += columns
@@ -159,7 +159,7 @@ class Hold(Strict):
 
 
 class Sigma(Strict):
-    """Standard deviation of the noise in the unit of the tables, one for all joints or one each."""
+    """Standard deviations of the noise in the unit of the tables: one, or one per joint."""
 
     angle: Deviations | None = None
     velocity: Deviations | None = None
@@ -167,7 +167,7 @@ class Sigma(Strict):
 
 
 class Recordings(Strict):
-    """Which tables there are, which span of each [s] is used and what differs between them."""
+    """Files of the recordings, the span of each [s] that is used, and parameters that differ."""
 
     patterns: Annotated[list[str], Field(min_length=1)]
     start: Annotated[float, Field(ge=0)] = 0.0
@@ -182,7 +182,7 @@ class Recordings(Strict):
 
 
 class Mechanism(BaseModel):
-    """The mechanism's kind and parameters; all other keys are options that the kind checks."""
+    """Kind and parameters of the mechanism; other keys are options of the kind."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -191,7 +191,7 @@ class Mechanism(BaseModel):
 
 
 class Reader(BaseModel):
-    """The reader of the files, in place of columns and units; all other keys are its settings."""
+    """Reader of the files, in place of [columns] and [units]; other keys are its settings."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -199,12 +199,12 @@ class Reader(BaseModel):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What is to be given to the reader."""
+        """Settings of the reader."""
         return dict(self.model_extra or {})
 
 
-class Layout(Strict):
-    """dataset.toml as a whole."""
+class DatasetToml(Strict):
+    """A dataset.toml."""
 
     name: str
     description: str = ""
@@ -246,8 +246,8 @@ class Layout(Strict):
         return self
 
 
-def check_layout(document: dict[str, Any], file: str) -> Layout:
-    """The layout of a parsed dataset.toml.
+def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
+    """Checked content of a parsed dataset.toml.
 
     Parameters
     ----------
@@ -261,9 +261,9 @@ def check_layout(document: dict[str, Any], file: str) -> Layout:
 
     Examples
     --------
-    >>> check_layout({"nane": "rig"}, "dataset.toml")
+    >>> check_dataset_toml({"nane": "rig"}, "dataset.toml")
     Traceback (most recent call last):
         ...
     frictionid.errors.InputError: dataset.toml: unknown key 'nane'; did you mean 'name'?
     """
-    return checked(Layout, document, file)
+    return checked(DatasetToml, document, file)

@@ -15,8 +15,8 @@ from frictionid.data.recordings import Recording
 class DoublePendulumSettings(Strict):
     """Settings of the reader `dfki_double_pendulum`.
 
-    torque : "measured" is what the drives report, "commanded" what they were told, friction
-        compensation included
+    torque : "measured", as the drives report it, or "commanded", including the compensation of
+        friction
     """
 
     torque: Literal["measured", "commanded"] = "measured"
@@ -25,9 +25,8 @@ class DoublePendulumSettings(Strict):
 def read_dfki_double_pendulum(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Angles and torques of both joints: q1 = 0 hangs down, q2 is relative, torques at the joints.
 
-    The velocities of the file are raw differences with spikes and stay unread. A reported torque is
-    a snapshot of a current that keeps moving, which lines between the samples follow better than
-    steps; a commanded one is held by the drive.
+    The velocities of the file are raw differences with spikes and are not read. Measured torques
+    are samples of a varying current and are interpolated; commanded torques are held.
     """
     given = checked(DoublePendulumSettings, dict(settings), f"{path}: [reader]")
     measured = given.torque == "measured"

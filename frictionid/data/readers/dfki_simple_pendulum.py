@@ -15,7 +15,7 @@ from frictionid.data.recordings import Recording
 class SimplePendulumSettings(Strict):
     """Settings of the reader `dfki_simple_pendulum`.
 
-    torque : "linear" where the column is what the drive reports, "previous" where it holds commands
+    torque : between two samples: "linear" for measured torques, "previous" for held commands
     """
 
     torque: Literal["linear", "previous"] = "linear"

@@ -24,7 +24,7 @@ def read_emps(path: Path, settings: Mapping[str, Any]) -> Recording:
     Raises
     ------
     InputError
-        For any setting, there are none, and for files without t, qm, qg, vir and gtau.
+        For any setting (there are none), and for files without t, qm, qg, vir and gtau.
     """
     checked(Strict, dict(settings), f"{path}: [reader]")
     content, file = content_of(path), str(path)

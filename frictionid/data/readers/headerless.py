@@ -1,4 +1,4 @@
-"""Tables of numbers without a header: their columns are called "1", "2", ..."""
+"""Tables of numbers without a header line; their columns are called "1", "2", ..."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from frictionid.data.readers.table import Table, unzip
 from frictionid.errors import InputError
 
 
-def read_bare(content: bytes, file: str, columns: Sequence[str], comma: bool = True) -> Table:
-    r"""Table with the asked columns of a headerless text, plain or gzipped.
+def read_headerless(content: bytes, file: str, columns: Sequence[str], comma: bool = True) -> Table:
+    r"""Table with some columns of a text without a header, plain or gzipped.
 
     Parameters
     ----------
     content : bytes
     file : str
-        Name of the file, for errors; ".gz" at its end says that it is gzipped.
+        Name of the file, for errors; gzipped where it ends with ".gz".
     columns : sequence of str
-        Numbers of columns, the first is "1".
+        Numbers of columns, from "1".
     comma : bool
-        Whether commas separate the cells; else blanks do.
+        Whether commas or blanks separate the cells.
 
     Raises
     ------
     InputError
-        Where the text is no such table, or a cell is no number; an empty cell is nan.
+        Where the text is no such table, or a cell is no number. An empty cell is nan.
 
     Examples
     --------
-    >>> read_bare(b"1,2,3\n4,,6\n", "a.csv", ["3", "2"]).columns
+    >>> read_headerless(b"1,2,3\n4,,6\n", "a.csv", ["3", "2"]).columns
     {'3': array([3., 6.]), '2': array([ 2., nan])}
     """
     try:

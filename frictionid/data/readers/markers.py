@@ -1,4 +1,4 @@
-"""Reader `markers`: where a camera saw pivot, joints and tip, turned into joint angles."""
+"""Reader `markers`: joint angles from places of pivot, joints and tip in pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from frictionid.config import Strict, checked
 from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
 from frictionid.data.readers.dataset_toml import UNITS, Column
-from frictionid.data.readers.headerless import read_bare
+from frictionid.data.readers.headerless import read_headerless
 from frictionid.data.readers.table import Table, content_of, read_table, table_name
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
@@ -28,11 +28,11 @@ class MarkerSettings(Strict):
 
     x, y : columns of the markers, pivot first, then the joints and the tip; any unit of length
     time : column of the time, in `time_unit`; or rate : frames per second, for tables without one
-    header : false where the first line holds numbers already: columns are then called "1", "2", ...
+    header : false for tables without a header line: columns are then called "1", "2", ...
     y_points : "down" as pixels count, or "up"
     pivot : "moving": each frame's own, or "fixed": its median over the recording
-    mirrored : true for a camera that looks from where counter-clockwise appears clockwise
-    missing : what to do with rows where a marker is not seen (an empty cell): "refuse" or "drop"
+    mirrored : true where the camera looks from the side on which counter-clockwise is clockwise
+    missing : rows without all markers: "refuse" or "drop" them
     """
 
     x: Annotated[list[Column], Field(min_length=2)]
@@ -76,9 +76,9 @@ def read_markers(path: Path, settings: Mapping[str, Any]) -> Recording:
 
 
 def _table(path: Path, given: MarkerSettings) -> Table:
-    """The table as it stands, with the time of each frame where it has none of its own."""
+    """The table, with a column of times where it has only a rate."""
     names = [*given.x, *given.y, *([] if given.time is None else [given.time])]
-    read = read_table if given.header else read_bare
+    read = read_table if given.header else read_headerless
     table = read(content_of(path), str(path), names)
     if given.rate is None:
         return table
@@ -86,7 +86,7 @@ def _table(path: Path, given: MarkerSettings) -> Table:
 
 
 def _seen(table: Table, given: MarkerSettings) -> Table:
-    """The rows where all markers are seen."""
+    """The rows that have all markers."""
     if given.missing == "refuse":
         return table
     cells = np.stack([table.columns[name] for name in (*given.x, *given.y)])
@@ -109,6 +109,6 @@ def _angles(markers: Array, given: MarkerSettings, table: Table) -> Array:
     if touching.any():
         raise InputError(
             f"{table.file}, row {table.rows[int(np.argmax(touching))]}: two neighbouring markers "
-            "coincide, which tells no angle; repair or delete the row"
+            "coincide, so that there is no angle; repair or delete the row"
         )
     return link_angles(markers)

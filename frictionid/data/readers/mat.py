@@ -1,7 +1,7 @@
-"""MAT files of versions 5 to 7: their numbers and structures, and single columns by their names.
+"""MAT files of versions 5 to 7: numbers, structures, and single columns by name.
 
-They are read here and not by scipy, whose reader can bring the whole interpreter down with a
-damaged file. The format is that of [MathWorks2024]: tagged elements, nested and padded to 8 bytes.
+The format is that of [MathWorks2024]: tagged elements, nested and padded to 8 bytes. SciPy's reader
+is not used because damaged files can crash it together with the interpreter.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _NAME = re.compile(r"([A-Za-z]\w*(?:\.[A-Za-z]\w*)*)(?:\(:,\s*([1-9]\d*)\))?")
 
 
 def read_mat(content: bytes, file: str) -> dict[str, Any]:
-    """Variables of a MAT file: arrays, structures as dicts, and None for all that is no numbers.
+    """Variables of a MAT file: arrays, structures as dicts, and None for other content.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read_mat(content: bytes, file: str) -> dict[str, Any]:
             if kind == _MATRIX and len(data):
                 name, value = _variable(data, order)
                 found[name] = value
-    # Whatever is cut off or overwritten leads to one of these.
+    # the errors of damaged files
     except (ValueError, LookupError, StopIteration, struct.error, zlib.error, RecursionError):
         raise InputError(f"{file} is no whole MAT file; copy or export it again") from None
     return found
@@ -149,5 +149,5 @@ def _variable(data: memoryview, order: str) -> tuple[str, Any]:
         return name, None
     stored, numbers = parts[3]
     value = np.frombuffer(numbers, order + _STORED[stored])
-    # Data of another length than the shape tells raise a ValueError.
+    # data that do not fit the shape raise a ValueError
     return name, value.astype(value.dtype.newbyteorder("=")).reshape(shape, order="F")

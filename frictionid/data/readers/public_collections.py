@@ -1,11 +1,9 @@
-"""Public recordings: where the originals are, whose they are, and whether a file is one of them."""
+"""Public recordings: origin, licence and hashes of their files, and how to get them."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-import shutil
-import tempfile
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -18,14 +16,15 @@ from pydantic import Field
 from frictionid.config import Strict, nearest
 from frictionid.data.readers.table import content_of
 from frictionid.errors import InputError
+from frictionid.files import write_bytes
 
 
 class File(Strict):
     """A file of a collection.
 
     name : its place in the folder of the collection
-    source : its place in the original, None where nobody serves it at an address of its own
-    sha256 : of the original, None where it is not known
+    source : path below the address of the collection, None where it has no address of its own
+    sha256 : of the original, None where it is unknown
     reduced : SHA-256 of a reduced copy, with fewer columns or digits, gzipped
     """
 
@@ -36,11 +35,11 @@ class File(Strict):
 
     @property
     def names(self) -> tuple[str, str]:
-        """What the original and its reduced copy are called."""
+        """Names of the original and of its reduced copy."""
         return self.name, f"{self.name}.gz"
 
     def accepts(self, found: str) -> bool:
-        """Whether a SHA-256 is right; any is where that of the original is not known."""
+        """Whether a SHA-256 is right; any is, where that of the original is unknown."""
         return self.sha256 is None or found in (self.sha256, self.reduced)
 
 
@@ -58,7 +57,7 @@ class Collection(Strict):
 
 @cache
 def collections() -> Mapping[str, Collection]:
-    """All collections that are known, by name.
+    """All registered collections by name.
 
     >>> collections()["emps"].redistribution
     'not stated: keep it to yourself'
@@ -76,7 +75,7 @@ def collection_named(name: str) -> Collection:
 
 
 def cached(name: str) -> Path:
-    """Folder of a collection: in FRICTIONID_DATA where that is set, else in the user's cache."""
+    """Folder of a collection: in $FRICTIONID_DATA where that is set, else in the user's cache."""
     import pooch
 
     home = os.environ.get("FRICTIONID_DATA") or pooch.os_cache("frictionid")
@@ -84,19 +83,19 @@ def cached(name: str) -> Path:
 
 
 def is_cached(name: str) -> bool:
-    """Whether anything of a collection is in its folder; a failed download leaves an empty one."""
+    """Whether the folder of a collection holds a file."""
     return any(path.is_file() for path in cached(name).rglob("*"))
 
 
-def way_to_get(name: str) -> str:
-    """Words that say how to get a collection, for errors; none where it is not known."""
+def download_hint(name: str) -> str:
+    """Part of an error message that says how to get a collection, "" for an unknown one."""
     return f", or get it with: frictionid data get {name}" if name in collections() else ""
 
 
 def check_file(collection: str, name: str, found: str, folder: Path) -> None:
-    """Refuse a file of a known collection whose SHA-256 is neither the original's nor the reduced.
+    """Raise InputError for a registered file with an unknown SHA-256.
 
-    Files and collections that are not in the registry are the user's own.
+    Files and collections that are not registered are the user's own.
     """
     if collection not in collections():
         return
@@ -110,17 +109,17 @@ def check_file(collection: str, name: str, found: str, folder: Path) -> None:
             )
 
 
-def present(name: str) -> int:
+def count_present(name: str) -> int:
     """Number of a collection's files that are in its folder, originals or reduced."""
     folder = cached(name)
     return sum(_at(folder, file) is not None for file in collection_named(name).files)
 
 
-def take(name: str, source: Path) -> list[str]:
-    """Copy a collection from a folder into its own; names of the files that were not there.
+def copy_collection(name: str, source: Path) -> list[str]:
+    """Copy a collection from a folder into its own; the names of missing files.
 
-    The folder may hold the originals or the reduced files under their names here, or the originals
-    as their project lays them out. Nothing is copied before all hashes are found right.
+    The folder may hold the originals or the reduced copies under their registered names, or the
+    originals in the layout of their project. Nothing is copied before all hashes are checked.
 
     Raises
     ------
@@ -144,12 +143,14 @@ def take(name: str, source: Path) -> list[str]:
             f"original's own folders ({collection_named(name).page})"
         )
     for target, place in found.items():
-        _copy(place, cached(name) / target)
+        own = cached(name) / target
+        if not (own.exists() and own.samefile(place)):
+            write_bytes(own, content_of(place))
     return missing
 
 
 def download(name: str, done: Callable[[str], None]) -> None:
-    """Fetch what is missing of a collection; each file is checked before it stands in its folder.
+    """Download the missing files of a collection; each is checked before it is stored.
 
     Raises
     ------
@@ -162,14 +163,14 @@ def download(name: str, done: Callable[[str], None]) -> None:
             if not (file.source and file.sha256):
                 raise InputError(
                     f"{file.name} of {name} cannot be downloaded, nobody serves it at an address "
-                    f"of its own: get it from {collection.page}, {from_line(name)}"
+                    f"of its own: get it from {collection.page}, {folder_hint(name)}"
                 )
             _retrieve(collection.base + file.source, file, folder, name)
         done(file.name)
 
 
-def from_line(name: str) -> str:
-    """The command that takes a collection from a folder instead of the network."""
+def folder_hint(name: str) -> str:
+    """The command that copies a collection from a folder."""
     return f"then run: frictionid data get {name} --from FOLDER"
 
 
@@ -187,7 +188,7 @@ def _retrieve(url: str, file: File, folder: Path, name: str) -> None:
         reason = str(error).partition("\n")[0][:160]
         raise InputError(
             f"{url} cannot be downloaded to {target.parent} ({type(error).__name__}: {reason}); "
-            f"get the files elsewhere, {from_line(name)}"
+            f"get the files elsewhere, {folder_hint(name)}"
         ) from None
 
 
@@ -202,18 +203,3 @@ def _original_at(folder: Path, file: File) -> Path | None:
 
 def _hash(file: Path) -> str:
     return hashlib.sha256(content_of(file)).hexdigest()
-
-
-def _copy(source: Path, target: Path) -> None:
-    """Copy a file so that it stands there whole or not at all."""
-    if target.exists() and target.samefile(source):
-        return
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-            shutil.copyfile(source, Path(folder) / "copy")
-            os.replace(Path(folder) / "copy", target)
-    except OSError as error:
-        raise InputError(
-            f"{target} cannot be written ({error.strerror}); set FRICTIONID_DATA to another folder"
-        ) from None

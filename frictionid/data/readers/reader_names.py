@@ -1,4 +1,4 @@
-"""Readers by the names that dataset.toml calls them, and readers of the user's own."""
+"""Readers by their names in dataset.toml, and readers of one's own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from frictionid.data.readers.ros import read_ros
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
-# A reader makes a recording in SI units of a file and the settings that stand in [reader].
+# From a file and the settings in [reader] to a recording in SI units.
 Reader = Callable[[Path, Mapping[str, Any]], Recording]
 
 READERS: Mapping[str, Reader] = {
@@ -34,10 +34,10 @@ READERS: Mapping[str, Reader] = {
 
 
 def reader_of(kind: str, file: Path) -> Reader:
-    """Reader that a dataset.toml names: one of ours, or `package.module:function`.
+    """Reader of a name in dataset.toml: a built-in one, or `package.module:function`.
 
-    One's own is looked for beside the dataset.toml, in the current folder and among what is
-    installed.
+    Modules of one's own are searched beside the dataset.toml, in the current folder and among the
+    installed packages.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def reader_of(kind: str, file: Path) -> Reader:
 
 
 def _checked(read: Reader, kind: str) -> Reader:
-    """The user's reader, whose failures name it and the file."""
+    """A reader of one's own, with errors that name it and the file."""
 
     def checked(path: Path, settings: Mapping[str, Any]) -> Recording:
         try:

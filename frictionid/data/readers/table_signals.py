@@ -1,4 +1,4 @@
-"""Columns of a table as a signal: on their clock, in SI units, faults named by row of the file."""
+"""Signals from columns of a table: on their clock, in SI units, faults named by row of the file."""
 
 from __future__ import annotations
 

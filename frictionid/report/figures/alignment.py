@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.acquire.align.align_files import Aligned
-from frictionid.acquire.align.drive_response import Response
+from frictionid.acquire.align.align_files import AlignedRecording
+from frictionid.acquire.align.drive_response import DriveResponse
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import unit_rows
 from frictionid.check.motion import motions_of
@@ -29,15 +29,15 @@ _SHOWN = 8.0  # [s] of torque
 _CROWD = 4000  # points
 
 
-def clock_picture(one: Aligned, table: dict[str, Any]) -> bytes:
+def clock_picture(one: AlignedRecording) -> bytes:
     """PNG: what every offset explains, and the torque that the motion asks for beside the log."""
     with drawing():
-        coarse = len(one.found.coarse.offsets) > 0
+        coarse = len(one.alignment.coarse.offsets) > 0
         picture = figure(2.4 * (1 + coarse))
         axes = picture.subplots(1 + coarse, 1, squeeze=False)[:, 0]
         if coarse:
             _correlation(axes[0], one)
-        _torques(axes[-1], one, table)
+        _torques(axes[-1], one)
         key_above(picture, _key(axes[-1]))
         return rendered(picture, ("png",))["png"]
 
@@ -47,14 +47,14 @@ def _key(ax: Any) -> dict[str, Any]:
     return dict(zip(labels, handles, strict=True))
 
 
-def _correlation(ax: Any, one: Aligned) -> None:
-    coarse = one.found.coarse
+def _correlation(ax: Any, one: AlignedRecording) -> None:
+    coarse = one.alignment.coarse
     tried = np.isfinite(coarse.explained)
     share = np.maximum(coarse.explained[tried], -1.0)
     ax.plot(coarse.offsets[tried], share, color=GREY, lw=0.7)
     ax.axvline(coarse.offset, color=COLOURS[1], lw=1.0)
     ax.annotate(
-        f"{one.found.clock.offset:.3f} s",
+        f"{one.alignment.clock.offset:.3f} s",
         (coarse.offset, 1.0),
         xycoords=("data", "axes fraction"),
         xytext=(4, -9),
@@ -65,9 +65,9 @@ def _correlation(ax: Any, one: Aligned) -> None:
     ax.set_ylabel("torque explained")
 
 
-def _torques(ax: Any, one: Aligned, table: dict[str, Any]) -> None:
+def _torques(ax: Any, one: AlignedRecording) -> None:
     recording = Recording("motion", one.angle, one.torque)
-    plant = plant_of(Dataset("picture", table, (recording,)))
+    plant = plant_of(Dataset("picture", one.rig.tables["mechanism"], (recording,)))
     rows = unit_rows(plant.mechanism, motions_of([recording]))
     asked = rows.required(np.asarray(plant.p))
     logged = rows.means(integrals_of([recording.torque]))
@@ -97,9 +97,9 @@ def _liveliest(time: Array, torque: Array) -> tuple[float, float]:
     return float(time[k]), float(time[min(k + width, len(time) - 1)])
 
 
-def command_picture(one: Aligned) -> bytes | None:
+def command_picture(one: AlignedRecording) -> bytes | None:
     """PNG: measured against commanded torque of each motor, and both over time."""
-    drives = [(k, r) for k, r in enumerate(one.drives) if r is not None]
+    drives = [(k, r) for k, r in enumerate(one.responses) if r is not None]
     if not drives or one.command is None:
         return None
     driven = np.flatnonzero(one.mechanism.description.driven)
@@ -116,7 +116,9 @@ def command_picture(one: Aligned) -> bytes | None:
         return rendered(picture, ("png",))["png"]
 
 
-def _scatter(ax: Any, command: Array, measured: Array, r: Response, one: Aligned) -> None:
+def _scatter(
+    ax: Any, command: Array, measured: Array, r: DriveResponse, one: AlignedRecording
+) -> None:
     some = slice(None, None, max(1, len(command) // _CROWD))
     ax.plot(command[some], measured[some], ".", ms=1.5, color=COLOURS[0], alpha=0.4)
     line = np.linspace(command.min(), command.max(), 200)
@@ -127,7 +129,9 @@ def _scatter(ax: Any, command: Array, measured: Array, r: Response, one: Aligned
     ax.set_ylabel(f"measured [{unit}]")
 
 
-def _over_time(ax: Any, time: Array, command: Array, measured: Array, one: Aligned) -> None:
+def _over_time(
+    ax: Any, time: Array, command: Array, measured: Array, one: AlignedRecording
+) -> None:
     begin, end = _liveliest(time, measured[:, None])
     shown = (time >= begin) & (time <= min(end, begin + _SHOWN / 4))
     ax.plot(time[shown], command[shown], color=GREY, drawstyle="steps-post", label="command")

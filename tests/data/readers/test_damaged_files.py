@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from frictionid.data.readers.bam import read_bam
 from frictionid.data.readers.emps import read_emps
-from frictionid.data.readers.headerless import read_bare
+from frictionid.data.readers.headerless import read_headerless
 from frictionid.data.readers.ibm import read_ibm
 from frictionid.data.readers.markers import read_markers
 from frictionid.data.readers.phy180 import read_phy180
@@ -244,7 +244,7 @@ def test_damaged_marker_tables_end_in_one_line(tmp_path, content):
 )
 def test_junk_without_a_header_ends_in_one_line(content):
     try:
-        table = read_bare(content, "a.csv", ["1"])
+        table = read_headerless(content, "a.csv", ["1"])
     except InputError as error:
         assert "\n" not in str(error)
     else:

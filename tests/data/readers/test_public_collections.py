@@ -15,9 +15,9 @@ from frictionid.data.readers.public_collections import (
     Collection,
     cached,
     collections,
+    copy_collection,
+    count_present,
     download,
-    present,
-    take,
 )
 from frictionid.errors import InputError
 
@@ -97,31 +97,31 @@ def test_data_sets_state_the_licence_and_the_commit_of_their_collection():
 @pytest.mark.parametrize("layout", ["", "raw/"])
 def test_files_are_taken_from_a_folder_in_either_layout(toy, layout):
     source = write(toy / "source", {layout + name: text for name, text in TOY.items()})
-    assert take("toy", source) == []
+    assert copy_collection("toy", source) == []
     assert {name: (cached("toy") / name).read_bytes() for name in TOY} == TOY
-    assert present("toy") == 2
+    assert count_present("toy") == 2
     assert sorted(p.name for p in cached("toy").rglob("*") if p.is_file()) == ["one.csv", "two.csv"]
 
 
 def test_reduced_files_are_taken_under_their_own_name(toy):
     source = write(toy / "source", {"one.csv.gz": TOY["one.csv"] + b"r"})
-    assert take("toy", source) == ["day/two.csv"]
+    assert copy_collection("toy", source) == ["day/two.csv"]
     assert (cached("toy") / "one.csv.gz").is_file()
 
 
 def test_a_wrong_hash_prints_both_and_nothing_is_copied(toy):
     source = write(toy / "source", {**TOY, "day/two.csv": b"other"})
     with pytest.raises(InputError, match=sha(b"other")) as caught:
-        take("toy", source)
+        copy_collection("toy", source)
     assert sha(TOY["day/two.csv"]) in str(caught.value)
     assert not cached("toy").exists()
 
 
 def test_a_folder_without_the_files_is_refused(toy):
     with pytest.raises(InputError, match="is no folder"):
-        take("toy", toy / "nowhere")
+        copy_collection("toy", toy / "nowhere")
     with pytest.raises(InputError, match=r"has no file of toy; it should hold one\.csv"):
-        take("toy", write(toy / "source", {"else.csv": b""}))
+        copy_collection("toy", write(toy / "source", {"else.csv": b""}))
 
 
 @pytest.mark.usefixtures("toy")
@@ -153,7 +153,7 @@ def test_downloads_are_checked_against_the_hash(monkeypatch):
         download("toy", done.append)
     assert sha(TOY["day/two.csv"]) in str(caught.value)
     assert done == ["one.csv"]
-    assert present("toy") == 1
+    assert count_present("toy") == 1
 
 
 def test_a_collection_without_an_address_says_so(monkeypatch, tmp_path):
@@ -169,7 +169,7 @@ def test_unknown_collections_are_named_with_the_nearest(capsys, monkeypatch):
 
 
 def test_the_list_shows_licences_and_what_is_here(toy, capsys, monkeypatch):
-    take("toy", write(toy / "source", {"one.csv": TOY["one.csv"]}))
+    copy_collection("toy", write(toy / "source", {"one.csv": TOY["one.csv"]}))
     status, printed = run(capsys, monkeypatch, "data", "list")
     assert status == 0
     for words in ("toy", "MIT", "allowed", "2, here 1", "of all originals known"):
@@ -205,7 +205,7 @@ patterns = ["one.csv*"]
 
 def test_a_data_set_finds_its_collection_and_refuses_another_file(toy):
     (toy / "dataset.toml").write_text(DATASET)
-    take("toy", write(toy / "source", TOY))
+    copy_collection("toy", write(toy / "source", TOY))
     assert load_dataset(toy).hashes == {"one.csv": sha(TOY["one.csv"])}
     (cached("toy") / "one.csv").write_bytes(TOY["one.csv"] + b"3,0,1\n")
     with pytest.raises(InputError, match="is not the registered file.*data get toy"):
