@@ -1,4 +1,4 @@
-"""frictionid simulate: a data set with known friction, from the settings of a simulated rig."""
+"""frictionid simulate: a data set with known friction from a simulated rig."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ def simulate(
     rig: Annotated[Path, typer.Argument(help="Settings of the rig, a rig.toml.")],
     out: Annotated[Path, typer.Option(help="Folder of the data set to write.")],
     seed: Annotated[int | None, typer.Option(min=0, help="In place of the rig's own seed.")] = None,
-    noise_free: Annotated[
-        bool, typer.Option("--noise-free", help="Exact angles: the noise-free twin.")
-    ] = False,
+    noise_free: Annotated[bool, typer.Option("--noise-free", help="Exact angles.")] = False,
 ) -> None:
     """Simulate recordings of a rig with known friction."""
     from frictionid import simulate as rigs
@@ -22,9 +20,9 @@ def simulate(
     settings = rigs.load_rig(rig)
     settings = rigs.noise_free(settings) if noise_free else settings
     dataset = rigs.simulate(settings, seed)
-    # A twin is not what its rig.toml makes; only what was made from it as it stands lies beside it.
+    # the rig.toml is kept only with the data that it makes as it stands
     same = seed in (None, settings.seed) and not noise_free
-    rigs.write(dataset, out, {"rig.toml": rig.read_bytes()} if same else {})
+    rigs.write_dataset(dataset, out, {"rig.toml": rig.read_bytes()} if same else {})
     samples = sum(len(recording.angle.time) for recording in dataset.recordings)
     print(f"{dataset.name}: {len(dataset.recordings)} recordings, {samples} samples")
     print(f"written to {out}")

@@ -1,9 +1,9 @@
 """The simulated rig: set-valued friction, finely integrated, recorded by a drive and a camera.
 
-It shares the mechanics with what is identified, and nothing else: neither step nor laws.
+It shares the mechanics with the identified models, but neither the physics step nor the laws.
 """
 
-from frictionid.simulate.dataset_folder import write
+from frictionid.simulate.dataset_folder import write_dataset
 from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
 from frictionid.simulate.rig_file import load_rig
 from frictionid.simulate.simulation import simulate
@@ -29,5 +29,5 @@ __all__ = [
     "load_rig",
     "noise_free",
     "simulate",
-    "write",
+    "write_dataset",
 ]

@@ -29,20 +29,22 @@ from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of
 from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
 
-# Of the tables: finer than the 1e-7 rad and rad/s that a noise-free twin has to keep.
+# finer than the 1e-7 rad and rad/s to which noise-free data sets are exact
 DECIMALS = 8
 
 
-def write(dataset: Dataset, folder: str | Path, beside: Mapping[str, bytes] | None = None) -> None:
-    """Folder of a simulated data set, complete or not there at all.
+def write_dataset(
+    dataset: Dataset, folder: str | Path, others: Mapping[str, bytes] | None = None
+) -> None:
+    """Write the folder of a simulated data set, as a whole or not at all.
 
     Parameters
     ----------
     dataset : Dataset, as `simulate` returns it
     folder : str or Path
-        Made, or replaced as a whole where it holds nothing but a simulated data set.
-    beside : mapping of str to bytes, optional
-        Other files of the folder by name, such as the rig.toml that it was made from.
+        Created, or replaced where it holds nothing but a simulated data set.
+    others : mapping of str to bytes, optional
+        Other files of the folder by name, such as its rig.toml.
 
     Raises
     ------
@@ -51,10 +53,10 @@ def write(dataset: Dataset, folder: str | Path, beside: Mapping[str, bytes] | No
     """
     target = Path(folder).resolve()
     _check_replaceable(target)
-    files = {**(beside or {}), **_files(dataset)}
+    files = {**(others or {}), **_files(dataset)}
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        # Next to the target, because only within one file system is renaming a single action.
+        # next to the target: renaming is atomic only within one file system
         with _new_folder(target) as new:
             for name, content in files.items():
                 (new / name).write_bytes(content)
@@ -125,7 +127,7 @@ def _columns(
 
 
 def _exact(time: Array) -> list[str]:
-    """Shortest texts that give the same numbers again: even clocks stay even to the last bit."""
+    """Shortest texts of the exact numbers: even clocks stay even to the last bit."""
     return [repr(float(t)) for t in time]
 
 
@@ -143,7 +145,7 @@ def _check_replaceable(target: Path) -> None:
 
 
 def _written(folder: Path) -> set[str]:
-    """Names of the files that an earlier `write` put into the folder."""
+    """Names of the files of an earlier `write_dataset`."""
     try:
         document = tomllib.loads((folder / "dataset.toml").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -155,7 +157,7 @@ def _written(folder: Path) -> set[str]:
 
 @contextlib.contextmanager
 def _new_folder(target: Path) -> Iterator[Path]:
-    """An empty folder next to the target, gone at the end with all that is still in it."""
+    """An empty folder next to the target, removed at the end."""
     with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as outer:
         new = Path(outer) / "new"
         new.mkdir()
@@ -163,7 +165,7 @@ def _new_folder(target: Path) -> Iterator[Path]:
 
 
 def _swap(new: Path, target: Path) -> None:
-    """Put the new folder in the place of the target; a rig.toml that it does not have stays."""
+    """Replace the target by the new folder; its rig.toml stays where the new one has none."""
     if not target.exists():
         os.replace(new, target)
         return

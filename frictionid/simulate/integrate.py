@@ -1,9 +1,9 @@
 """Event-driven integration of all recordings at once: the motion under set-valued friction.
 
-Between two events every joint keeps its mode and the right-hand side is smooth: classical
-Runge-Kutta of order 4 at a fine fixed step. Where a slipping velocity crosses zero or a holding
-torque leaves the break-away band within a step, the instant is found by root finding on the step's
-length, for the recordings concerned only; the next mode follows from the laws of motion.
+Between two events every joint keeps its mode and the right-hand side is smooth: it is integrated by
+the classical Runge-Kutta method of order 4 with a fine fixed step. An event is a slipping velocity
+that crosses zero, or a holding torque that leaves the break-away band. Its instant within a step is
+found by a root search over the length of the step; the next mode follows from `next_modes`.
 """
 
 from __future__ import annotations
@@ -13,23 +13,25 @@ import numpy as np
 from frictionid.data.signals import Array
 from frictionid.simulate.modes import TrueSystem, accelerations, margins, next_modes
 
-# A joint that neither slips nor holds to within rounding would change its mode for ever: after this
-# many events within one step (0.3 ms) the joints at rest are kept at rest until its end.
-_EVENTS = 12
+# A joint that neither slips nor sticks, to within rounding, would change its mode endlessly: after
+# this many events within one step (0.3 ms) the joints at rest stay at rest until its end.
+_MAX_EVENTS = 12
 _ITERATIONS = 80
 _TOLERANCE = 1e-10
 
 
-def motion(system: TrueSystem, q: Array, w: Array, u: Array, edges: Array, step: float) -> Array:
+def integrate_motion(
+    system: TrueSystem, q: Array, w: Array, u: Array, edges: Array, step: float
+) -> Array:
     """States at the edges of intervals with constant torques, shape (K+1, 3, R, n).
 
     Parameters
     ----------
     system : TrueSystem
     q, w : array, shape (R, n) [rad], [rad/s]
-        Start states of R recordings; the friction's memory starts at rest with them.
+        Initial states of R recordings; friction memory starts in its steady state.
     u : array, shape (K, R, n) [N m]
-        Torque felt by each joint in each interval.
+        Torque on each joint in each interval.
     edges : array, shape (K+1,) [s], increasing
     step : float [s]
         Longest step of the integration.
@@ -45,8 +47,8 @@ def motion(system: TrueSystem, q: Array, w: Array, u: Array, edges: Array, step:
     >>> from frictionid.simulate.true_friction import Curve, Stribeck
     >>> m = pendulum()
     >>> system = TrueSystem(m, m.base({}), Stribeck(Curve((2.0,), (2.0,), (0.0,))))
-    >>> start = np.array([[0.1], [1.5]])       # held by friction, and falling
-    >>> end = motion(system, start, 0 * start, np.zeros((1, 2, 1)), np.array([0.0, 0.1]), 1e-3)[-1]
+    >>> start, edges = np.array([[0.1], [1.5]]), np.array([0.0, 0.1])  # held, and falling
+    >>> end = integrate_motion(system, start, 0 * start, np.zeros((1, 2, 1)), edges, 1e-3)[-1]
     >>> end[0].round(3).ravel(), end[1].round(3).ravel()
     (array([0.1 , 1.461]), array([ 0.   , -0.777]))
     """
@@ -54,15 +56,15 @@ def motion(system: TrueSystem, q: Array, w: Array, u: Array, edges: Array, step:
     states, mode = [y], next_modes(system, y, u[0])
     for k, width in enumerate(np.diff(edges)):
         count = max(1, int(np.ceil(width / step - 1e-9)))
-        mode = settled(system, y, u[k], mode)
+        mode = modes_after_jump(system, y, u[k], mode)
         for _ in range(count):
             y, mode = advance(system, y, u[k], mode, width / count)
         states.append(y)
     return np.stack(states)
 
 
-def settled(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
-    """Modes with those that a jump of the torque ended replaced; shape (R, n)."""
+def modes_after_jump(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
+    """Modes (R, n) after a jump of the torque, which may end some of them."""
     left = (margins(system, y, u, mode) < 0).any(axis=-1)
     if left.any():
         mode = mode.copy()
@@ -73,7 +75,7 @@ def settled(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
 def advance(
     system: TrueSystem, y: Array, u: Array, mode: Array, step: float
 ) -> tuple[Array, Array]:
-    """State (3, R, n) and mode (R, n) one step later, all events within it resolved."""
+    """State (3, R, n) and mode (R, n) one step later, through all events within it."""
     end = runge_kutta(system, y, u, mode, np.full(y.shape[1], step))
     over = np.flatnonzero((margins(system, end, u, mode) < 0).any(axis=-1))
     if over.size:
@@ -85,7 +87,7 @@ def advance(
 
 
 def runge_kutta(system: TrueSystem, y: Array, u: Array, mode: Array, step: Array) -> Array:
-    """State (3, R, n) one step later in unchanged modes; every recording has its own step (R,)."""
+    """State (3, R, n) after steps (R,) [s] in unchanged modes."""
     h = step[:, None]
     k1 = derivative(system, y, u, mode)
     k2 = derivative(system, y + (0.5 * h) * k1, u, mode)
@@ -107,10 +109,10 @@ def derivative(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
 def _through_events(
     system: TrueSystem, y: Array, u: Array, mode: Array, left: Array
 ) -> tuple[Array, Array]:
-    """State and mode at the end of a step that has events, which lasts `left` (R,) [s]."""
+    """State and mode at the end of a step with events, `left` (R,) [s] later."""
     y, mode, left = y.copy(), mode.copy(), left.copy()
     at = np.arange(len(left))
-    for _ in range(_EVENTS):
+    for _ in range(_MAX_EVENTS):
         end = runge_kutta(system, y[:, at], u[at], mode[at], left[at])
         over = (margins(system, end, u[at], mode[at]) < 0).any(axis=-1)
         y[:, at[~over]] = end[:, ~over]
@@ -130,8 +132,8 @@ def _first_event(
 ) -> tuple[Array, Array]:
     """Time (R,) [s] at which the first mode has just ended, and the state there.
 
-    Regula falsi (Illinois) on the margin between the start, where all modes hold, and the end,
-    where one does not. It aims at half the tolerance behind the root: there the mode has ended.
+    Regula falsi (Illinois) on the margin between the start, where it is positive, and the end,
+    where it is negative. The target is half the tolerance behind the root: the mode has ended.
     """
     last = margins(system, end, u, mode)
     near, far = np.zeros_like(left), np.ones_like(left)
@@ -160,7 +162,7 @@ def _first_event(
 
 
 def _relative(system: TrueSystem, y: Array, u: Array, mode: Array, last: Array) -> Array:
-    """Smallest of the margins that end negative (`last`), in parts of their size there."""
+    """Smallest of the margins that end negative (`last`), relative to their final size."""
     now = margins(system, y, u, mode)
     smallest: Array = np.where(last < 0, now / np.abs(last), np.inf).min(axis=-1)
     return smallest

@@ -1,4 +1,4 @@
-"""Stick and slip of all joints at one instant: accelerations in a mode, and which mode comes next.
+"""Stick and slip of all joints at one instant: accelerations in a mode, and the next mode.
 
 M dw/dt = h + B u - Tf,   Tf in the break-away band where w = 0
 
@@ -23,7 +23,7 @@ from frictionid.simulate.true_friction import TrueFriction
 
 @dataclass(frozen=True)
 class TrueSystem:
-    """What moves: a mechanism with its base parameters p, shape (nb,), and its true friction."""
+    """A mechanism with its true base parameters p, shape (nb,), and its true friction."""
 
     mechanism: Mechanism
     p: Array
@@ -31,16 +31,16 @@ class TrueSystem:
 
     @cached_property
     def combinations(self) -> Array:
-        """All modes, shape (3^n, n), or (2^n, n) without stick; sticking first: ties go to it."""
+        """All modes, shape (3^n, n), or (2^n, n) without stick; sticking first: it wins ties."""
         each = (0.0, 1.0, -1.0) if self.friction.sticks else (1.0, -1.0)
         return np.array(list(product(each, repeat=self.mechanism.n)))
 
 
 def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Array:
-    """dw/dt of slipping joints while the others stand still, shape (..., n) [rad/s^2].
+    """dw/dt of slipping joints while the others stick, shape (..., n) [rad/s^2].
 
-    Rows and columns of standing joints are replaced by those of the identity, which makes their
-    acceleration exactly zero; the torque that holds them is then f - M dw/dt.
+    Rows and columns of sticking joints are replaced by those of the identity, so that their
+    acceleration is exactly zero; their holding torque is f - M dw/dt.
 
     Parameters
     ----------
@@ -61,10 +61,10 @@ def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Ar
 
 
 def margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
-    """How far each joint is from leaving its mode, negative where it has left it; shape (R, n).
+    """Margin of each joint before its mode ends, negative where it has ended; shape (R, n).
 
-    The velocity in the direction of slip [rad/s], or for a sticking joint what is left of the
-    break-away level [N m].
+    The velocity in the direction of slip [rad/s], or for a sticking joint the distance of its
+    holding torque to the break-away level [N m].
 
     Parameters
     ----------
@@ -75,21 +75,21 @@ def margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     """
     q, w, z = y
     margin: Array = mode * w
-    stands = (mode == 0).any(axis=-1)
-    if stands.any():
-        held = _hold_margins(system, q[stands], w[stands], z[stands], u[stands], mode[stands])
-        margin[stands] = np.where(mode[stands] == 0, held, margin[stands])
+    sticks = (mode == 0).any(axis=-1)
+    if sticks.any():
+        held = _hold_margins(system, q[sticks], w[sticks], z[sticks], u[sticks], mode[sticks])
+        margin[sticks] = np.where(mode[sticks] == 0, held, margin[sticks])
     return margin
 
 
 def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
-    """Modes that the laws of motion allow at a state, shape (R, n).
+    """Consistent modes at a state, shape (R, n).
 
-    A joint that moves slips in its direction. Those at rest try all combinations of sticking and
-    slipping: a joint may stick if its holding torque lies within the break-away band, and slip only
-    in the direction of its acceleration. Exactly one combination is consistent apart from ties,
-    because M is positive definite and break-away equals the level at the onset of slip; rounding is
-    forgiven by taking the combination with the smallest violation.
+    A moving joint slips in its direction. For joints at rest all combinations of sticking and
+    slipping are tried: a joint may stick if its holding torque lies within the break-away band, and
+    slip only in the direction of its acceleration. Apart from ties exactly one combination is
+    consistent, because M is positive definite and break-away equals the level at the onset of slip.
+    With rounding, the combination with the smallest violation is taken.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     a = accelerations(M, f, system.friction.torque(w, z, mode), mode != 0)
     hold = f - (M * a[..., None, :]).sum(-1)
     sticking = -_within(system, z, hold)
-    # in torques, so that both kinds of violation compare
+    # both violations as torques
     slipping = -mode * a * np.diagonal(M, axis1=-2, axis2=-1)
     wrong = np.where(rests, np.where(mode == 0, sticking, slipping), 0.0)
     best = np.maximum(wrong, 0.0).max(axis=-1).argmin(axis=0)

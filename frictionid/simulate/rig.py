@@ -1,13 +1,13 @@
-"""The simulated rig: a mechanism, its true friction, a drive, a camera and what is recorded."""
+"""Settings of a simulated rig: mechanism, true friction, drive, camera and recordings."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 from pydantic import Field
 
+from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, mechanism_of, parameters_of
@@ -20,40 +20,36 @@ AnyFriction = Annotated[Stribeck | FilmLag | LuGre, Field(discriminator="kind")]
 
 @dataclass(frozen=True)
 class Camera:
-    """What measures the angles: number of samples, `rate` [Hz], deviation of the noise [rad]."""
+    """Measurement of the angles: number of samples, rate [Hz], noise (standard deviation) [rad]."""
 
-    samples: int
-    rate: float = 60.0
-    angle_noise: float = 0.0
+    samples: Annotated[int, Field(ge=2)]
+    rate: Positive = 60.0
+    angle_noise: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        if self.samples < 2:
-            raise InputError(f"samples must be at least 2, not {self.samples}")
-        _check("rate", self.rate, self.rate > 0)
-        _check("angle_noise", self.angle_noise, self.angle_noise >= 0)
+        check_settings(self)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What applies the torque, and holds each command until the next one.
+    """Drive that holds each logged command until the next one.
 
-    At time t the mechanism feels `gain` times the torque that the log shows for t - `delay`; the
-    log has `rate` commands per second.
+        torque(t) = gain command(t - delay)
+
+    rate : commands per second [Hz]; delay : [s]
     """
 
-    rate: float = 60.0
-    delay: float = 0.0
-    gain: float = 1.0
+    rate: Positive = 60.0
+    delay: NotNegative = 0.0
+    gain: Positive = 1.0
 
     def __post_init__(self) -> None:
-        _check("rate", self.rate, self.rate > 0)
-        _check("delay", self.delay, self.delay >= 0)
-        _check("gain", self.gain, self.gain > 0)
+        check_settings(self)
 
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: its name, the start state, and a command for each motor (none: free decay)."""
+    """One recording: name, initial state, and a command for each motor (none: free decay)."""
 
     name: str
     start_angle: tuple[float, ...]
@@ -69,16 +65,16 @@ class Rig:
     ----------
     name : str
     mechanism : dict
-        The [mechanism] table that the users of the data are told.
+        Nominal [mechanism] table, as it stands in the data set.
     friction : Stribeck, FilmLag or LuGre
     camera : Camera
     recordings : tuple of Run
     true_parameters : dict
-        Parameters of the real mechanism that differ from the told ones.
+        True parameters that differ from the nominal ones.
     drive : Drive
     seed : int
     substeps : int
-        Steps of the integration between two images.
+        Steps of the integration between two frames.
     description, licence, citation : str
 
     Raises
@@ -94,17 +90,16 @@ class Rig:
     recordings: tuple[Run, ...]
     true_parameters: dict[str, float] = field(default_factory=dict)
     drive: Drive = field(default_factory=Drive)
-    seed: int = 0
-    substeps: int = 32
+    seed: Annotated[int, Field(ge=0)] = 0
+    substeps: Count = 32
     description: str = ""
     licence: str = ""
     citation: str = ""
 
     def __post_init__(self) -> None:
+        check_settings(self)
         mechanism = nominal_mechanism(self)
         parameters_of(self.mechanism, self.true_parameters)
-        _check("substeps", self.substeps, self.substeps >= 1)
-        _check("seed", self.seed, self.seed >= 0)
         if self.friction.curve.n != mechanism.n:
             raise InputError(
                 f"friction has numbers for {self.friction.curve.n} joints, "
@@ -121,19 +116,19 @@ class Rig:
 
 
 def nominal_mechanism(rig: Rig) -> Mechanism:
-    """Mechanism of the rig, for the true as well as for the told parameters."""
+    """Mechanism of the rig; its parameters, nominal or true, are arguments."""
     return mechanism_of(rig.mechanism)
 
 
 def true_system(rig: Rig) -> TrueSystem:
-    """What moves: mechanism with its true parameters, and true friction."""
+    """Mechanism with its true parameters and true friction."""
     mechanism = nominal_mechanism(rig)
     p: Array = mechanism.base(parameters_of(rig.mechanism, rig.true_parameters))
     return TrueSystem(mechanism, p, rig.friction)
 
 
 def noise_free(rig: Rig) -> Rig:
-    """The rig with a perfect camera: the same motions, every angle exact."""
+    """The rig with a noise-free camera: the same motions, exact angles."""
     return replace(rig, name=f"{rig.name}_noise_free", camera=replace(rig.camera, angle_noise=0.0))
 
 
@@ -154,8 +149,3 @@ def _check_run(run: Run, mechanism: Mechanism) -> None:
             f"{where}: {len(run.torques)} torques for {motors} motors; give one for each, "
             "or none for a free decay"
         )
-
-
-def _check(name: str, value: float, holds: bool) -> None:
-    if not (holds and math.isfinite(value)):
-        raise InputError(f"{name} = {value:g} is out of range")

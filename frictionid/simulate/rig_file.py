@@ -1,9 +1,8 @@
-"""rig.toml: the settings of a rig as a file, with the same names as the dataclasses."""
+"""Settings of the simulated rig (rig.toml) and camera (camera.toml) as dataclasses."""
 
 from __future__ import annotations
 
 import json
-import math
 import tomllib
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
@@ -23,7 +22,7 @@ Settings = TypeVar("Settings")
 
 
 def load_rig(path: str | Path) -> Rig:
-    """Rig that a rig.toml describes.
+    """Rig of a rig.toml.
 
     Raises
     ------
@@ -34,7 +33,7 @@ def load_rig(path: str | Path) -> Rig:
 
 
 def load_film(path: str | Path) -> Film:
-    """Simulated camera that a camera.toml describes.
+    """Simulated camera of a camera.toml.
 
     Raises
     ------
@@ -76,21 +75,18 @@ def _settings(kind: type[Settings], document: dict[str, Any], file: str) -> Sett
     document = {renamed.get(key, key): value for key, value in document.items()}
     for place, key, known in _unknown_keys(document, kind, ""):
         raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")
-    for place, number in _infinite(document, ""):
-        raise InputError(f"{file}: {place} = {number}; every number must be finite")
     try:
-        # Table, as JSON: lists become tuples, tables dataclasses, and nothing else is converted.
+        # as JSON: lists become tuples, tables dataclasses, and nothing else is converted
         text = json.dumps(document, default=str)
         settings: Settings = TypeAdapter(kind).validate_json(text, strict=True)
     except ValidationError as invalid:
-        # One mistake at a time: the first one often causes the others.
         error = invalid.errors(include_url=False)[0]
         raise InputError(f"{file}: {_sentence(error)}") from None
     return settings
 
 
 def _sentence(error: Any) -> str:
-    # The tag of a union (the kind) is part of pydantic's place, but not of the file's.
+    # pydantic's place has the tag of a union (the kind), the file's has not
     loc = [key for key in error["loc"] if key not in _KINDS]
     place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in loc).lstrip(".")
     if error["type"] == "missing":
@@ -108,7 +104,7 @@ def _sentence(error: Any) -> str:
 
 
 def _unknown_keys(table: Any, kind: Any, place: str) -> Iterator[tuple[str, str, list[str]]]:
-    """Place, name and known names of each key that the dataclass `kind` does not have."""
+    """Place, name and known names of each key that is no field of the dataclass `kind`."""
     if not (isinstance(table, dict) and is_dataclass(kind)):
         return
     hints = get_type_hints(kind)
@@ -126,7 +122,7 @@ def _unknown_keys(table: Any, kind: Any, place: str) -> Iterator[tuple[str, str,
 
 
 def _chosen(hint: Any, table: Any) -> Any:
-    """The dataclass that a table stands for, among those of a type hint."""
+    """The dataclass of a table, among those of a type hint."""
     found = [hint] if is_dataclass(hint) else list(_dataclasses(hint))
     named = [d for d in found if isinstance(table, dict) and _kind(d) == table.get("kind")]
     return named[0] if named else None
@@ -142,18 +138,6 @@ def _dataclasses(hint: Any) -> Iterator[Any]:
 
 def _kind(cls: Any) -> Any:
     return next((field.default for field in fields(cls) if field.name == "kind"), None)
-
-
-def _infinite(value: Any, place: str) -> Iterator[tuple[str, float]]:
-    """Place and value of each number that is infinite or nan."""
-    if isinstance(value, dict):
-        for key, entry in value.items():
-            yield from _infinite(entry, f"{place}.{key}".lstrip("."))
-    elif isinstance(value, list):
-        for i, entry in enumerate(value):
-            yield from _infinite(entry, f"{place}[{i}]")
-    elif isinstance(value, float) and not math.isfinite(value):
-        yield place, value
 
 
 def _all_kinds(hint: Any) -> Iterator[str]:

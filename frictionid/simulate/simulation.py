@@ -1,4 +1,4 @@
-"""From a rig to recordings: commands, motion, camera."""
+"""Recordings of a simulated rig: commands, motion, camera."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Array, Signal, sample
-from frictionid.simulate.integrate import motion
+from frictionid.simulate.integrate import integrate_motion
 from frictionid.simulate.rig import Rig, Run, nominal_mechanism, true_system
 
 ORIGIN = "simulated by frictionid simulate"
-# The drive takes commands in steps of 1e-6 N m, so that the tables hold exactly what was felt.
+# Commands are multiples of 1e-6 N m, so that the tables hold them exactly.
 COMMAND_DECIMALS = 6
 
 
 def simulate(rig: Rig, seed: int | None = None) -> Dataset:
-    """Data set that the rig records, with its true motion and friction; the same for the same seed.
+    """Data set of the rig, with true motion and friction; the same for the same seed.
 
     Parameters
     ----------
     rig : Rig
     seed : int, optional
-        In place of the rig's own. Each recording draws from the seed and its name, so that it does
-        not depend on which others there are.
+        In place of the rig's own. Each recording draws from the seed and its name, independently of
+        the others.
 
     Examples
     --------
@@ -43,12 +43,12 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
         _recorded(rig, run, seed, command, time, states[:, :, r])
         for r, (run, command) in enumerate(zip(rig.recordings, commands, strict=True))
     ]
-    told = {"description": rig.description, "licence": rig.licence, "citation": rig.citation}
+    texts = {"description": rig.description, "licence": rig.licence, "citation": rig.citation}
     return Dataset(
         name=rig.name,
         mechanism=rig.mechanism,
         recordings=tuple(recordings),
-        origin={"origin": ORIGIN, **{key: text for key, text in told.items() if text}},
+        origin={"origin": ORIGIN, **{key: text for key, text in texts.items() if text}},
         truth={**rig.friction.table(), "rig": _rig_table(rig, seed)},
     )
 
@@ -69,18 +69,18 @@ def _states(rig: Rig, commands: Sequence[Signal], time: Array) -> Array:
     """True states at the camera's times, shape (K, 3, R, n)."""
     edges = _merged(time, commands[0].time + rig.drive.delay)
     middles = 0.5 * (edges[1:] + edges[:-1]) - rig.drive.delay
-    felt = np.stack([sample(command, middles) for command in commands], axis=1)
+    applied = np.stack([sample(command, middles) for command in commands], axis=1)
     q = np.array([run.start_angle for run in rig.recordings], dtype=float)
     w = np.array([run.start_velocity or (0.0,) * q.shape[1] for run in rig.recordings])
     step = 1.0 / (rig.camera.rate * rig.substeps)
-    states = motion(true_system(rig), q, w, rig.drive.gain * felt, edges, step)
+    states = integrate_motion(true_system(rig), q, w, rig.drive.gain * applied, edges, step)
     return states[np.searchsorted(edges, time)]
 
 
 def _merged(time: Array, changes: Array) -> Array:
-    """The camera's times and the instants at which the felt torque changes between them."""
+    """The camera's times, and the instants between them at which the applied torque changes."""
     inside = changes[(changes > time[0]) & (changes < time[-1])]
-    # one that falls on an image but for rounding would make an interval without length
+    # an instant that differs from a frame by rounding would make an interval of no length
     at = np.clip(np.searchsorted(time, inside), 1, len(time) - 1)
     gap = np.minimum(np.abs(inside - time[at]), np.abs(inside - time[at - 1]))
     return np.union1d(time, inside[gap > 1e-9])

@@ -1,7 +1,6 @@
 """Torque commands of the simulated drive: one family of wave forms per class.
 
-Every signal is a few numbers and a method `values(time, generator)`, which gives the command at the
-times, shape (T,) [N m]; only the generator makes it random.
+Each wave form has a method `values(time, generator)`: the command at the times, shape (T,) [N m].
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from typing import Annotated, Literal, Protocol
 import numpy as np
 from pydantic import Field
 
+from frictionid.config import Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
@@ -34,13 +34,13 @@ class Sine:
     """
 
     amplitude: float
-    frequency: float
+    frequency: Positive
     phase: float = 0.0
     offset: float = 0.0
     kind: Literal["sine"] = "sine"
 
     def __post_init__(self) -> None:
-        _positive("frequency", self.frequency)
+        check_settings(self)
 
     def values(self, time: Array, generator: np.random.Generator) -> Array:  # noqa: ARG002
         wave: Array = np.sin(2 * np.pi * self.frequency * time + self.phase)
@@ -56,13 +56,12 @@ class Chirp:
     """
 
     amplitude: float
-    start_frequency: float
-    stop_frequency: float
+    start_frequency: Positive
+    stop_frequency: Positive
     kind: Literal["chirp"] = "chirp"
 
     def __post_init__(self) -> None:
-        _positive("start_frequency", self.start_frequency)
-        _positive("stop_frequency", self.stop_frequency)
+        check_settings(self)
 
     def values(self, time: Array, generator: np.random.Generator) -> Array:  # noqa: ARG002
         since = time - time[0]
@@ -82,14 +81,14 @@ class Steps:
     """
 
     amplitude: float
-    hold: float
+    hold: Positive
     kind: Literal["steps"] = "steps"
 
     def __post_init__(self) -> None:
-        _positive("hold", self.hold)
+        check_settings(self)
 
     def values(self, time: Array, generator: np.random.Generator) -> Array:
-        # a sample that falls on a change belongs to the new level, whatever its rounding
+        # a sample at a change belongs to the new level, also after rounding
         number = np.floor((time - time[0]) / self.hold + 1e-9).astype(int)
         levels: Array = generator.uniform(-self.amplitude, self.amplitude, number[-1] + 1)
         return levels[number]
@@ -105,14 +104,11 @@ class Multisine:
     """
 
     amplitude: float
-    frequencies: tuple[float, ...]
+    frequencies: Annotated[tuple[Positive, ...], Field(min_length=1)]
     kind: Literal["multisine"] = "multisine"
 
     def __post_init__(self) -> None:
-        if not self.frequencies:
-            raise InputError("a multisine needs at least one frequency")
-        for frequency in self.frequencies:
-            _positive("each of frequencies", frequency)
+        check_settings(self)
 
     def values(self, time: Array, generator: np.random.Generator) -> Array:
         phases = generator.uniform(0.0, 2 * np.pi, len(self.frequencies))
@@ -134,6 +130,7 @@ class Noise:
     kind: Literal["noise"] = "noise"
 
     def __post_init__(self) -> None:
+        check_settings(self)
         if not 0 <= self.band[0] < self.band[1]:
             raise InputError(f"band must be two increasing frequencies, not {list(self.band)}")
 
@@ -141,7 +138,7 @@ class Noise:
         low, high = self.band
         white = np.fft.rfft(generator.standard_normal(len(time)))
         frequency = np.fft.rfftfreq(len(time), (time[-1] - time[0]) / (len(time) - 1))
-        # edges of second order: sharp ones would ring through the whole recording
+        # second-order edges: sharp ones would ring through the whole recording
         shape = 1.0 / np.sqrt(1.0 + (frequency / high) ** 4)
         shape[1:] /= np.sqrt(1.0 + (low / frequency[1:]) ** 4)
         shape[0] *= low == 0
@@ -156,8 +153,3 @@ AnyCommand = Annotated[Sine | Chirp | Steps | Multisine | Noise, Field(discrimin
 def _scaled(wave: Array, amplitude: float) -> Array:
     scaled: Array = wave * (amplitude / np.abs(wave).max())
     return scaled
-
-
-def _positive(name: str, value: float) -> None:
-    if not value > 0:
-        raise InputError(f"{name} must be positive, not {value:g}")

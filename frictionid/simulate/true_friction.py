@@ -1,13 +1,13 @@
-"""True friction of the simulated rig, with real stick: what the identified laws are judged against.
+"""True friction of the simulated rig, with real stiction, to judge identified friction against.
 
-Every truth has the same kind of steady-state curve, per joint
+All have the same kind of steady-state curve, per joint
 
-Tf(w) = (coulomb + peak exp(-(w / ws)^2)) sgn(w) + viscous w   [Armstrong1994]
+    Tf(w) = (coulomb + peak exp(-(w / ws)^2)) sgn(w) + viscous w   [Armstrong1994]
 
-and differs in what happens while w changes. Memory-free friction and film lag are set-valued at
-rest: a joint at w = 0 takes any torque up to the level. The integrator gives each joint a *mode*,
-+1 or -1 where it slips that way, 0 where it sticks, within which everything below is smooth. With
-LuGre's bristle friction is single-valued, its joints never stick, but |w| still has a kink at zero.
+and differ while w changes. Memory-free friction and film lag are set-valued at rest: a joint at
+w = 0 takes any torque up to the level. The integrator gives each joint a *mode*, +1 or -1 where it
+slips that way and 0 where it sticks, within which all equations are smooth. LuGre friction is
+single-valued and its joints never stick, but |w| has a kink at zero.
 """
 
 from __future__ import annotations
@@ -19,10 +19,13 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
+from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
-Numbers = tuple[float, ...]
+# One number per joint.
+Numbers = tuple[NotNegative, ...]
+PositiveNumbers = tuple[Positive, ...]
 
 
 class TrueFriction(Protocol):
@@ -32,7 +35,7 @@ class TrueFriction(Protocol):
     ----------
     curve : Curve
     sticks : bool
-        Whether friction is set-valued at w = 0, so that modes have a meaning.
+        Whether friction is set-valued at w = 0.
     """
 
     @property
@@ -46,9 +49,9 @@ class TrueFriction(Protocol):
         ...
 
     def torque(self, w: Array, z: Array, mode: Array) -> Array:
-        """Friction torque [N m] in a mode, continued smoothly to the wrong side of w = 0.
+        """Friction torque [N m] in a mode, extended smoothly beyond w = 0.
 
-        At w = 0 the modes +1 and -1 give the two ends of the break-away band.
+        At w = 0 the modes +1 and -1 give both ends of the break-away band.
         """
         ...
 
@@ -65,7 +68,7 @@ class TrueFriction(Protocol):
 class Curve:
     """Steady-state friction curve; one number per joint in each field.
 
-    Without a peak it is Coulomb and viscous friction.
+    Without a peak: Coulomb and viscous friction.
 
     Parameters
     ----------
@@ -88,7 +91,7 @@ class Curve:
     viscous: Numbers
     peak_positive: Numbers = ()
     peak_negative: Numbers = ()
-    stribeck_velocity: Numbers = ()
+    stribeck_velocity: PositiveNumbers = ()
 
     def __post_init__(self) -> None:
         n = len(self.coulomb_positive)
@@ -99,10 +102,7 @@ class Curve:
         ):
             if not getattr(self, name):
                 object.__setattr__(self, name, (default,) * n)
-        for field in fields(self):
-            _check(field.name, getattr(self, field.name), n)
-        if not all(v > 0 for v in self.stribeck_velocity):
-            raise InputError(f"stribeck_velocity must be positive, not {self.stribeck_velocity}")
+        _check(self, n, [field.name for field in fields(self)])
 
     @property
     def n(self) -> int:
@@ -162,11 +162,11 @@ class Stribeck:
 
 @dataclass(frozen=True)
 class FilmLag:
-    """Frictional lag: the lubricating film, not the torque, follows the speed late.
+    """Frictional lag: the lubricating film follows the speed with a lag, the torque without.
 
     dz/dt = (|w| - z) / lag,   Tf = level(z) sgn(w) + viscous w
 
-    Set-valued at rest with the level of the film's momentary z [Olsson1998].
+    Set-valued at rest, with the level of the current z [Olsson1998].
 
     Parameters
     ----------
@@ -176,16 +176,12 @@ class FilmLag:
     """
 
     curve: Curve
-    lag: Numbers
+    lag: PositiveNumbers
     kind: Literal["film_lag"] = "film_lag"
     sticks: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        _check("lag", self.lag, self.curve.n)
-        if not all(v > 0 for v in self.lag):
-            raise InputError(
-                f'lag must be positive, not {self.lag}; without lag: kind = "stribeck"'
-            )
+        _check(self, self.curve.n, ["lag"])
 
     @cached_property
     def _lag(self) -> Array:
@@ -212,17 +208,17 @@ class FilmLag:
 
 @dataclass(frozen=True)
 class LuGre:
-    """LuGre friction: a bristle of stiffness s0 that bends by z and slides at the curve's level.
+    """LuGre friction: a bristle of stiffness s0 and deflection z that slides at the curve's level.
 
     dz/dt = w - s0 |w| z / level(w),   Tf = s0 z + s1(w) dz/dt + viscous w [CanudasDeWit1995]
 
-    The damping s1(w) = bristle_damping exp(-(w / damping_velocity)^2) fades with the speed: with a
-    constant one LuGre can give energy. With x = s0 z and v = dz/dt,
+    The damping s1(w) = bristle_damping exp(-(w / damping_velocity)^2) decreases with the speed:
+    with constant damping LuGre friction is not passive. With x = s0 z and v = dz/dt,
 
     w Tf - d(s0 z^2 / 2)/dt = |w|/level x^2 + s1 |w|/level x v + s1 v^2 + viscous w^2
 
     is never negative if s1(w) |w| <= 4 level(w). The largest s1 |w| is bristle_damping
-    damping_velocity / sqrt(2 e), so that this is checked once for all velocities.
+    damping_velocity / sqrt(2 e), which is compared with the smallest level.
 
     Parameters
     ----------
@@ -238,17 +234,14 @@ class LuGre:
     """
 
     curve: Curve
-    bristle_stiffness: Numbers
+    bristle_stiffness: PositiveNumbers
     bristle_damping: Numbers
-    damping_velocity: Numbers
+    damping_velocity: PositiveNumbers
     kind: Literal["lugre"] = "lugre"
     sticks: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        for name in ("bristle_stiffness", "bristle_damping", "damping_velocity"):
-            _check(name, getattr(self, name), self.curve.n)
-        if not all(v > 0 for v in (*self.bristle_stiffness, *self.damping_velocity)):
-            raise InputError("bristle_stiffness and damping_velocity must be positive")
+        _check(self, self.curve.n, ["bristle_stiffness", "bristle_damping", "damping_velocity"])
         for joint in range(self.curve.n):
             most = (
                 self.bristle_damping[joint] * self.damping_velocity[joint] / math.sqrt(2 * math.e)
@@ -287,8 +280,10 @@ class LuGre:
         return {"kind": self.kind, **self.curve.table(), **lists}
 
 
-def _check(name: str, values: Numbers, n: int) -> None:
-    if len(values) != n or n == 0:
-        raise InputError(f"{name} = {list(values)} needs one number for each of {n} joints")
-    if not all(math.isfinite(v) and v >= 0 for v in values):
-        raise InputError(f"{name} = {list(values)}: all must be finite and not negative")
+def _check(settings: Any, n: int, names: list[str]) -> None:
+    """Check the settings, and that each of some fields has one number for each of n joints."""
+    check_settings(settings)
+    for name in names:
+        values = getattr(settings, name)
+        if len(values) != n or n == 0:
+            raise InputError(f"{name} = {list(values)} needs one number for each of {n} joints")

@@ -50,7 +50,7 @@ from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import Problem, integral_problem, sliding
 from frictionid.mechanics import Plant, acrobot
 from frictionid.simulate import Curve, Stribeck
-from frictionid.simulate.integrate import motion
+from frictionid.simulate.integrate import integrate_motion
 from frictionid.simulate.modes import World
 
 SEEDS = range(1000, 1040)  # of the noise in measurements
@@ -84,7 +84,9 @@ def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, 
         experiment.plant.p,
         Stribeck(Curve(coulomb, coulomb, viscous)),
     )
-    states = motion(world, start, 0.0 * start, torque[:-1], experiment.images, 1 / 60 / 16)
+    states = integrate_motion(
+        world, start, 0.0 * start, torque[:-1], experiment.images, 1 / 60 / 16
+    )
     return states[:, 0], states[:, 1]
 
 

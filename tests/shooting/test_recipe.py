@@ -18,7 +18,17 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.shooting import Settings, Shooting
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
-from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate, write
+from frictionid.simulate import (
+    Camera,
+    Curve,
+    Drive,
+    Rig,
+    Run,
+    Sine,
+    Stribeck,
+    simulate,
+    write_dataset,
+)
 
 TRUE = np.array([[0.02, 0.002]])
 BOTH = Shooting(
@@ -127,7 +137,7 @@ kind = "coulomb_viscous"
 
 
 def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeypatch, capsys):
-    write(DATA, tmp_path / "data")
+    write_dataset(DATA, tmp_path / "data")
     (tmp_path / "s.toml").write_text(SUITE)
     out = tmp_path / "out"
     assert called(monkeypatch, "compare", tmp_path / "s.toml", "--out", out, "--jobs", "1") == 0
@@ -184,7 +194,7 @@ def test_a_recipe_says_what_is_free_fixed_and_known_beforehand():
 
 
 def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
-    write(DATA, tmp_path / "data")
+    write_dataset(DATA, tmp_path / "data")
     slow = '[[recipes]]\nname = "slow"\nscheme = "integral"\nrest = 0.01\nstates = {kind = "rts"}\n'
     text = SUITE.replace("windows", 'start = "slow"\nstart_velocity = 0.5\nwindows')
     text = text.replace("[[recipes]]", slow + "[[recipes]]", 1)
@@ -199,7 +209,7 @@ def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
 
 
 def test_unknown_parameters_to_fix_are_named(tmp_path):
-    write(DATA, tmp_path / "data")
+    write_dataset(DATA, tmp_path / "data")
     text = SUITE.replace("windows", 'fixed = ["friction.viscos"]\nwindows')
     (tmp_path / "s.toml").write_text(text)
     tasks = tasks_of(load_suite(tmp_path / "s.toml"), tmp_path / "s.toml")

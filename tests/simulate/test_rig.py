@@ -33,7 +33,7 @@ from frictionid.simulate import (
     load_rig,
     noise_free,
     simulate,
-    write,
+    write_dataset,
 )
 from frictionid.simulate.rig_file import rig_of
 
@@ -179,7 +179,7 @@ def test_frequencies_are_those_asked_for() -> None:
 @pytest.mark.parametrize("rig", [RIG, WHEEL], ids=["one clock", "two clocks"])
 def test_a_written_data_set_reads_back(rig: Rig, tmp_path: Path) -> None:
     dataset = simulate(rig)
-    write(dataset, tmp_path / "set", {"rig.toml": b"# settings"})
+    write_dataset(dataset, tmp_path / "set", {"rig.toml": b"# settings"})
     again = load_dataset(tmp_path / "set")
     assert (again.name, again.mechanism, again.origin) == (
         dataset.name,
@@ -203,15 +203,15 @@ def test_a_written_data_set_reads_back(rig: Rig, tmp_path: Path) -> None:
 
 
 def test_writing_again_replaces_all_of_the_old_set(tmp_path: Path) -> None:
-    write(simulate(RIG), tmp_path / "set", {"rig.toml": b"# settings"})
-    write(simulate(replace(RIG, recordings=RUNS[:1])), tmp_path / "set")
+    write_dataset(simulate(RIG), tmp_path / "set", {"rig.toml": b"# settings"})
+    write_dataset(simulate(replace(RIG, recordings=RUNS[:1])), tmp_path / "set")
     names = {path.name for path in (tmp_path / "set").iterdir()}
     assert names == {"fall.csv", "dataset.toml", "rig.toml"}
     assert list(tmp_path.iterdir()) == [tmp_path / "set"]
 
 
 def test_a_failed_write_leaves_the_old_set(tmp_path: Path, monkeypatch: Any) -> None:
-    write(simulate(RIG), tmp_path / "set")
+    write_dataset(simulate(RIG), tmp_path / "set")
     before = {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()}
 
     def full(self: Path, content: bytes) -> int:
@@ -223,7 +223,7 @@ def test_a_failed_write_leaves_the_old_set(tmp_path: Path, monkeypatch: Any) -> 
     monkeypatch.setattr(Path, "write_bytes", full)
     for folder in ("set", "new"):
         with pytest.raises(InputError, match="No space left on device"):
-            write(simulate(RIG, seed=9), tmp_path / folder)
+            write_dataset(simulate(RIG, seed=9), tmp_path / folder)
     assert {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()} == before
     assert list(tmp_path.iterdir()) == [tmp_path / "set"]
 
@@ -231,13 +231,13 @@ def test_a_failed_write_leaves_the_old_set(tmp_path: Path, monkeypatch: Any) -> 
 def test_foreign_files_are_never_replaced(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match="holds 'notes.txt', which is no part"):
-        write(simulate(RIG), tmp_path)
-    write(simulate(RIG), tmp_path / "set")
+        write_dataset(simulate(RIG), tmp_path)
+    write_dataset(simulate(RIG), tmp_path / "set")
     (tmp_path / "set" / "measured.csv").write_text("mine")
     with pytest.raises(InputError, match=r"holds 'measured\.csv'"):
-        write(simulate(RIG), tmp_path / "set")
+        write_dataset(simulate(RIG), tmp_path / "set")
     with pytest.raises(InputError, match=r"notes\.txt is a file"):
-        write(simulate(RIG), tmp_path / "notes.txt")
+        write_dataset(simulate(RIG), tmp_path / "notes.txt")
 
 
 # Settings
@@ -290,13 +290,13 @@ MISTAKES = [
     (("camera", "sample", 5), "camera: unknown key 'sample'; did you mean 'samples'?"),
     (("camera", None), "the key 'camera' is missing; add it"),
     (("camera", "samples", 5.5), "camera.samples: it should be a valid integer, not 5.5"),
-    (("camera", "samples", 1), "camera: samples must be at least 2, not 1"),
-    (("camera", "rate", 0), "camera: rate = 0 is out of range"),
-    (("camera", "rate", float("inf")), "camera.rate = inf; every number must be finite"),
+    (("camera", "samples", 1), "camera.samples: it should be greater than or equal to 2, not 1"),
+    (("camera", "rate", 0), "camera.rate: it should be greater than 0, not 0"),
+    (("camera", "rate", float("inf")), "rate: it should be a finite number, not inf"),
     (("camera", 3), "camera: it should be a table, not 3"),
-    (("drive", {"delay": -1}), "drive: delay = -1 is out of range"),
+    (("drive", {"delay": -1}), "drive.delay: it should be greater than or equal to 0, not -1"),
     (("drive", {"dealy": 1}), "drive: unknown key 'dealy'; did you mean 'delay'?"),
-    (("substeps", 0), "substeps = 0 is out of range"),
+    (("substeps", 0), "substeps: it should be greater than or equal to 1, not 0"),
     (("mechanism", "kind", "acrobat"), "did you mean 'acrobot'?"),
     (("true_parameters", {"rotr": 1e-6}), "has no parameter 'rotr'; did you mean 'rotor'?"),
     (("friction", "kind", "strib"), "friction: unknown kind 'strib'; did you mean 'stribeck'?"),
@@ -318,7 +318,7 @@ MISTAKES = [
     ((*TORQUE, "kind", "sinus"), "torques[0]: unknown kind 'sinus'; did you mean 'sine'?"),
     ((*TORQUE, "frequency", 1.0), "torques[0]: unknown key 'frequency'"),
     ((*TORQUE, "amplitude", None), "the key 'recordings[0].torques[0].amplitude' is missing"),
-    ((*TORQUE, "start_frequency", -1), "start_frequency must be positive, not -1"),
+    ((*TORQUE, "start_frequency", -1), "start_frequency: it should be greater than 0, not -1"),
 ]
 
 
