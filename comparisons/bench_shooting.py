@@ -42,7 +42,13 @@ from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Refined, Shooting, refine
-from frictionid.shooting.parameters import Block, DelayBlock, FrictionBlock, GainBlock, InertiaBlock
+from frictionid.shooting.parameters import (
+    DelayBlock,
+    FrictionBlock,
+    GainBlock,
+    InertiaBlock,
+    ParameterBlock,
+)
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.rig import true_system
@@ -56,7 +62,7 @@ UNSEEN = 100  # added to the seeds of sets that only test
 Lines = list[tuple[str, str]]
 
 
-def fitted(dataset: Dataset, law: object, blocks: tuple[Block, ...] = ALL) -> Refined:
+def fitted(dataset: Dataset, law: object, blocks: tuple[ParameterBlock, ...] = ALL) -> Refined:
     """What `frictionid fit --by shooting` finds."""
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
     start = LeastSquares(law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
@@ -108,8 +114,8 @@ def plainer(rig: Rig) -> Lines:
     """Stribeck friction against Coulomb and viscous truth: what is too much is called so."""
     dataset = simulate(replace(rig, friction=TrueStribeck(COULOMB)))
     c = fitted(dataset, Stribeck()).covariance
-    extra = [k for k, e in enumerate(c.entries) if e.name.startswith(("peak", "stribeck"))]
-    named = ", ".join(c.entries[k].name for k in extra if c.identified[k])
+    extra = [k for k, e in enumerate(c.parameters) if e.name.startswith(("peak", "stribeck"))]
+    named = ", ".join(c.parameters[k].name for k in extra if c.identified[k])
     said = f"{sum(not c.identified[k] for k in extra)} of {len(extra)}"
     return [
         (

@@ -128,7 +128,7 @@ def true_values(found: Refined) -> np.ndarray:
     known = {"torque delay": DELAY, **dict(zip(names, base, strict=True))}
     for joint, label in enumerate(found.mechanism.description.joints):
         known |= {f"{name} of {label}": value[joint] for name, value in TRUTH.items()}
-    return np.array([known[e.name] for e in found.covariance.entries])
+    return np.array([known[e.name] for e in found.covariance.parameters])
 
 
 def seen(dataset: Dataset) -> Seen:
@@ -141,7 +141,7 @@ def seen(dataset: Dataset) -> Seen:
     intervals = np.stack([c.interval(level) for level in LEVELS])
     bands = np.array([found.bands(grid, level) for level in LEVELS])
     return Seen(
-        tuple(e.name for e in c.entries),
+        tuple(e.name for e in c.parameters),
         (c.values - true) / c.error,
         c.identified,
         (intervals[..., 0] <= true) & (true <= intervals[..., 1]),

@@ -69,7 +69,7 @@ def main() -> None:
     task, recipe = chosen(told.suite, told.identifier, told.data)
     count = len(task.benchmark.dataset.recordings)
     whole = fitted(task, recipe, range(count), None)
-    names = [entry.name for entry in whole.covariance.entries]
+    names = [entry.name for entry in whole.covariance.parameters]
     off = []
     for first, second in splits(count, told.splits, told.seed):
         one, other = (fitted(task, recipe, own, whole).covariance for own in (first, second))

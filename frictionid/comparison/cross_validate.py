@@ -49,7 +49,7 @@ from frictionid.shooting.calibrated_recipe import (
     calibrations_of,
     part_of_calibration,
 )
-from frictionid.shooting.intervals import Track, track_of
+from frictionid.shooting.intervals import Intervals, intervals_of
 
 Method = Recipe | Shooting | CalibratedRecipe
 
@@ -105,7 +105,9 @@ class PreparedBenchmark(NamedTuple):
     tests: tuple[Prepared, ...]
     problems: Mapping[str, Problem]  # what each recipe fits, by its name
     weights: Mapping[str, Array]  # (F + 1, K): the rows that train each fold, and all rows
-    track: Track | None = None  # what shooting fits, and the intervals (F + 1, K) of each fold
+    intervals: Intervals | None = (
+        None  # what shooting fits, and the intervals (F + 1, K) of each fold
+    )
     training: Array | None = None
     calibrations: Mapping[
         str, Calibration
@@ -132,10 +134,10 @@ def prepare_benchmark(benchmark: Benchmark, recipes: Sequence[Method]) -> Prepar
     tests = tuple(prepare(test, benchmark.protocol) for test in benchmark.tests)
     if not any(isinstance(recipe, Shooting | CalibratedRecipe) for recipe in recipes):
         return PreparedBenchmark(prepared, tests, problems, weights)
-    track = track_of(prepared.dataset, states=prepared.smoothed)
-    training = benchmark.folds.training(track.recording, track.time, track.dt)
-    training = np.concatenate([training, np.ones((1, len(track.dt)))])
-    shared = PreparedBenchmark(prepared, tests, problems, weights, track, training)
+    intervals = intervals_of(prepared.dataset, states=prepared.smoothed)
+    training = benchmark.folds.training(intervals.recording, intervals.time, intervals.dt)
+    training = np.concatenate([training, np.ones((1, len(intervals.dt)))])
+    shared = PreparedBenchmark(prepared, tests, problems, weights, intervals, training)
     calibrations = _calibrations(benchmark, shared, recipes)
     views = {
         name: calibrated_views(prepared, calibration, len(training))
@@ -155,8 +157,8 @@ def _calibrations(
     benchmark: Benchmark, shared: PreparedBenchmark, recipes: Sequence[Method]
 ) -> dict[str, Calibration]:
     """Calibrations of all folds by the name of the recipe; found once for equal recipes."""
-    track, training = shared.track, shared.training
-    assert track is not None and training is not None
+    intervals, training = shared.intervals, shared.training
+    assert intervals is not None and training is not None
     out: dict[str, Calibration] = {}
     known: dict[str, Calibration] = {}
     for recipe in recipes:
@@ -167,7 +169,7 @@ def _calibrations(
                 start = recipe.by.start.name
                 given = shared.problems[start], shared.weights[start], training
                 known[key] = calibrations_of(
-                    every, track, *given, whole=not benchmark.folds.contiguous
+                    every, intervals, *given, whole=not benchmark.folds.contiguous
                 )
             out[recipe.name] = part_of_calibration(known[key], recipe.use)
     return out
@@ -216,8 +218,8 @@ def run(
     else:
         fitted = fit(identifier, problem, weights, seed, unit)
     if isinstance(recipe, Shooting) and not identifier.fixed:
-        assert shared.track is not None and shared.training is not None
-        fitted, found = refine_folds(fitted, shared.track, recipe, shared.training)
+        assert shared.intervals is not None and shared.training is not None
+        fitted, found = refine_folds(fitted, shared.intervals, recipe, shared.training)
     fitted = with_provenance(fitted, equations(fitted[-1], problem, weights[-1], found))
     done = time.perf_counter()
     friction, overall = fitted[:-1], fitted[-1]

@@ -29,7 +29,7 @@ def equations(
 def _shot(refined: Refined) -> Array:
     covariance = refined.covariance
     half = np.full(np.shape(refined.friction.theta), np.nan)
-    for entry, error in zip(covariance.entries, covariance.error, strict=True):
+    for entry, error in zip(covariance.parameters, covariance.error, strict=True):
         if entry.block == "friction":
             half[entry.place] = stdtrit(covariance.freedom, 0.975) * error
     return half

@@ -59,12 +59,12 @@ from frictionid.shooting import Shooting
 from frictionid.shooting.parameters import (
     ActuatorBlock,
     BiasBlock,
-    Block,
     DelayBlock,
     FrictionBlock,
     GainBlock,
     InertiaBlock,
     OffsetBlock,
+    ParameterBlock,
 )
 
 Shape = Literal["tanh", "arctan"]
@@ -299,7 +299,7 @@ ESTIMATORS: Mapping[str, Callable[..., Estimator]] = {
 RECIPES: Mapping[str, Recipe | Shooting] = {
     recipe.name: recipe for recipe in (STUDY, INTEGRAL, Shooting())
 }
-BLOCKS: Mapping[str, Callable[..., Block]] = {
+BLOCKS: Mapping[str, Callable[..., ParameterBlock]] = {
     "friction": FrictionBlock,
     "inertia": InertiaBlock,
     "delay": DelayBlock,

@@ -15,7 +15,7 @@ from frictionid.errors import InputError
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.shooting.calibrated_recipe import PARTS
-from frictionid.shooting.parameters import Block
+from frictionid.shooting.parameters import ParameterBlock
 
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
@@ -140,7 +140,7 @@ def calibrated_recipe_of(
 
 def blocks_of(
     free: Sequence[str], fixed: Sequence[str], priors: Mapping[str, float], where: str
-) -> tuple[Block, ...]:
+) -> tuple[ParameterBlock, ...]:
     """Blocks by their names; `fixed` parameters stay as they are, `priors` hold others near."""
     for name in (*free, *priors):
         if name not in BLOCKS:

@@ -23,7 +23,7 @@ from frictionid.evaluation.free_run import Trajectory, make_trajectory, with_mot
 from frictionid.evaluation.ground_truth import steady_state
 from frictionid.evaluation.initial_states import InitialStates, make_initial_states, true_states
 from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.state_estimator import PrecedingSamples, preceding_samples
+from frictionid.evaluation.state_estimator import preceding_samples
 from frictionid.friction import Friction
 from frictionid.identifiers.formulation import (
     INTEGRAL,
@@ -36,6 +36,7 @@ from frictionid.identifiers.formulation import (
 from frictionid.identifiers.residual import Problem
 from frictionid.mechanics import Plant, plant_of, unit_inertia_plant
 from frictionid.mechanics.calibration import Calibration, calibrated_dataset, calibrated_plant
+from frictionid.shooting import SampleWindows
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,7 @@ class Prepared:
         return None if true is None else self._initial_states(true)
 
     @cached_property
-    def preceding(self) -> PrecedingSamples | None:
+    def preceding(self) -> SampleWindows | None:
         """Samples before each initial state, where each model estimates its own."""
         if self.protocol.initial_states != "model":
             return None

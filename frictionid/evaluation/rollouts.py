@@ -11,16 +11,17 @@ from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.step import State
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.score_frame import Score, divergence_limit, summarise_rollouts
-from frictionid.evaluation.state_estimator import PrecedingSamples, estimate_initial_states
+from frictionid.evaluation.state_estimator import estimate_initial_states
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
+from frictionid.shooting import SampleWindows
 
 
 def predict(
     plant: Plant,
     friction: Friction,
     initial: InitialStates,
-    preceding: PrecedingSamples | None = None,
+    preceding: SampleWindows | None = None,
 ) -> Rollout:
     """Motion from all initial states; plant and friction have one entry for each, theta (S, n, P).
 

@@ -17,7 +17,7 @@ from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import Recipe
 from frictionid.identifiers.residual import Problem
 from frictionid.mechanics.calibration import Calibration
-from frictionid.shooting.intervals import Track
+from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.recipe import Shooting, refine_folds
 
 # What of a calibration may correct the data, under the names of the blocks that find it.
@@ -52,7 +52,7 @@ class CalibratedRecipe:
 
 def calibrations_of(
     recipe: CalibratedRecipe,
-    track: Track,
+    intervals: Intervals,
     problem: Problem,
     weights: Array,
     training: Array,
@@ -66,12 +66,12 @@ def calibrations_of(
     """
     use = slice(-1, None) if whole else slice(None)
     friction = recipe.friction.fit(problem, weights[use], 0)
-    shot, _ = refine_folds(friction, track, recipe.by, training[use])
-    if shot.calibration is None:
+    solution, _ = refine_folds(friction, intervals, recipe.by, training[use])
+    if solution.calibration is None:
         raise InputError(
             f"recipe {recipe.name!r}: shooting has found no calibration: free a part of it"
         )
-    calibration = part_of_calibration(shot.calibration, recipe.use)
+    calibration = part_of_calibration(solution.calibration, recipe.use)
     return calibration[np.zeros(len(weights), dtype=int)] if whole else calibration
 
 

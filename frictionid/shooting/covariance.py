@@ -1,4 +1,4 @@
-"""How sure the parameters are: between-recording scatter, what is undetermined, and bands."""
+"""Covariance of the parameters from the scatter between recordings; undetermined combinations."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.shooting.gauss_newton import Shot
-from frictionid.shooting.linearise import Intervals, values_of
-from frictionid.shooting.meaningless_parameters import idle
-from frictionid.shooting.parameters.parameter_block import Entry
+from frictionid.shooting.gauss_newton import Solution
+from frictionid.shooting.meaningless_parameters import meaningless
+from frictionid.shooting.parameters.parameter_block import Parameter, values_of
+from frictionid.shooting.problem import ShootingProblem
 
 _FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _SOME = 3  # recordings whose own scatter counts as well, where it is larger
@@ -28,13 +28,13 @@ class Covariance:
     matrix : (D, D), of the t distribution with `freedom` degrees; rows of parameters at a bound or
         in an undetermined combination are infinite on the diagonal
     singular : (D,) singular values of the normal equations, scaled to ones on the diagonal
-    undetermined : combinations of parameters that the data do not tell, in words
+    undetermined : combinations of parameters that the data do not determine, in words
     bound : (D,) true where a parameter lies at a bound
     clusters : number of recordings, or stretches of time, whose scatter was taken
     idle : (D,) true for parameters that mean nothing where others, not identified, are zero
     """
 
-    entries: tuple[Entry, ...]
+    parameters: tuple[Parameter, ...]
     values: Array
     matrix: Array
     freedom: int
@@ -42,7 +42,7 @@ class Covariance:
     undetermined: tuple[str, ...]
     bound: Array
     clusters: int
-    idle: Array
+    meaningless: Array
 
     @property
     def error(self) -> Array:
@@ -57,10 +57,10 @@ class Covariance:
 
     def interval(self, level: float = 0.95) -> Array:
         """Lower and upper ends (D, 2) of each parameter's interval; its bounds limit it."""
-        reach = stdtrit(self.freedom, 0.5 + level / 2) * self.error
-        low, high = (np.array([getattr(e, name) for e in self.entries]) for name in ("low", "high"))
+        half = stdtrit(self.freedom, 0.5 + level / 2) * self.error
+        low, high = np.array([(p.low, p.high) for p in self.parameters]).reshape(-1, 2).T
         return np.stack(
-            [np.maximum(self.values - reach, low), np.minimum(self.values + reach, high)], axis=-1
+            [np.maximum(self.values - half, low), np.minimum(self.values + half, high)], axis=-1
         )
 
     @property
@@ -71,23 +71,23 @@ class Covariance:
         delay, a bias or an offset, whose value may well be zero, the interval must only be finite.
         Nor does a parameter count that means nothing where others may be zero.
         """
-        return _known(self) & ~self.idle
+        return _known(self) & ~self.meaningless
 
     def draws(self, seed: int = 0, count: int = _DRAWS) -> Array:
         """Parameters (count, D) drawn from their t distribution; those without an error stay."""
-        sure = np.isfinite(self.error)
-        own = self.matrix[np.ix_(sure, sure)]
+        known = np.isfinite(self.error)
+        own = self.matrix[np.ix_(known, known)]
         value, vector = np.linalg.eigh(own)
         root = vector * np.sqrt(np.maximum(value, 0.0))
         generator = np.random.default_rng(seed)
-        normal = generator.standard_normal((count, int(sure.sum())))
+        normal = generator.standard_normal((count, int(known.sum())))
         chi = generator.chisquare(self.freedom, count) / self.freedom
         out = np.repeat(self.values[None], count, axis=0)
-        out[:, sure] += (normal @ root.T) / np.sqrt(chi)[:, None]
+        out[:, known] += (normal @ root.T) / np.sqrt(chi)[:, None]
         return out
 
 
-def covariance_of(intervals: Intervals, shot: Shot) -> Covariance:
+def covariance_of(problem: ShootingProblem, solution: Solution) -> Covariance:
     """Covariance of a fit, from what each recording alone would change in it.
 
     The sandwich estimate with the leverage of each recording taken into account: parameters are
@@ -95,53 +95,60 @@ def covariance_of(intervals: Intervals, shot: Shot) -> Covariance:
     the model's errors, and what differs between recordings all count. Fewer than four recordings
     are divided into 24 stretches of time; of three recordings the larger of both errors counts.
     """
-    entries = tuple(e for part in intervals.parts for e in part.entries)
-    values = values_of(shot.guess, intervals.parts)
-    D = len(entries)
-    precision = np.array([1.0 / e.prior**2 for e in entries])
-    use, free = shot.closed, shot.free
-    H = shot.normal.H[use].sum(axis=0) + np.diag(precision)
-    singular, lost, words = _undetermined(H, free, entries)
-    owner, groups = (own[use] for own in _clusters(intervals, shot))
-    score = shot.normal.g[use] - shot.normal.H[use] @ shot.move
+    parameters, free = problem.parameters, solution.free
+    H = solution.curvature + np.diag(problem.prior_precision)
+    singular, lost, words = _undetermined(H, free, parameters)
+    owner, clusters = (own[solution.closed] for own in _clusters(problem, solution))
     keep = np.flatnonzero(free)
-    inner = _scatter(H, shot.normal.H[use], score, groups, keep)
-    if _SOME <= len(np.unique(owner)) < _FEW:
-        between = np.diag(_scatter(H, shot.normal.H[use], score, owner, keep))
-        wider = np.sqrt(np.maximum(1.0, between / np.maximum(np.diag(inner), 1e-300)))
-        inner = inner * np.outer(wider, wider)
-    C = len(np.unique(groups))
+    D, count = len(parameters), len(np.unique(clusters))
     matrix = np.zeros((D, D))
-    matrix[np.ix_(keep, keep)] = inner
+    matrix[np.ix_(keep, keep)] = _sandwich(H, solution, owner, clusters)
     unknown = ~free | lost
     matrix[unknown], matrix[:, unknown] = 0.0, 0.0
     matrix[unknown, unknown] = np.inf
+    values = values_of(solution.estimate, problem.blocks)
     out = Covariance(
-        *(entries, values, matrix, max(C - 1, 1), singular, words, ~free, C),
-        idle=np.zeros(D, dtype=bool),
+        *(parameters, values, matrix, max(count - 1, 1), singular, words, ~free, count),
+        meaningless=np.zeros(D, dtype=bool),
     )
-    hanging = idle(shot.guess.friction, entries, ~_known(out))
-    words += tuple(_hangs(entries, k, on) for k, on in hanging.items())
-    return replace(out, undetermined=words, idle=np.isin(np.arange(D), list(hanging)))
+    needs = meaningless(solution.estimate.friction, parameters, ~_known(out))
+    words += tuple(_needs(parameters, k, others) for k, others in needs.items())
+    return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(needs)))
+
+
+def _sandwich(H: Array, solution: Solution, owner: Array, clusters: Array) -> Array:
+    """Covariance of the free parameters by clusters (W,); of three recordings (W,) the larger."""
+    inner = _scatter(H, solution, clusters)
+    if _SOME <= len(np.unique(owner)) < _FEW:
+        between = np.diag(_scatter(H, solution, owner))
+        wider = np.sqrt(np.maximum(1.0, between / np.maximum(np.diag(inner), 1e-300)))
+        inner = inner * np.outer(wider, wider)
+    return inner
 
 
 def _known(covariance: Covariance) -> Array:
     """True (D,) for parameters with an interval that tells them from zero, where that matters."""
     c = covariance
-    reach = stdtrit(c.freedom, 0.975) * c.error
-    zero = np.array([e.block in ("delay", "bias", "offset") for e in c.entries], dtype=bool)
-    small = reach <= np.abs(c.values)
-    return np.asarray(np.isfinite(reach) & ~c.bound & (small | zero), dtype=bool)
+    half = stdtrit(c.freedom, 0.975) * c.error
+    zero = np.array([p.block in ("delay", "bias", "offset") for p in c.parameters], dtype=bool)
+    small = half <= np.abs(c.values)
+    return np.asarray(np.isfinite(half) & ~c.bound & (small | zero), dtype=bool)
 
 
-def _hangs(entries: tuple[Entry, ...], k: int, on: tuple[int, ...]) -> str:
-    others = [entries[i].name for i in on]
-    names = others[0] if len(others) == 1 else f"{', '.join(others[:-1])} and {others[-1]}"
-    return f"{entries[k].name} means nothing where {names} may be zero"
+def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -> str:
+    found = [parameters[i].name for i in others]
+    names = found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
+    return f"{parameters[k].name} means nothing where {names} may be zero"
 
 
-def _scatter(H: Array, parts: Array, score: Array, groups: Array, keep: Array) -> Array:
-    """Covariance of some parameters from what each group of windows alone would change in them."""
+def _scatter(H: Array, solution: Solution, groups: Array) -> Array:
+    """Covariance of the free parameters from what each group of windows would change in them.
+
+    C = (G - 1)/G sum_g (m_g - m)(m_g - m)',  m_g = -(H - H_g)^-1 s_g,  s = g - H move per window
+    """
+    keep, use = np.flatnonzero(solution.free), solution.closed
+    parts = solution.normal.H[use]
+    score = solution.normal.g[use] - parts @ solution.move
     names = np.unique(groups)
     moves = np.zeros((len(names), len(keep)))
     for c, name in enumerate(names):
@@ -158,20 +165,20 @@ def _solve(H: Array, g: Array) -> Array:
     return np.asarray(inverse @ (g / scale) / scale)
 
 
-def _clusters(intervals: Intervals, shot: Shot) -> tuple[Array, Array]:
+def _clusters(problem: ShootingProblem, solution: Solution) -> tuple[Array, Array]:
     """Recording (W,) and cluster (W,) of each window."""
-    owner = intervals.track.recording[shot.windows[:, 0]]
+    owner = problem.intervals.recording[solution.windows[:, 0]]
     if len(np.unique(owner)) >= _FEW:
         return owner, owner
     return owner, np.arange(len(owner)) * min(_STRETCHES, len(owner)) // len(owner)
 
 
 def _undetermined(
-    H: Array, free: Array, entries: tuple[Entry, ...]
+    H: Array, free: Array, parameters: tuple[Parameter, ...]
 ) -> tuple[Array, Array, tuple[str, ...]]:
     """Singular values, which parameters share in a combination without information, in words."""
     keep = np.flatnonzero(free)
-    lost = np.zeros(len(entries), dtype=bool)
+    lost = np.zeros(len(parameters), dtype=bool)
     if not len(keep):
         return np.zeros(0), lost, ()
     own = H[np.ix_(keep, keep)]
@@ -183,7 +190,7 @@ def _undetermined(
         share = vector[:, k] ** 2
         main = np.argsort(-share)[: max(1, int((share > 0.02).sum()))]
         lost[keep[share > 1e-3]] = True
-        names = [entries[keep[i]].name for i in main]
+        names = [parameters[keep[i]].name for i in main]
         words.append(
             f"the data do not tell {names[0]}"
             if len(names) == 1

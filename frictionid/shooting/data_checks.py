@@ -1,4 +1,4 @@
-"""Data that shooting cannot use, refused before the fit; and doubts about what it found."""
+"""Blocks and data that shooting cannot use are refused; warnings on results that do not fit."""
 
 from __future__ import annotations
 
@@ -9,19 +9,59 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of, parameters_of
-from frictionid.shooting.gauss_newton import Shot
-from frictionid.shooting.intervals import Track, cut
-from frictionid.shooting.linearise import Intervals, Part
+from frictionid.shooting.gauss_newton import Solution
+from frictionid.shooting.intervals import Intervals, cut_windows
+from frictionid.shooting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
+from frictionid.shooting.problem import ShootingProblem
 
 _TURN = 2 * np.pi
 _FEW = 4  # windows: of fewer, no interval is worth the name
 _STILL = 10.0  # [noise]: a joint that moves less does not move
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
-_SCALE = 10.0  # times the told base parameters
+_SCALE = 10.0  # times the nominal base parameters
 
 
-def complain(track: Track, parts: Sequence[Part], seconds: float) -> None:
+def check_blocks(
+    blocks: Sequence[ParameterBlock], estimate: Estimate, intervals: Intervals
+) -> None:
+    """Refuse blocks that no data, or not these data, can tell apart.
+
+    Raises
+    ------
+    InputError
+        Saying which, and the way out.
+    """
+    names = [b.name for b in blocks]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"block {name!r} is given twice")
+    parameters = {b.name: b.parameters(estimate) for b in blocks}
+    everything = len(estimate.mechanism.base_names)
+    scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
+    known = any(np.isfinite(p.prior) for own in parameters.values() for p in own)
+    torque = any(np.any(r.torque.value) for r in intervals.dataset.recordings)
+    way = (
+        "fix one base parameter that you are sure of, such as "
+        f"{estimate.mechanism.base_names[-1]!r}, or give a prior"
+    )
+    if scale and not known and not torque:
+        raise InputError(
+            "block 'inertia': without motor torque only the ratios of inertia, gravity and "
+            f"friction show in the motion: {way}"
+        )
+    if scale and not known and "gain" in parameters and torque:
+        raise InputError(
+            "blocks 'gain' and 'inertia' with all base parameters free: a larger gain with larger "
+            f"inertias and friction gives the same motion: {way}"
+        )
+    if not torque:
+        for name in ("gain", "delay"):
+            if name in parameters:
+                raise InputError(f"block {name!r}: no recording has any motor torque; leave it out")
+
+
+def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: float) -> None:
     """Refuse data with too few windows of so many seconds, wrapped angles, or joints at rest.
 
     Raises
@@ -29,26 +69,25 @@ def complain(track: Track, parts: Sequence[Part], seconds: float) -> None:
     InputError
         Saying which.
     """
-    table = track.dataset.mechanism
+    table = intervals.dataset.mechanism
     if mechanism_of(table).description.angle_unit == "rad":
-        _complain_of_turns(track)
-    _complain_of_length(track, parts, seconds)
-    still = _still(track)
-    for part in parts:
-        for entry in part.entries:
-            if entry.block == "friction" and entry.place and still[entry.place[0]]:
-                raise InputError(
-                    f"data set {track.dataset.name!r}: joint {entry.place[0] + 1} of the "
-                    f"{table['kind']} never moves by more than the noise of its angle, so "
-                    f"{entry.name!r} does not show: give recordings in which it moves, or a "
-                    "mechanism without it"
-                )
+        _check_unwrapped(intervals)
+    _check_length(intervals, len(parameters), seconds)
+    still = _still(intervals)
+    for parameter in parameters:
+        if parameter.block == "friction" and parameter.place and still[parameter.place[0]]:
+            raise InputError(
+                f"data set {intervals.dataset.name!r}: joint {parameter.place[0] + 1} of the "
+                f"{table['kind']} never moves by more than the noise of its angle, so "
+                f"{parameter.name!r} does not show: give recordings in which it moves, or a "
+                "mechanism without it"
+            )
 
 
-def _complain_of_turns(track: Track) -> None:
-    values = [r.angle.value for r in track.dataset.recordings]
+def _check_unwrapped(intervals: Intervals) -> None:
+    values = [r.angle.value for r in intervals.dataset.recordings]
     span = np.ptp(np.concatenate(values), axis=0)
-    for recording, value in zip(track.dataset.recordings, values, strict=True):
+    for recording, value in zip(intervals.dataset.recordings, values, strict=True):
         jumps = (np.abs(np.diff(value, axis=0)) > _TURN / 2) & (span <= _TURN + 0.1)
         if jumps.any():
             k, j = np.argwhere(jumps)[0]
@@ -59,34 +98,33 @@ def _complain_of_turns(track: Track) -> None:
             )
 
 
-def _complain_of_length(track: Track, parts: Sequence[Part], seconds: float) -> None:
-    windows = cut(track, np.ones(len(track.dt), dtype=bool), seconds)
+def _check_length(intervals: Intervals, count: int, seconds: float) -> None:
+    windows = cut_windows(intervals, np.ones(len(intervals.dt), dtype=bool), seconds)
     lengths = (windows >= 0).sum(axis=1) + 1
-    # what a window's own start state takes up tells nothing of the shared parameters
-    told = int(((lengths - 2) * track.n).sum())
-    count = parts[-1].columns.stop if parts else 0
-    if len(windows) < _FEW or told < 2 * count:
+    # a window's own initial state takes up two samples
+    left = int(((lengths - 2) * intervals.n).sum())
+    if len(windows) < _FEW or left < 2 * count:
         raise InputError(
-            f"data set {track.dataset.name!r}: {int(lengths.sum())} samples make "
+            f"data set {intervals.dataset.name!r}: {int(lengths.sum())} samples make "
             f"{len(windows)} windows of {seconds:.2g} s, too few for {count} free parameters and "
             "their intervals: give longer recordings, or free less"
         )
 
 
-def _still(track: Track) -> Array:
+def _still(intervals: Intervals) -> Array:
     """Joints (n,) that never move in any recording."""
-    reach = [np.ptp(s.q, axis=0) for s in track.states]
-    return np.asarray(np.max(reach, axis=0) <= _STILL * _noise(track))
+    travel = [np.ptp(s.q, axis=0) for s in intervals.states]
+    return np.asarray(np.max(travel, axis=0) <= _STILL * _noise(intervals))
 
 
-def _noise(track: Track) -> Array:
+def _noise(intervals: Intervals) -> Array:
     """Noise (n,) [rad] of the angles: what the smoother took off."""
-    return np.asarray(_MAD * np.median(np.abs(track.before - track.q), axis=0))
+    return np.asarray(_MAD * np.median(np.abs(intervals.before - intervals.q), axis=0))
 
 
-def doubts(intervals: Intervals, shot: Shot) -> Iterator[str]:
-    """Sentences on what makes the numbers of a fit doubtful as a whole, none where nothing does."""
-    found = [*_coarse(intervals, shot), *_far(intervals, shot), *_scaled(intervals, shot)]
+def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    """Sentences on what makes the numbers of a fit doubtful as a whole."""
+    found = [*_coarse(problem, solution), *_far(problem, solution), *_scaled(problem, solution)]
     yield from found
     if found:
         yield (
@@ -95,8 +133,8 @@ def doubts(intervals: Intervals, shot: Shot) -> Iterator[str]:
         )
 
 
-def _coarse(intervals: Intervals, shot: Shot) -> Iterator[str]:
-    off = shot.sigma / np.maximum(_noise(intervals.track), 1e-12)
+def _coarse(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    off = solution.sigma / np.maximum(_noise(problem.intervals), 1e-12)
     worst = int(np.argmax(off))
     if off[worst] > _MORE:
         yield (
@@ -105,23 +143,23 @@ def _coarse(intervals: Intervals, shot: Shot) -> Iterator[str]:
         )
 
 
-def _far(intervals: Intervals, shot: Shot) -> Iterator[str]:
-    for part in intervals.parts:
-        for entry in part.block.entries(shot.guess):
-            if entry.block == "delay" and not entry.low < entry.value < entry.high:
+def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    for own in problem.blocks:
+        for parameter in own.block.parameters(solution.estimate):
+            if parameter.block == "delay" and not parameter.low < parameter.value < parameter.high:
                 yield (
-                    f"The torque delay ends at {entry.value:+.2g} s, as far as it may go: the "
+                    f"The torque delay ends at {parameter.value:+.2g} s, as far as it may go: the "
                     "clocks may be further apart, or the logs do not belong together."
                 )
 
 
-def _scaled(intervals: Intervals, shot: Shot) -> Iterator[str]:
-    base: Array = np.asarray(shot.guess.calibration.base)
-    mechanism, table = shot.guess.mechanism, intervals.track.dataset.mechanism
-    told = np.asarray(mechanism.base(parameters_of(table, {})))
-    size = float(np.median(np.abs(base) / np.maximum(np.abs(told), 1e-12)))
+def _scaled(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    base: Array = np.asarray(solution.estimate.calibration.base)
+    mechanism, table = solution.estimate.mechanism, problem.intervals.dataset.mechanism
+    nominal = np.asarray(mechanism.base(parameters_of(table, {})))
+    size = float(np.median(np.abs(base) / np.maximum(np.abs(nominal), 1e-12)))
     if not 1 / _SCALE < size < _SCALE:
         yield (
-            f"The base parameters are {size:.2g} times what is told: the motion does not show the "
-            "logged torque."
+            f"The base parameters are {size:.2g} times the nominal ones: the motion does not show "
+            "the logged torque."
         )

@@ -19,13 +19,13 @@ from frictionid.mechanics.calibration import Calibration
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Intervals:
     """K intervals between samples, all recordings in one series.
 
-    time, dt : (K,) [s] begin and length; recording, index : (K,), of the sample at its begin
-    before, after : (K, n) [rad] measured at begin and end
-    trust_before, trust_after : (K, n), by how much less they are off than usual
-    q, w : (K, n) smoothed states at the begin
+    time, dt : (K,) [s] start and length; recording, index : (K,), of the sample at the start
+    before, after : (K, n) [rad] measured at start and end
+    weight_before, weight_after : (K, n), relative noise weight: usual noise over own noise
+    q, w : (K, n) smoothed states at the start
     joined : (K,), whether an interval begins where the one before it ends
     """
 
@@ -37,8 +37,8 @@ class Track:
     index: Array
     before: Array
     after: Array
-    trust_before: Array
-    trust_after: Array
+    weight_before: Array
+    weight_after: Array
     q: Array
     w: Array
     joined: Array
@@ -53,15 +53,15 @@ class Track:
         """Integrals of the logged torques of all recordings."""
         return integrals_of([r.torque for r in self.dataset.recordings])
 
-    def take(self, rows: Array) -> Track:
+    def take(self, rows: Array) -> Intervals:
         """Some of the intervals, as often as they are asked for."""
         names = [f.name for f in fields(self) if f.name not in ("dataset", "states")]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
-def track_of(
+def intervals_of(
     dataset: Dataset, sample_time: float | None = None, states: tuple[States, ...] | None = None
-) -> Track:
+) -> Intervals:
     """Intervals of a data set at samples at least `sample_time` [s] apart; gaps are none of them.
 
     states : what the RTS smoother gives, where it has been asked before
@@ -77,7 +77,7 @@ def track_of(
         dt = np.diff(s.time)
         whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
         measured = sample(recording.angle, s.time)
-        trust = 1.0 / sample(
+        weight = 1.0 / sample(
             recording.angle._replace(value=relative_noise(recording.angle)), s.time
         )
         joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
@@ -88,8 +88,8 @@ def track_of(
             np.arange(len(dt)),
             measured[:-1],
             measured[1:],
-            trust[:-1],
-            trust[1:],
+            weight[:-1],
+            weight[1:],
         )
         parts.append([x[whole] for x in (*columns, s.q[:-1], s.w[:-1], joined)])
     series = [np.concatenate(column) for column in zip(*parts, strict=True)]
@@ -98,28 +98,21 @@ def track_of(
             f"data set {dataset.name!r}: shooting needs recordings of at least 4 samples in one "
             f"piece; there are {len(series[0])} intervals in all"
         )
-    return Track(dataset, tuple(states), *series)
+    return Intervals(dataset, tuple(states), *series)
 
 
-def torques(
-    track: Track, calibration: Calibration, rows: Array, pieces: int
-) -> tuple[Array, Array]:
-    """Logged torque (pieces, k, n) that acts in equal pieces of some intervals, and d/d delay.
+def logged_torque(
+    intervals: Intervals, calibration: Calibration, rows: Array, share: Array
+) -> Pieces:
+    """Logged torque of some intervals (k,) between shares (m + 1,) of their time.
 
-    Before gain and bias, but with the rig's delay: means of the logged signal, held or interpolated
-    as it was logged.
+    Before gain and bias, but with the calibration's delay; held or interpolated as it was logged.
     """
-    felt = pushes(track, calibration, rows, np.arange(pieces + 1) / pieces)
-    return felt.mean, felt.mean_later
+    edges = intervals.time[rows, None] + intervals.dt[rows, None] * share - float(calibration.delay)
+    return pieces_of(intervals.torque, intervals.recording[rows], edges)
 
 
-def pushes(track: Track, calibration: Calibration, rows: Array, share: Array) -> Pieces:
-    """Logged torque of some intervals between shares (m + 1,) of their time, with the delay."""
-    edges = track.time[rows, None] + track.dt[rows, None] * share - float(calibration.delay)
-    return pieces_of(track.torque, track.recording[rows], edges)
-
-
-def cut(track: Track, use: Array, seconds: float) -> Array:
+def cut_windows(intervals: Intervals, use: Array, seconds: float) -> Array:
     """Windows (W, N) of about so many seconds, as indices of intervals, -1 behind their ends.
 
     use : (K,), intervals that may be used; windows do not cross others, or gaps
@@ -127,17 +120,17 @@ def cut(track: Track, use: Array, seconds: float) -> Array:
     Every unbroken run is divided into windows of nearly equal length, of at least 3 intervals.
     """
     index = np.flatnonzero(use)
-    breaks = ~track.joined[index] | (np.diff(index, prepend=-2) != 1)
+    breaks = ~intervals.joined[index] | (np.diff(index, prepend=-2) != 1)
     runs = np.split(index, np.flatnonzero(breaks)[1:]) if breaks.any() else [index]
     windows: list[Array] = []
     for run in runs:
         if len(run) >= 3:
-            span = float(track.dt[run].sum())
+            span = float(intervals.dt[run].sum())
             most = len(run) // 3
             windows += np.array_split(run, min(max(1, round(span / seconds)), most))
     if not windows:
         raise InputError(
-            f"data set {track.dataset.name!r}: no three intervals in one piece are left to fit"
+            f"data set {intervals.dataset.name!r}: no three intervals in one piece are left to fit"
         )
     longest = max(len(w) for w in windows)
     return np.stack([np.pad(w, (0, longest - len(w)), constant_values=-1) for w in windows])

@@ -17,7 +17,7 @@ SPEED = 1e-6  # [rad/s], and [rad], [N m]
 _THETA = 1e-6  # of the value
 
 
-class Free(NamedTuple):
+class FreeTheta(NamedTuple):
     """Which entries of theta are free: joint and place (m,) of each."""
 
     joint: Array
@@ -43,7 +43,7 @@ class Slopes(NamedTuple):
     by_theta: Array
 
 
-class Seen(NamedTuple):
+class LawReads(NamedTuple):
     """What a law looks at besides a joint's velocity: angle, motor torque, others' velocities."""
 
     q: bool
@@ -51,7 +51,7 @@ class Seen(NamedTuple):
     others: bool = False
 
 
-def seen_by(law: Law, theta: Array, x: Inputs) -> Seen:
+def reads_of(law: Law, theta: Array, x: Inputs) -> LawReads:
     """What the torque of a law depends on at inputs (K, n)."""
     memory = law.start(theta, x)  # of the motion before, whatever is changed now
     dt = np.full((1,), law.sample_time or 0.01)
@@ -70,7 +70,7 @@ def seen_by(law: Law, theta: Array, x: Inputs) -> Seen:
         for i in range(n)
         if i != j
     )
-    return Seen(not np.array_equal(here, turned), not np.array_equal(here, pushed), others)
+    return LawReads(not np.array_equal(here, turned), not np.array_equal(here, pushed), others)
 
 
 def slopes(
@@ -78,8 +78,8 @@ def slopes(
     friction: Friction,
     state: State,
     u: Array,
-    free: Free,
-    seen: Seen,
+    free: FreeTheta,
+    reads: LawReads,
     stiction: Stiction,
 ) -> Slopes:
     """Friction torque and its slopes at states (K, n), of joints that slide to their side."""
@@ -92,9 +92,9 @@ def slopes(
     if law.uses_load:
         by_q, by_w, by_u = _through_load(plant, friction, state, u)
     else:
-        by_q = _diagonal(law, theta, x, memory, "q") if seen.q else None
-        by_w = (_columns if seen.others else _diagonal)(law, theta, x, memory, "w") * moves
-        by_u = _diagonal(law, theta, x, memory, "u") if seen.u else None
+        by_q = _diagonal(law, theta, x, memory, "q") if reads.q else None
+        by_w = (_columns if reads.others else _diagonal)(law, theta, x, memory, "w") * moves
+        by_u = _diagonal(law, theta, x, memory, "u") if reads.u else None
     gradient, of_memory = _own_slopes(law, theta, x, memory)
     return Slopes(
         here,
@@ -171,7 +171,7 @@ def by_memory(function: Callable[[Memory], Array], memory: Memory) -> Memory:
 
 def by_theta(
     theta: Array,
-    free: Free,
+    free: FreeTheta,
     function: Callable[[Array], Array],
     gradient: Array | None,
     zero: Array,

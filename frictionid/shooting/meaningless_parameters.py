@@ -8,39 +8,47 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction, Inputs
-from frictionid.shooting.parameters.parameter_block import Entry
+from frictionid.shooting.parameters.parameter_block import Parameter
 
 _POINTS, _SPEED = 200, 5.0  # [rad/s]
 _CHANGE = 0.3  # of a parameter's value
 _NOTHING = 1e-9  # of the largest torque
 
 
-def idle(friction: Friction, entries: Sequence[Entry], weak: Array) -> dict[int, tuple[int, ...]]:
+def meaningless(
+    friction: Friction, parameters: Sequence[Parameter], weak: Array
+) -> dict[int, tuple[int, ...]]:
     """Entries that do nothing where weak ones (D,), known no better than to be zero, are zero.
 
     Each with the weak ones that it hangs on.
     """
-    own = [k for k, e in enumerate(entries) if e.block == "friction"]
+    own = [k for k, e in enumerate(parameters) if e.block == "friction"]
     out = {}
     for k in own:
-        joint = entries[k].place[0]
-        others = [i for i in own if weak[i] and entries[i].place[0] == joint and i != k]
-        if weak[k] or _shows(friction, entries, k, others) or not _shows(friction, entries, k, []):
+        joint = parameters[k].place[0]
+        others = [i for i in own if weak[i] and parameters[i].place[0] == joint and i != k]
+        if (
+            weak[k]
+            or _shows(friction, parameters, k, others)
+            or not _shows(friction, parameters, k, [])
+        ):
             continue
-        alone = [i for i in others if not _shows(friction, entries, k, [i])]
+        alone = [i for i in others if not _shows(friction, parameters, k, [i])]
         out[k] = tuple(alone or others)
     return out
 
 
-def _shows(friction: Friction, entries: Sequence[Entry], k: int, zero: Sequence[int]) -> bool:
+def _shows(
+    friction: Friction, parameters: Sequence[Parameter], k: int, zero: Sequence[int]
+) -> bool:
     """Whether the torque answers to an entry while others are zero."""
     theta = np.array(friction.theta, dtype=float)
     for i in zero:
-        theta[entries[i].place] = np.clip(0.0, entries[i].low, entries[i].high)
+        theta[parameters[i].place] = np.clip(0.0, parameters[i].low, parameters[i].high)
     up, down = theta.copy(), theta.copy()
-    up[entries[k].place] *= 1.0 + _CHANGE
-    down[entries[k].place] *= 1.0 - _CHANGE
-    here, there = (_torque(friction, t)[:, entries[k].place[0]] for t in (up, down))
+    up[parameters[k].place] *= 1.0 + _CHANGE
+    down[parameters[k].place] *= 1.0 - _CHANGE
+    here, there = (_torque(friction, t)[:, parameters[k].place[0]] for t in (up, down))
     return bool(np.abs(here - there).max() > _NOTHING * np.abs(here).max())
 
 

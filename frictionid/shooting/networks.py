@@ -1,4 +1,4 @@
-"""Which combinations of a network's numbers a motion sees, so that shooting can find them."""
+"""Networks in shooting: on NumPy arrays, and as laws of the combinations that change the motion."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from frictionid.arrays import namespace
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.calibration import Calibration
-from frictionid.shooting.combined import Combined
-from frictionid.shooting.intervals import Track
+from frictionid.shooting.combination_law import CombinationLaw
+from frictionid.shooting.intervals import Intervals
+from frictionid.shooting.parameters.combinations import CombinationBlock
 from frictionid.shooting.parameters.friction import FrictionBlock
-from frictionid.shooting.parameters.network_directions import Combinations
-from frictionid.shooting.parameters.parameter_block import Block
-from frictionid.shooting.tensors import OnTensors
-from frictionid.shooting.torque_samples import points_of
+from frictionid.shooting.parameters.parameter_block import ParameterBlock
+from frictionid.shooting.tensor_law import TensorLaw
+from frictionid.shooting.torque_samples import torque_samples
 
 _MOST = 20  # combinations of a joint
-_REACH = 1.0  # of the size of a joint's numbers: standard deviation of how far they move
+_REACH = 1.0  # standard deviation of the prior of a joint's weights, relative to their size
 
 
 def on_arrays(friction: Friction) -> Friction:
@@ -34,14 +34,14 @@ def on_arrays(friction: Friction) -> Friction:
 
         theta = as_tensor(np.array(theta, dtype=float))
     like = theta.detach().double()
-    law = OnTensors(law, law.width, law.shape, like)
+    law = TensorLaw(law, law.width, law.shape, like)
     return replace(friction, law=law, theta=like.cpu().numpy().copy())
 
 
 def as_given(friction: Friction, given: Friction) -> Friction:
     """The friction with the law and the kind of numbers that were given."""
     theta = friction.theta
-    if isinstance(friction.law, Combined):
+    if isinstance(friction.law, CombinationLaw):
         theta = friction.law.numbers(theta)
     like = given.theta
     if hasattr(like, "detach"):
@@ -49,23 +49,25 @@ def as_given(friction: Friction, given: Friction) -> Friction:
     return replace(friction, law=given.law, theta=theta)
 
 
-def combined(
+def with_combinations(
     friction: Friction,
     mechanism: Mechanism,
     calibration: Calibration,
-    track: Track,
-    blocks: Sequence[Block],
-) -> tuple[Friction, tuple[Block, ...]]:
-    """A network as a law of the combinations of its numbers that a track sees, and their block.
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+) -> tuple[Friction, tuple[ParameterBlock, ...]]:
+    """A network as a law of the combinations that change the motion, and the block of these.
 
-    Numbers with bounds, the scales of inputs and outputs, stay as they are.
+    Weights with bounds, the scales of inputs and outputs, stay as they are.
     """
     law = friction.law
     given = next((b for b in blocks if isinstance(b, FrictionBlock)), None)
     fixed = law.names if given is None else given.fixed
     pairs = zip(law.names, law.bounds, strict=True)
     free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
-    points = points_of(friction, mechanism, calibration, track)
+    samples = torque_samples(friction, mechanism, calibration, intervals)
     reach = _REACH if given is None or given.prior is None else given.prior
-    own = Combinations(np.array(friction.theta), points, free, reach, min(_MOST, int(free.sum())))
+    own = CombinationBlock(
+        np.array(friction.theta), samples, free, reach, min(_MOST, int(free.sum()))
+    )
     return own.of(friction), tuple(own if b is given else b for b in blocks)

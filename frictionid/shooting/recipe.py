@@ -11,12 +11,12 @@ from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.mechanics.calibration import stack_calibrations
-from frictionid.shooting.gauss_newton import settle
-from frictionid.shooting.intervals import Track
-from frictionid.shooting.linearise import values_of
-from frictionid.shooting.parameters import Block, FrictionBlock
+from frictionid.shooting.gauss_newton import solve
+from frictionid.shooting.intervals import Intervals
+from frictionid.shooting.parameters import FrictionBlock, ParameterBlock
 from frictionid.shooting.parameters.friction import on_support
-from frictionid.shooting.refine import Refined, begin, refined
+from frictionid.shooting.parameters.parameter_block import values_of
+from frictionid.shooting.refine import Refined, prepare_fit, refined_by
 from frictionid.shooting.settings import Settings
 
 _STEPS = 4  # of folds, from the fit to all data
@@ -30,13 +30,13 @@ class Shooting:
     """
 
     name: str = "shooting"
-    blocks: tuple[Block, ...] = (FrictionBlock(),)
+    blocks: tuple[ParameterBlock, ...] = (FrictionBlock(),)
     settings: Settings = Settings()
     start: Recipe = INTEGRAL
 
 
 def refine_folds(
-    friction: Friction, track: Track, recipe: Shooting, training: Array
+    friction: Friction, intervals: Intervals, recipe: Shooting, training: Array
 ) -> tuple[Friction, Refined]:
     """Friction (F, n, P) of all folds with its calibrations, and all that is known of the last one.
 
@@ -51,7 +51,7 @@ def refine_folds(
     network = friction.law.is_network
     own = [on_support(recipe.blocks, friction[f]) for f in range(len(training))]
     recipe = replace(recipe, blocks=own[-1])
-    whole, nodes = _one(friction[-1], track, recipe, training[-1] > 0, None, None)
+    whole, nodes = _one(friction[-1], intervals, recipe, training[-1] > 0, None, None)
     alone = recipe
     few = min(recipe.settings.iterations, _STEPS)
     recipe = replace(recipe, settings=replace(recipe.settings, iterations=few))
@@ -60,35 +60,35 @@ def refine_folds(
         use = training[f] > 0
         if network or own[f] != own[-1]:
             other, states = replace(alone, blocks=own[f]), nodes if network else None
-            frictions.append(_one(friction[f], track, other, use, states, None)[0].friction)
+            frictions.append(_one(friction[f], intervals, other, use, states, None)[0].friction)
             continue
-        known = _values(friction[f], track, recipe)
-        part, _ = _one(whole.friction, track, recipe, use, nodes, known)
+        known = _values(friction[f], intervals, recipe)
+        part, _ = _one(whole.friction, intervals, recipe, use, nodes, known)
         frictions.append(part.friction)
     return _together([*frictions, whole.friction]), whole
 
 
-def _values(friction: Friction, track: Track, recipe: Shooting) -> Array:
+def _values(friction: Friction, intervals: Intervals, recipe: Shooting) -> Array:
     """Values (D,) of the free parameters in a friction, before any shooting."""
-    intervals, guess = begin(friction, track, recipe.blocks, recipe.settings)
-    return values_of(guess, intervals.parts)
+    problem, estimate = prepare_fit(friction, intervals, recipe.blocks, recipe.settings)
+    return values_of(estimate, problem.blocks)
 
 
 def _one(
     friction: Friction,
-    track: Track,
+    intervals: Intervals,
     recipe: Shooting,
     use: Array,
     nodes: Array | None,
     known: Array | None,
 ) -> tuple[Refined, Array]:
-    intervals, guess = begin(friction, track, recipe.blocks, recipe.settings)
+    problem, estimate = prepare_fit(friction, intervals, recipe.blocks, recipe.settings)
     stages = 0 if nodes is None else 1
     if nodes is not None:
-        states = nodes[:, : 2 * track.n]
-        nodes = np.concatenate([states, *intervals.warm(guess)], axis=-1)
-    shot = settle(intervals, guess, use, nodes, stages=stages, mean=known)
-    return refined(intervals, shot, friction), shot.nodes
+        states = nodes[:, : 2 * intervals.n]
+        nodes = np.concatenate([states, *problem.initial_memory(estimate)], axis=-1)
+    solution = solve(problem, estimate, use, nodes, stages=stages, mean=known)
+    return refined_by(problem, solution, friction), solution.nodes
 
 
 def _together(frictions: Sequence[Friction]) -> Friction:

@@ -1,4 +1,4 @@
-"""Refining a friction by shooting: the one entry."""
+"""Refine a friction by shooting, with whatever else the blocks free."""
 
 from __future__ import annotations
 
@@ -12,26 +12,25 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.data.states import States
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import Covariance, covariance_of
-from frictionid.shooting.data_checks import complain, doubts
-from frictionid.shooting.gauss_newton import Shot, settle
-from frictionid.shooting.intervals import Track, track_of
-from frictionid.shooting.linearise import Intervals, intervals_of
-from frictionid.shooting.networks import as_given, combined, on_arrays
+from frictionid.shooting.data_checks import check_blocks, check_data, warnings_of
+from frictionid.shooting.gauss_newton import Solution, solve
+from frictionid.shooting.intervals import Intervals, intervals_of
+from frictionid.shooting.networks import as_given, on_arrays, with_combinations
 from frictionid.shooting.parameters.friction import FrictionBlock, on_support
-from frictionid.shooting.parameters.parameter_block import Block, Guess
-from frictionid.shooting.servo_intervals import driven_of, has_actuator, motored
+from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock
+from frictionid.shooting.problem import ShootingProblem, shooting_problem
+from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_motor
 from frictionid.shooting.settings import Settings
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 
 
-class Place(NamedTuple):
-    """A stretch of a recording: its name, begin and end [s], and the residual's size [noise]."""
+class Segment(NamedTuple):
+    """A stretch of a recording: its name, begin and end [s], and size of the residual [noise]."""
 
     recording: str
     begin: float
@@ -44,28 +43,28 @@ class Diagnostics:
     """How a fit went.
 
     sigma : (n,) [rad], noise of the angles as the residuals show it
-    windows : their number; left_out : those whose prediction jumps with their start state (a joint
-        just misses or just reaches a stop) and so do not count; unexplained : those with residuals
-        of three times the noise and more, which count little or not at all
-    settled : whether it came to an end; iterations : how many that took
-    doubts : sentences on what makes the numbers doubtful as a whole
+    windows : their number; left_out : those whose prediction jumps with their initial state (a
+        joint just misses or just reaches a stop) and so do not count; unexplained : those with
+        residuals of three times the noise and more, which count little or not at all
+    converged : whether no parameter moved any more; iterations : how many that took
+    warnings : sentences on what makes the numbers doubtful as a whole
     """
 
     sigma: Array
     windows: int
-    left_out: tuple[Place, ...]
-    unexplained: tuple[Place, ...]
-    settled: bool
+    left_out: tuple[Segment, ...]
+    unexplained: tuple[Segment, ...]
+    converged: bool
     iterations: int
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """What shooting found: friction with its calibration, their covariance, and how it went.
+    """Result of shooting: friction with its calibration, their covariance, and how the fit went.
 
     fitted : the friction as a function of the free parameters, of a network that of a few
-        combinations of its numbers
+        combinations of its weights
     """
 
     friction: Friction
@@ -87,28 +86,28 @@ class Refined:
         """
         slope = self._slopes(w)
         covariance = self.covariance
-        sure = np.isfinite(covariance.error)
-        inner = covariance.matrix[np.ix_(sure, sure)]
-        error = np.sqrt(np.einsum("vnd,de,vne->vn", slope[..., sure], inner, slope[..., sure]))
+        known = np.isfinite(covariance.error)
+        inner, slope = covariance.matrix[np.ix_(known, known)], slope[..., known]
+        error = np.sqrt(np.einsum("vnd,de,vne->vn", slope, inner, slope))
         point = stdtrit(covariance.freedom, 0.5 + level / 2) * error
-        off = (covariance.draws(seed) - covariance.values)[:, sure]
-        size = np.abs(np.einsum("vnd,bd->bvn", slope[..., sure], off))
+        off = (covariance.draws(seed) - covariance.values)[:, known]
+        size = np.abs(np.einsum("vnd,bd->bvn", slope, off))
         ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
         return point, np.quantile(ratio, level, axis=0) * error
 
     def _slopes(self, w: Array) -> Array:
         """Derivatives (V, n, D) of each joint's curve in the free parameters."""
         covariance = self.covariance
-        out = np.zeros((*w.shape, len(covariance.entries)))
+        out = np.zeros((*w.shape, len(covariance.parameters)))
         theta = np.asarray(self.fitted.theta, dtype=float)
-        own = [k for k, e in enumerate(covariance.entries) if e.block == "friction"]
+        own = [k for k, e in enumerate(covariance.parameters) if e.block == "friction"]
         for j in range(len(theta)):
-            some = [k for k in own if covariance.entries[k].place[0] == j]
+            some = [k for k in own if covariance.parameters[k].place[0] == j]
             if not some:
                 continue
             step = np.zeros((len(some), *theta.shape))
             for i, k in enumerate(some):
-                place = covariance.entries[k].place
+                place = covariance.parameters[k].place
                 step[i][place] = 1e-6 * max(1e-3, abs(theta[place]))
             both = (
                 replace(self.fitted, theta=theta + s * step, calibration=None) for s in (1.0, -1.0)
@@ -121,7 +120,7 @@ class Refined:
 def refine(
     friction: Friction,
     dataset: Dataset,
-    blocks: Sequence[Block] = (FrictionBlock(),),
+    blocks: Sequence[ParameterBlock] = (FrictionBlock(),),
     settings: Settings | None = None,
     *,
     sample_time: float | None = None,
@@ -129,7 +128,7 @@ def refine(
 ) -> Refined:
     """Friction, and whatever else the blocks free, from the measured angles themselves.
 
-    Windows of the recordings are predicted from free start states by the physics step, and all
+    Windows of the recordings are predicted from free initial states by the physics step, and all
     parameters are those for which the predicted angles come closest to the measured ones, in units
     of the angle noise [Bock1983]. It starts from the given friction, its calibration and the data
     set's mechanism.
@@ -143,17 +142,17 @@ def refine(
         angles, and friction of joints that never move.
     """
     settings = settings or Settings()
-    track = track_of(dataset, sample_time, states)
-    intervals, guess = begin(friction, track, on_support(blocks, friction), settings)
-    shot = settle(intervals, guess, np.ones(len(track.dt), dtype=bool))
-    return refined(intervals, shot, friction)
+    intervals = intervals_of(dataset, sample_time, states)
+    problem, estimate = prepare_fit(friction, intervals, on_support(blocks, friction), settings)
+    solution = solve(problem, estimate, np.ones(len(intervals.dt), dtype=bool))
+    return refined_by(problem, solution, friction)
 
 
-def begin(
-    friction: Friction, track: Track, blocks: Sequence[Block], settings: Settings
-) -> tuple[Intervals, Guess]:
-    """What a fit to a track needs, and where it starts."""
-    table = track.dataset.mechanism
+def prepare_fit(
+    friction: Friction, intervals: Intervals, blocks: Sequence[ParameterBlock], settings: Settings
+) -> tuple[ShootingProblem, Estimate]:
+    """The problem of fitting the blocks to intervals, and the estimate that the fit begins with."""
+    table = intervals.dataset.mechanism
     mechanism = mechanism_of(table)
     base = mechanism.base(parameters_of(table, friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
@@ -161,81 +160,53 @@ def begin(
     network = friction.law.is_network
     friction = on_arrays(friction)
     if network:
-        friction, blocks = combined(friction, mechanism, calibration, track, blocks)
-    guess = Guess(friction, calibration, mechanism)
-    guess = motored(guess, track.dataset) if has_actuator(blocks) else guess
-    check_blocks(blocks, guess, track)
-    made = driven_of if has_actuator(blocks) else intervals_of
-    intervals = made(track, guess, blocks, settings)
-    complain(track, intervals.parts, settings.windows[-1])
-    return intervals, guess
+        friction, blocks = with_combinations(friction, mechanism, calibration, intervals, blocks)
+    estimate = Estimate(friction, calibration, mechanism)
+    estimate = with_motor(estimate, intervals.dataset) if has_actuator(blocks) else estimate
+    check_blocks(blocks, estimate, intervals)
+    made = servo_problem if has_actuator(blocks) else shooting_problem
+    problem = made(intervals, estimate, blocks, settings)
+    check_data(intervals, problem.parameters, settings.windows[-1])
+    return problem, estimate
 
 
-def refined(intervals: Intervals, shot: Shot, given: Friction) -> Refined:
+def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) -> Refined:
     """The result of a fit that began with a given friction."""
-    fitted = replace(shot.guess.friction, calibration=shot.guess.calibration, parameters={})
+    estimate = solution.estimate
+    fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     return Refined(
         as_given(fitted, given),
         fitted,
-        covariance_of(intervals, shot),
-        _diagnostics(intervals, shot),
-        shot.guess.mechanism,
+        covariance_of(problem, solution),
+        _diagnostics(problem, solution),
+        estimate.mechanism,
     )
 
 
-def check_blocks(blocks: Sequence[Block], guess: Guess, track: Track) -> None:
-    """Complain about blocks that no data, or not these data, can tell apart."""
-    names = [b.name for b in blocks]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"block {name!r} is given twice")
-    entries = {b.name: b.entries(guess) for b in blocks}
-    everything = len(guess.mechanism.base_names)
-    scale = len(entries.get("inertia", ())) == everything and "friction" in entries
-    known = any(np.isfinite(e.prior) for own in entries.values() for e in own)
-    torque = any(np.any(r.torque.value) for r in track.dataset.recordings)
-    way = (
-        "fix one base parameter that you are sure of, such as "
-        f"{guess.mechanism.base_names[-1]!r}, or give a prior"
-    )
-    if scale and not known and not torque:
-        raise InputError(
-            "block 'inertia': without motor torque only the ratios of inertia, gravity and "
-            f"friction show in the motion: {way}"
-        )
-    if scale and not known and "gain" in entries and torque:
-        raise InputError(
-            "blocks 'gain' and 'inertia' with all base parameters free: a larger gain with larger "
-            f"inertias and friction gives the same motion: {way}"
-        )
-    if not torque:
-        for name in ("gain", "delay"):
-            if name in entries:
-                raise InputError(f"block {name!r}: no recording has any motor torque; leave it out")
-
-
-def _diagnostics(intervals: Intervals, shot: Shot) -> Diagnostics:
-    share = shot.share[..., None] * np.ones_like(shot.residual)
-    square = (shot.residual / shot.sigma) ** 2 * share
+def _diagnostics(problem: ShootingProblem, solution: Solution) -> Diagnostics:
+    share = solution.share[..., None] * np.ones_like(solution.residual)
+    square = (solution.residual / solution.sigma) ** 2 * share
     size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
-    wild = size > _UNEXPLAINED
+    odd = size > _UNEXPLAINED
     return Diagnostics(
-        shot.sigma,
-        len(shot.windows),
-        _places(intervals, shot, ~shot.closed & ~wild, size),
-        _places(intervals, shot, wild, size),
-        shot.settled,
-        shot.iterations,
-        tuple(doubts(intervals, shot)),
+        solution.sigma,
+        len(solution.windows),
+        _segments(problem, solution, ~solution.closed & ~odd, size),
+        _segments(problem, solution, odd, size),
+        solution.converged,
+        solution.iterations,
+        tuple(warnings_of(problem, solution)),
     )
 
 
-def _places(intervals: Intervals, shot: Shot, which: Array, size: Array) -> tuple[Place, ...]:
-    track = intervals.track
+def _segments(
+    problem: ShootingProblem, solution: Solution, which: Array, size: Array
+) -> tuple[Segment, ...]:
+    intervals = problem.intervals
     out = []
     for w in np.flatnonzero(which):
-        rows = shot.windows[w][shot.windows[w] >= 0]
-        name = track.dataset.recordings[int(track.recording[rows[0]])].name
-        end = float(track.time[rows[-1]] + track.dt[rows[-1]])
-        out.append(Place(name, float(track.time[rows[0]]), end, float(size[w])))
+        rows = solution.windows[w][solution.windows[w] >= 0]
+        name = intervals.dataset.recordings[int(intervals.recording[rows[0]])].name
+        end = float(intervals.time[rows[-1]] + intervals.dt[rows[-1]])
+        out.append(Segment(name, float(intervals.time[rows[0]]), end, float(size[w])))
     return tuple(out)

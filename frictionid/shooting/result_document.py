@@ -1,4 +1,4 @@
-"""What shooting found, as numbers and words for files, tables and pictures."""
+"""Result of shooting as a document: numbers and words for files, tables and pictures."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.mechanics import mechanism_of, parameters_of, plant_of
-from frictionid.shooting.combined import Combined
-from frictionid.shooting.parameters.parameter_block import Entry
+from frictionid.shooting.combination_law import CombinationLaw
+from frictionid.shooting.parameters.parameter_block import Parameter
 from frictionid.shooting.refine import Refined
 
 LEVELS = (0.9, 0.95)
@@ -21,10 +21,10 @@ _IDEAL = {"gain": 1.0, "delay": 0.0, "bias": 0.0, "offset": 0.0}
 def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any]:
     """Parameters with intervals, correlation, curves with bands, and how it went.
 
-    Each parameter has beside it what is told of it: the data set's mechanism gives base parameters,
-    its servo a motor's constants, a log without faults the rest; of friction nothing is told. Where
+    Each parameter has its nominal value beside it: the data set's mechanism gives base parameters,
+    its servo a motor's constants, a log without faults the rest; friction has none. Where
     recordings have masses of their own, base parameters are those of their mean. A network's
-    combinations are left out, whose values say nothing: its bands say how sure it is.
+    combinations, whose values mean nothing, are left out: its uncertainty is in its bands.
     `bands` has the curve of each joint with half-widths at velocities (V, n), half as far again as
     those of the grid (V, n).
     """
@@ -32,15 +32,14 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
     intervals = {level: covariance.interval(level) for level in LEVELS}
     identified, error = covariance.identified, covariance.error
     more = recordings_own(dataset)
-    shift = [more[e.place[0]] if e.block == "inertia" else 0.0 for e in covariance.entries]
-    entries = enumerate(covariance.entries)
-    named = [(k, entry) for k, entry in entries if not _combines(result, entry)]
+    shift = [more[p.place[0]] if p.block == "inertia" else 0.0 for p in covariance.parameters]
+    named = [(k, p) for k, p in enumerate(covariance.parameters) if not _combines(result, p)]
     parameters = [
         {
-            "block": entry.block,
-            "name": entry.name,
-            "unit": entry.unit,
-            "joint": entry.place[0] if entry.block != "inertia" and entry.place else None,
+            "block": p.block,
+            "name": p.name,
+            "unit": p.unit,
+            "joint": p.place[0] if p.block != "inertia" and p.place else None,
             "value": float(covariance.values[k] + shift[k]),
             "error": float(error[k]),
             **{
@@ -49,10 +48,10 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
             },
             "at_bound": bool(covariance.bound[k]),
             "identified": bool(identified[k]),
-            "prior": entry.prior if np.isfinite(entry.prior) else None,
-            "told": _told(entry, dataset, shift[k]),
+            "prior": p.prior if np.isfinite(p.prior) else None,
+            "nominal": _nominal(p, dataset, shift[k]),
         }
-        for k, entry in named
+        for k, p in named
     ]
     known = [k for k, _ in named]
     return {
@@ -67,16 +66,16 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "bands": _bands(result, BEYOND * grid),
         "angle_noise": went.sigma,
         "windows": went.windows,
-        "left_out": [place._asdict() for place in went.left_out],
-        "unexplained": [place._asdict() for place in went.unexplained],
-        "settled": went.settled,
+        "left_out": [segment._asdict() for segment in went.left_out],
+        "unexplained": [segment._asdict() for segment in went.unexplained],
+        "settled": went.converged,
         "iterations": went.iterations,
-        "doubts": list(went.doubts),
+        "warnings": list(went.warnings),
     }
 
 
-def _combines(result: Refined, entry: Entry) -> bool:
-    return entry.block == "friction" and isinstance(result.fitted.law, Combined)
+def _combines(result: Refined, parameter: Parameter) -> bool:
+    return parameter.block == "friction" and isinstance(result.fitted.law, CombinationLaw)
 
 
 def recordings_own(dataset: Dataset) -> Array:
@@ -89,13 +88,13 @@ def _table_base(dataset: Dataset) -> Array:
     return np.asarray(mechanism_of(table).base(parameters_of(table, {})), dtype=float)
 
 
-def _told(entry: Entry, dataset: Dataset, shift: float) -> float | None:
-    if entry.block == "inertia":
-        return float(_table_base(dataset)[entry.place[0]] + shift)
-    if entry.block == "actuator":
-        value = getattr(dataset.recordings[0].servo, entry.name, None)
+def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | None:
+    if parameter.block == "inertia":
+        return float(_table_base(dataset)[parameter.place[0]] + shift)
+    if parameter.block == "actuator":
+        value = getattr(dataset.recordings[0].servo, parameter.name, None)
         return None if value is None else float(value)
-    return _IDEAL.get(entry.block)
+    return _IDEAL.get(parameter.block)
 
 
 def _bands(result: Refined, w: Array) -> dict[str, Any]:

@@ -1,73 +1,74 @@
-"""Memories that advance with the samples: what they take in at an interval's end."""
+"""Memories that advance with the samples: their values and derivatives after an interval's end."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.dynamics.stiction import State, inputs
 from frictionid.friction import Inputs, Memory
-from frictionid.shooting.law_derivatives import SPEED
-from frictionid.shooting.variational import Ends, Forces, Scene
+from frictionid.shooting.law_derivatives import SPEED, by_memory, by_theta
+from frictionid.shooting.sensitivities import EndStates, MotorTorque
+from frictionid.shooting.tangent import MotionModel
 
-_SMALL, _LEAST = 1e-6, 1e-3  # difference of a value, and the least that a value counts as
 
+def memory_after_sample(
+    model: MotionModel, end: EndStates, motor: MotorTorque, dt: Array
+) -> EndStates:
+    """End states after the sample, which the memory z takes in with the torque that follows.
 
-def remembered(scene: Scene, end: Ends, forces: Forces, dt: Array) -> Ends:
-    """Ends behind their sample, which the memory takes in with the torque of what follows.
+    z' = advance(theta, x, z),    dz' = dz'/dx dx + dz'/dz dz + dz'/dtheta dtheta
 
     dt : (K,) [s] since the sample before
     """
     K, n = end.q.shape
     size, count = end.by_start.shape[1], len(end.memory)
-    old = np.concatenate([end.by_start, end.by_parameters], axis=-1)
-    x = inputs(scene.plant, scene.friction, State(end.q, end.w, end.memory), forces.u[0])
-    theta = scene.friction.theta
+    x = inputs(model.plant, model.friction, State(end.q, end.w, end.memory), motor.u[0])
+    law, theta = model.friction.law, model.friction.theta
 
     def advanced(theta: Array, x: Inputs, memory: Memory) -> Array:
-        later = scene.friction.law.advance(theta, x, memory, dt[:, None])
-        return np.stack([np.broadcast_to(entry, (K, n)) for entry in later], axis=1)
+        """All entries of the memory, (entries, K, n)."""
+        later = law.advance(theta, x, memory, dt[:, None])
+        return np.stack([np.broadcast_to(entry, (K, n)) for entry in later])
 
-    rows = np.zeros((K, count, n, old.shape[-1]))
-    for name, move in _moves(scene, old, forces):
+    before = np.concatenate([end.by_start, end.by_parameters], axis=-1)
+    after = np.zeros((count, K, n, before.shape[-1]))
+    for slope, change in _by_inputs(
+        model, lambda x: advanced(theta, x, end.memory), x, before, motor
+    ):
+        after += slope[..., None] * change
+    for e, slope in enumerate(by_memory(lambda z: advanced(theta, x, z), end.memory)):
+        after += slope[..., None] * before[:, (2 + e) * n : (3 + e) * n]
+    if not law.reads_window:
+        slopes = by_theta(theta, model.free, lambda t: advanced(t, x, end.memory), None, 0.0 * x.w)
+        for k, joint in enumerate(model.free.joint):
+            after[:, :, joint, size + k] += slopes[k]
+    rows = np.moveaxis(after, 0, 1).reshape(K, count * n, -1)
+    both = np.concatenate([before[:, : 2 * n], rows], axis=1)
+    memory = tuple(advanced(theta, x, end.memory))
+    return EndStates(end.q, end.w, memory, both[..., :size], both[..., size:])
+
+
+def _by_inputs(
+    model: MotionModel,
+    advanced: Callable[[Inputs], Array],
+    x: Inputs,
+    before: Array,
+    motor: MotorTorque,
+) -> Iterator[tuple[Array, Array]]:
+    """Slopes (entries, K, n) in each input that the law reads, and its derivatives (K, n, D)."""
+    n = x.w.shape[-1]
+    changes = {"w": before[:, n : 2 * n]}
+    if model.reads.q:
+        changes["q"] = before[:, :n]
+    if model.reads.u:
+        by = np.zeros((len(before), n, before.shape[-1]))
+        by[..., before.shape[-1] - motor.by.shape[1] :] = np.moveaxis(motor.by[0], 0, -1)
+        changes["u"] = by
+    for name, change in changes.items():
         value = getattr(x, name)
-        for step in np.eye(n) if scene.seen.others else np.ones((1, n)):
-            up, down = (x._replace(**{name: value + s * SPEED * step}) for s in (1, -1))
-            slope = _slope(lambda y: advanced(theta, y, end.memory), up, down, SPEED)
-            rows += slope[..., None] * (move[:, None, step > 0])
-    for e, entry in enumerate(end.memory):
-        step = _SMALL * (_LEAST + np.abs(entry))
-        more, less = ((*end.memory[:e], entry + s * step, *end.memory[e + 1 :]) for s in (1, -1))
-        slope = _slope(lambda z: advanced(theta, x, z), more, less, step[:, None])
-        rows += slope[..., None] * old[:, None, (2 + e) * n : (3 + e) * n]
-    depends = not scene.friction.law.reads_window
-    for place in np.unique(scene.free.place) if depends else ():
-        step = np.zeros_like(theta)
-        step[..., place] = _SMALL * np.maximum(_LEAST, np.abs(theta[..., place]))
-        up, down = theta + step, theta - step
-        slope = _slope(lambda t: advanced(t, x, end.memory), up, down, step[..., place])
-        for k in np.flatnonzero(scene.free.place == place):
-            joint = scene.free.joint[k]
-            rows[:, :, joint, size + k] += slope[..., joint]
-    new = np.concatenate([old[:, : 2 * n], rows.reshape(K, count * n, -1)], axis=1)
-    memory = tuple(np.moveaxis(advanced(theta, x, end.memory), 1, 0))
-    return Ends(end.q, end.w, memory, new[..., :size], new[..., size:])
-
-
-def _moves(scene: Scene, old: Array, forces: Forces) -> Iterator[tuple[str, Array]]:
-    """What a law may read besides its memory, and its derivatives (K, n, D) in all directions."""
-    n = scene.plant.n
-    yield "w", old[:, n : 2 * n]
-    if scene.seen.q:
-        yield "q", old[:, :n]
-    if scene.seen.u:
-        by = np.zeros((len(old), n, old.shape[-1]))
-        by[..., old.shape[-1] - forces.by.shape[1] :] = np.moveaxis(forces.by[0], 0, -1)
-        yield "u", by
-
-
-def _slope(function: Callable[[Any], Array], up: Any, down: Any, step: Array | float) -> Array:
-    return (function(up) - function(down)) / (2 * step)
+        for joints in np.eye(n) if model.reads.others else np.ones((1, n)):
+            up, down = (x._replace(**{name: value + s * SPEED * joints}) for s in (1, -1))
+            yield (advanced(up) - advanced(down)) / (2 * SPEED), change[:, joints > 0]

@@ -1,4 +1,4 @@
-"""Points of a motion at which the torque of a law is read, a memory's with what led there."""
+"""Samples of a motion at which a law's torque is evaluated, with what leads there for a memory."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from frictionid.dynamics.stiction import State, inputs
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.calibration import Calibration, calibrated_plant
-from frictionid.shooting.intervals import Track, pushes
+from frictionid.shooting.intervals import Intervals, logged_torque
 
 _COUNT = 500
 _LINK = 9  # samples through which a memory is followed
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
-    """N points of a motion.
+class TorqueSamples:
+    """N samples of a motion.
 
-    path : inputs (N, n) at some samples that follow each other, the last of them the point's; at
-        the first a memory starts
+    path : inputs (N, n) at successive samples, the last of them those of the sample itself; the
+        memory starts at the first
     dt : (N, 1) [s] between them
     """
 
@@ -52,21 +52,21 @@ class Points:
         return np.asarray(law.gradient_along(theta, self.path, z, self.dt))
 
 
-def points_of(
-    friction: Friction, mechanism: Mechanism, calibration: Calibration, track: Track
-) -> Points:
-    """Some of a track's samples, as the law meets them."""
-    K = len(track.dt)
-    run = np.arange(K) - np.maximum.accumulate(np.where(track.joined, 0, np.arange(K)))
+def torque_samples(
+    friction: Friction, mechanism: Mechanism, calibration: Calibration, intervals: Intervals
+) -> TorqueSamples:
+    """Some samples of the intervals, as inputs of the law."""
+    K = len(intervals.dt)
+    run = np.arange(K) - np.maximum.accumulate(np.where(intervals.joined, 0, np.arange(K)))
     link = min(_LINK, int(run.max())) if friction.law.has_memory else 0
     known = np.flatnonzero(run >= link)
     some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
-    plant = calibrated_plant(track.dataset, calibration)
+    plant = calibrated_plant(intervals.dataset, calibration)
     driven = np.array(mechanism.description.driven, dtype=float)
     path = []
     for at in (some - back for back in range(link, -1, -1)):
-        felt = pushes(track, calibration, at, np.array([0.0, 1.0])).mean[0]
-        u = (calibration.gain * felt + calibration.bias) * driven
-        state = State(track.q[at] - calibration.offset, track.w[at])
-        path.append(inputs(plant[track.recording[at]], friction, state, u))
-    return Points(tuple(path), track.dt[some][:, None])
+        logged = logged_torque(intervals, calibration, at, np.array([0.0, 1.0])).mean[0]
+        u = (calibration.gain * logged + calibration.bias) * driven
+        state = State(intervals.q[at] - calibration.offset, intervals.w[at])
+        path.append(inputs(plant[intervals.recording[at]], friction, state, u))
+    return TorqueSamples(tuple(path), intervals.dt[some][:, None])

@@ -1,4 +1,4 @@
-"""Windows of intervals: chained into predictions from their start, and start states eliminated."""
+"""Windows of intervals: predictions from their initial states, which are then eliminated."""
 
 from __future__ import annotations
 
@@ -7,21 +7,20 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.shooting.intervals import Track
-from frictionid.shooting.linearise import Lines
+from frictionid.shooting.intervals import Intervals
+from frictionid.shooting.problem import Linearisation
 
-_WILD = 1e4  # [rad per rad or rad/s of its start]: a prediction that tells nothing
+_WILD = 1e4  # [rad per rad or rad/s of its initial state]: a prediction without information
 _FAR = 1e3  # [rad]
 
 
-class Chain(NamedTuple):
-    """What W windows of at most N intervals predict, linear in starts and parameters.
+class WindowPrediction(NamedTuple):
+    """Predictions of W windows of at most N intervals, linear in initial states and parameters.
 
-    error (W, N + 1, n) [rad]: measured minus predicted angle, as if all samples had the usual
-    noise; slope (W, N + 1, n, 2n + D): of the
-    predicted angle, in the window's start state and the parameters; share (W, N + 1): how much a
-    sample counts, half where it belongs to two windows, nothing where there is none.
-    moved (W, N, s): how far nodes are from where their window's own prediction passes;
+    error (W, N + 1, n) [rad]: measured minus predicted angle, scaled to the usual noise; slope
+    (W, N + 1, n, 2n + D): of the predicted angle, in the window's initial state and the parameters;
+    share (W, N + 1): how much a sample counts, half where it belongs to two windows, nothing where
+    there is none. moved (W, N, s): from nodes to where their window's own prediction passes;
     carried (W, N, s, 2n + D): its derivatives.
     """
 
@@ -31,78 +30,103 @@ class Chain(NamedTuple):
     moved: Array
     carried: Array
 
+    def take(self, rows: Array) -> WindowPrediction:
+        """Those of some windows."""
+        return WindowPrediction(*(x[rows] for x in self))
+
+
+def initial_state_prior(
+    intervals: Intervals, nodes: Array, first: Array, angle: Array | float, velocity: float
+) -> Array:
+    """Prior (2, W, 2n) of the moves of initial states: means, and precisions.
+
+    A joint at rest does not show its velocity, which stays near the smoothed one.
+
+    first : (W,) intervals that windows begin with; angle : precision of the angles, next to nothing
+    velocity : [rad/s] standard deviation of the velocities
+    """
+    n = intervals.n
+    mean, precision = np.zeros((2, len(first), 2 * n))
+    mean[:, n:] = intervals.w[first] - nodes[first, n : 2 * n]
+    precision[:, :n], precision[:, n:] = angle, 1.0 / velocity**2
+    return np.stack([mean, precision])
+
 
 @np.errstate(over="ignore", invalid="ignore")
-def chained(track: Track, lines: Lines, nodes: Array, windows: Array, offset: Array) -> Chain:
-    """Windows (W, N) of intervals that each begin at its own node (K, s), made continuous.
+def predict_windows(
+    intervals: Intervals, linearised: Linearisation, nodes: Array, windows: Array, offset: Array
+) -> WindowPrediction:
+    """Predictions of windows (W, N) from their initial states, by intervals from nodes (K, s).
 
-    The prediction from the window's start passes node k + 1 at x_{k+1} + g_{k+1} with
+    The prediction from the window's initial state passes node k + 1 at x_{k+1} + g_{k+1} with
     g_{k+1} = F_k - x_{k+1} + P_k g_k to first order in the gaps F_k - x_{k+1}; when they have
-    closed, it is exactly the prediction from the start [Bock1983].
+    closed, it is exactly the prediction from the initial state [Bock1983].
 
-    Windows that explode (a law with numbers that make it steep) stay as they are: their predictions
-    are far off, and nothing moves them until the parameters are better.
+    Windows that explode (a law that the parameters make too steep) are kept as they are: their
+    predictions are far off, and nothing moves them until the parameters are better.
     """
-    n, s = track.n, nodes.shape[1]
+    n, s = intervals.n, nodes.shape[1]
     W, N = windows.shape
-    D = lines.by.shape[-1]
+    D = linearised.by.shape[-1]
     on = windows >= 0
     index = np.where(on, windows, 0)
     last = on & ~np.concatenate([on[:, 1:], np.zeros((W, 1), bool)], axis=1)
     error, share = np.zeros((W, N + 1, n)), np.zeros((W, N + 1))
     slope = np.zeros((W, N + 1, n, 2 * n + D))
     moved, carried = np.zeros((W, N, s)), np.zeros((W, N, s, 2 * n + D))
-    trust = np.ones((W, N + 1, n))
+    weight = np.ones((W, N + 1, n))
     g, T = np.zeros((W, s)), np.zeros((W, s, 2 * n + D))
     T[:, : 2 * n, : 2 * n] = np.eye(2 * n)
     for k in range(N):
         i, use, end = index[:, k], on[:, k], last[:, k]
         moved[:, k], carried[:, k] = g, T
-        error[use, k] = (track.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
+        error[use, k] = (intervals.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
         slope[use, k] = T[use, :n]
-        trust[use, k] = track.trust_before[i][use]
+        weight[use, k] = intervals.weight_before[i][use]
         share[use, k] = 1.0 if k else 0.5
-        P = lines.by_start[i]
+        P = linearised.by_start[i]
         follows = np.where(end, i, index[:, min(k + 1, N - 1)])
-        gap = np.where(end[:, None], 0.0, lines.end[i] - nodes[follows])
+        gap = np.where(end[:, None], 0.0, linearised.end[i] - nodes[follows])
         g = (P @ g[..., None])[..., 0] + gap
         T = P @ T
-        T[..., 2 * n :] += lines.by[i]
-        at = lines.end[i, :n] + g[:, :n]
-        error[end, k + 1] = (track.after[i] - offset - at)[end]
+        T[..., 2 * n :] += linearised.by[i]
+        at = linearised.end[i, :n] + g[:, :n]
+        error[end, k + 1] = (intervals.after[i] - offset - at)[end]
         slope[end, k + 1] = T[end, :n]
-        trust[end, k + 1] = track.trust_after[i][end]
+        weight[end, k + 1] = intervals.weight_after[i][end]
         share[end, k + 1] = 0.5
-    slope[..., 2 * n :] += lines.angle.T * (share > 0)[..., None, None]
-    if (trust != 1.0).any():
-        error, slope = error * trust, slope * trust[..., None]
-    return _tamed(Chain(error, slope, share, moved, carried))
+    slope[..., 2 * n :] += linearised.angle.T * (share > 0)[..., None, None]
+    if (weight != 1.0).any():
+        error, slope = error * weight, slope * weight[..., None]
+    return _without_explosions(WindowPrediction(error, slope, share, moved, carried))
 
 
-def _tamed(chain: Chain) -> Chain:
-    """The chain with windows that explode held where they are."""
-    n = chain.error.shape[-1]
-    steep = np.abs(chain.slope[..., : 2 * n]).max(axis=(1, 2, 3))
-    known = np.isfinite(chain.slope).all(axis=(1, 2, 3)) & np.isfinite(chain.carried).all((1, 2, 3))
-    tame = known & (steep < _WILD) & (np.abs(chain.error).max(axis=(1, 2)) < _FAR)
+def _without_explosions(prediction: WindowPrediction) -> WindowPrediction:
+    """The predictions with windows that explode held where they are."""
+    n = prediction.error.shape[-1]
+    steep = np.abs(prediction.slope[..., : 2 * n]).max(axis=(1, 2, 3))
+    known = np.isfinite(prediction.slope).all(axis=(1, 2, 3)) & np.isfinite(prediction.carried).all(
+        (1, 2, 3)
+    )
+    tame = known & (steep < _WILD) & (np.abs(prediction.error).max(axis=(1, 2)) < _FAR)
     if tame.all():
-        return chain
-    far = _FAR * (chain.share[..., None] > 0)
+        return prediction
+    far = _FAR * (prediction.share[..., None] > 0)
     rows = ~tame[:, None, None]
-    return chain._replace(
-        error=np.where(rows, far, chain.error),
-        slope=np.where(rows[..., None], 0.0, chain.slope),
-        moved=np.where(rows, 0.0, chain.moved),
-        carried=np.where(rows[..., None], 0.0, chain.carried),
+    return prediction._replace(
+        error=np.where(rows, far, prediction.error),
+        slope=np.where(rows[..., None], 0.0, prediction.slope),
+        moved=np.where(rows, 0.0, prediction.moved),
+        carried=np.where(rows[..., None], 0.0, prediction.carried),
     )
 
 
-class Normal(NamedTuple):
-    """Normal equations of each window, its start state eliminated.
+class NormalEquations(NamedTuple):
+    """Normal equations H step = g of each window, its initial state eliminated.
 
-    H (W, D, D), g (W, D) of the shared parameters; to_start (W, 2n, D) and start (W, 2n): the best
-    start moves by start - to_start step. leverage (W, N + 1, n): share of each residual that the
-    window's own start takes up.
+    H (W, D, D), g (W, D) of the shared parameters; to_start (W, 2n, D) and start (W, 2n): the
+    initial state moves by start - to_start step. leverage (W, N + 1, n): share of each residual
+    that the window's own initial state takes up.
     """
 
     H: Array
@@ -112,19 +136,23 @@ class Normal(NamedTuple):
     leverage: Array
 
 
-def eliminated(
-    chain: Chain, weight: Array, sigma: Array, prior: Array, damping: Array | None = None
-) -> Normal:
-    """Schur complements of the windows.
+def eliminate_states(
+    prediction: WindowPrediction,
+    weight: Array,
+    sigma: Array,
+    prior: Array,
+    damping: Array | None = None,
+) -> NormalEquations:
+    """Schur complements of the initial states in each window's least-squares problem.
 
-    weight (W, N + 1, n), sigma (n,) [rad]; prior (2, W, 2n): the start's wanted move, and its
+    weight (W, N + 1, n), sigma (n,) [rad]; prior (2, W, 2n): of the initial state's move, mean and
     precision; damping (W, 2n), more precision for its step alone
     """
-    W = len(chain.error)
-    root = np.sqrt(weight * chain.share[..., None]) / sigma
-    D = chain.slope.shape[-1]
-    A = (chain.slope * root[..., None]).reshape(W, -1, D)
-    b = (chain.error * root).reshape(W, -1)
+    W = len(prediction.error)
+    root = np.sqrt(weight * prediction.share[..., None]) / sigma
+    D = prediction.slope.shape[-1]
+    A = (prediction.slope * root[..., None]).reshape(W, -1, D)
+    b = (prediction.error * root).reshape(W, -1)
     size = prior.shape[-1]
     own, shared = A[..., :size], A[..., size:]
     turned = np.swapaxes(own, 1, 2)
@@ -145,4 +173,4 @@ def eliminated(
         held = start + damping[:, :, None] * np.eye(size)
         to_start = np.linalg.solve(held, cross)
         best = np.linalg.solve(held, start_right[..., None])[..., 0]
-    return Normal(H, g, to_start, best, leverage)
+    return NormalEquations(H, g, to_start, best, leverage)

@@ -56,12 +56,12 @@ def runs(logs, models):
     found = {}
     for name, friction in models.items():
         plant = plant_of(logs, friction.parameters)
-        trajectory = course_of(with_motor_torque(logs, plant))
+        trajectory = trajectory_of(with_motor_torque(logs, plant))
         found[name] = free_run(plant, friction, trajectory), trajectory
     return found
 
 
-def course_of(data):
+def trajectory_of(data):
     return make_trajectory(data, KalmanFilter()([r.angle for r in data.recordings]))
 
 
@@ -147,7 +147,7 @@ def test_friction_fitted_elsewhere_errs_less_than_both_published_models(runs, lo
     problem = training_problem(logs, plant, INTEGRAL)
     weights = folds.training(problem.recording, problem.time, problem.dt)
     fitted = LeastSquares(MotorLoad()).fit(problem, weights, 0)
-    trajectory = course_of(logs)
+    trajectory = trajectory_of(logs)
     held = trajectory_folds(trajectory, folds)
     own = mean(free_run(plant, fitted[held], trajectory), trajectory, held)
     assert all(own < 0.9 * mean(*run, held) for run in runs.values())

@@ -27,7 +27,7 @@ from frictionid.identifiers.ols_covariance import half_widths
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting
-from frictionid.shooting.intervals import track_of
+from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import FrictionBlock
 from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.recipe import refine_folds
@@ -204,11 +204,11 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     law = Library(velocities=(1.0,), widths=(), powers=(1, 2))
     own = ({"sign": 0.03, "viscous": 0.001}, {"sign": 0.03, "drag": 1e-4}, {"sign": 0.03})
     start = Friction(law, np.stack([theta_of(law, one) for one in own]))
-    track = track_of(dataset)
-    training = np.ones((3, len(track.dt)))
-    training[:2] = track.recording[None] != np.arange(2)[:, None]
+    intervals = intervals_of(dataset)
+    training = np.ones((3, len(intervals.dt)))
+    training[:2] = intervals.recording[None] != np.arange(2)[:, None]
     recipe = Shooting(settings=Settings(windows=(0.2, 0.33)))
-    friction, whole = refine_folds(start, track, recipe, training)
+    friction, whole = refine_folds(start, intervals, recipe, training)
     np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
     assert [e.name for e in whole.covariance.entries] == ["sign of joint 1"]
     np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)

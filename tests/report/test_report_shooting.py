@@ -251,7 +251,7 @@ def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
         for name in ("velocity", "curve"):
             del task["refined"]["bands"][name]
         for entry in task["refined"]["parameters"]:
-            del entry["told"], entry["prior"]
+            del entry["nominal"], entry["prior"]
         about = json.loads((tmp_path / "old" / "datasets.json").read_text())
         for own in about.values():
             del own["measured"], own["true_parameters"]
@@ -343,7 +343,7 @@ def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_on
     assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
 
 
-def test_recordings_with_masses_of_their_own_are_told_those():
+def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
     dataset = pendulums()
     heavy = tuple(replace(r, parameters=HEAVIER) for r in dataset.recordings)
     start = Friction(CoulombViscous(), np.array([[COULOMB, 0.002]]))
@@ -356,7 +356,7 @@ def test_recordings_with_masses_of_their_own_are_told_those():
     mechanism = mechanism_of(PENDULUM)
     for k, (table, own) in enumerate(zip(found["table"], found["own"], strict=True)):
         true = float(mechanism.base(parameters_of(PENDULUM, HEAVIER))[k])
-        assert own["told"] == pytest.approx(true, rel=1e-12)
-        # the motion says the same, whatever is told
+        assert own["nominal"] == pytest.approx(true, rel=1e-12)
+        # the motion says the same, whatever is nominal
         assert own["value"] == pytest.approx(table["value"], rel=1e-3)
         assert own["interval_95"][0] < own["value"] < own["interval_95"][1]

@@ -9,8 +9,8 @@ from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.mechanics import mechanism_of
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import Settings, refine
-from frictionid.shooting.meaningless_parameters import idle
-from frictionid.shooting.parameters import FrictionBlock, Guess
+from frictionid.shooting.meaningless_parameters import meaningless
+from frictionid.shooting.parameters import Estimate, FrictionBlock
 from frictionid.simulate import Camera, Chirp, Curve, Run, simulate
 from frictionid.simulate import Rig as Machine
 from frictionid.simulate import Stribeck as Truth
@@ -20,13 +20,13 @@ PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
 
 def entries_of(friction):
     mechanism = mechanism_of(PENDULUM)
-    return FrictionBlock().entries(Guess(friction, Calibration.ideal(1), mechanism))
+    return FrictionBlock().parameters(Estimate(friction, Calibration.ideal(1), mechanism))
 
 
 def hanging(friction, *weak):
     entries = entries_of(friction)
     names = [e.name.split(" ")[0] for e in entries]
-    found = idle(friction, entries, np.isin(names, weak))
+    found = meaningless(friction, entries, np.isin(names, weak))
     return {names[k]: tuple(names[i] for i in on) for k, on in found.items()}
 
 

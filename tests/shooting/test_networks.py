@@ -19,11 +19,11 @@ from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import AsymmetricStribeck, WindowMLP, check_law
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting, document_of, refine, refine_folds
-from frictionid.shooting.combined import Combined
-from frictionid.shooting.intervals import track_of
+from frictionid.shooting.combination_law import CombinationLaw
+from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock
-from frictionid.shooting.refine import begin
-from frictionid.shooting.tensors import OnTensors
+from frictionid.shooting.refine import prepare_fit
+from frictionid.shooting.tensor_law import TensorLaw
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
 from frictionid.simulate.true_friction import FilmLag
 
@@ -70,7 +70,7 @@ def test_the_laws_keep_the_contract(law):
 def test_slopes_in_reverse_mode_are_those_of_differences(law, samples):
     rng = np.random.default_rng(0)
     theta = rng.normal(size=(2, len(law.names)))
-    own = OnTensors(law, law.width, law.shape, torch.zeros(1, dtype=torch.float64))
+    own = TensorLaw(law, law.width, law.shape, torch.zeros(1, dtype=torch.float64))
     path, dt = [inputs_of(rng) for _ in range(samples)], np.full((5, 1), 1 / 60)
 
     def torque(theta):
@@ -88,33 +88,35 @@ def test_slopes_in_reverse_mode_are_those_of_differences(law, samples):
 
 @pytest.mark.parametrize("law", [Static(), Recurrent(), WAY], ids=str)
 def test_predictions_change_with_combinations_start_and_memory_as_their_slopes_say(law):
-    track = track_of(swings())
+    intervals = intervals_of(swings())
     # slopes are those in the middle of a substep, in which bristles bend by much of their way
     close = 2e-2 if law == WAY else 1e-2
     theta = np.random.default_rng(1).normal(size=(1, len(law.names)))
     theta[:, :2] = np.where(
         np.isfinite(law.bounds[:2]).any(axis=1), law.initial[0][:2], theta[:, :2]
     )
-    intervals, guess = begin(Friction(law, theta), track, (FrictionBlock(), DelayBlock()), SHORT)
-    assert isinstance(guess.friction.law, Combined)
-    nodes = intervals.start(guess)
-    fast = np.abs(track.w[:, 0]) > 2.0
+    problem, estimate = prepare_fit(
+        Friction(law, theta), intervals, (FrictionBlock(), DelayBlock()), SHORT
+    )
+    assert isinstance(estimate.friction.law, CombinationLaw)
+    nodes = problem.initial_nodes(estimate)
+    fast = np.abs(intervals.w[:, 0]) > 2.0
     rows = np.flatnonzero(fast & np.append(fast[1:], False))[:40]
-    lines = intervals.lines(guess, nodes, rows)
+    lines = problem.linearise(estimate, nodes, rows)
     unit = np.abs(lines.by[rows]).max(axis=(0, 1))
     for k in range(0, len(unit) - 1, 3):
-        step = np.zeros_like(guess.friction.theta)
+        step = np.zeros_like(estimate.friction.theta)
         step[0, k] = 1e-5
         up, down = (
-            guess._replace(friction=replace(guess.friction, theta=s * step)) for s in (1, -1)
+            estimate._replace(friction=replace(estimate.friction, theta=s * step)) for s in (1, -1)
         )
-        rise = intervals.lines(up, nodes, rows).end - intervals.lines(down, nodes, rows).end
+        rise = problem.linearise(up, nodes, rows).end - problem.linearise(down, nodes, rows).end
         np.testing.assert_allclose(
             rise[rows] / 2e-5, lines.by[rows, :, k], atol=close * unit[k] + 1e-4 * unit[:-1].max()
         )
     for i in range(nodes.shape[1]):
         step = 1e-5 * np.eye(nodes.shape[1])[i]
-        up, down = (intervals.lines(guess, nodes + s * step, rows).end for s in (1, -1))
+        up, down = (problem.linearise(estimate, nodes + s * step, rows).end for s in (1, -1))
         by = lines.by_start[rows, :, i]
         np.testing.assert_allclose((up - down)[rows] / 2e-5, by, atol=close * np.abs(by).max())
 
@@ -164,7 +166,7 @@ def test_a_delay_beside_a_network_is_found_and_reported():
         (FrictionBlock(), DelayBlock()),
         SHORT,
     )
-    assert abs(float(found.rig.delay) - 0.01) < min(4 * found.covariance.error[-1], 3e-3)
+    assert abs(float(found.calibration.delay) - 0.01) < min(4 * found.covariance.error[-1], 3e-3)
     assert [p["name"] for p in document_of(found, dataset, np.ones((3, 1)))["parameters"]] == [
         "torque delay"
     ]
@@ -200,10 +202,10 @@ def forecast(friction, dataset):
 def test_a_recurrent_law_predicts_better_motions_that_it_never_saw():
     lag = FilmLag(CURVE, (0.1,))
     others = ((1.8, 0.0, 0.0, 0, 0), (0.5, 0.0, 0.7, 0.5, 1.5))
-    seen, unseen = swings(lag), swings(lag, others, 2)
+    reads, unseen = swings(lag), swings(lag, others, 2)
     law = Recurrent()
     first = Friction(law, np.random.default_rng(0).normal(size=(1, 25)))
-    found = refine(first, seen, settings=SHORT).friction
+    found = refine(first, reads, settings=SHORT).friction
     assert forecast(found, unseen) < 0.3 * forecast(first, unseen)
 
 
@@ -212,7 +214,7 @@ def test_a_memory_of_samples_with_few_numbers_keeps_their_names():
     dataset = swings(FilmLag(CURVE, (0.1,)))
     first = Friction(film, torch.tensor([[0.05, 0.01, 0.005, 0.3]], dtype=torch.float32))
     found = refine(first, dataset, settings=SHORT)
-    assert [e.name for e in found.covariance.entries][0] == "coulomb of joint 1"
+    assert [e.name for e in found.covariance.parameters][0] == "coulomb of joint 1"
     assert found.friction.theta.dtype == torch.float32
     assert forecast(as_numpy(found.friction), dataset) < 0.2 * forecast(as_numpy(first), dataset)
 
@@ -232,10 +234,12 @@ def test_tensors_of_a_law_with_names_give_what_numpy_gives():
 
 def test_each_fold_of_a_network_is_that_of_its_own_recordings():
     dataset, law = swings(), Static()
-    track = track_of(dataset)
-    training = np.stack([track.recording != 1, track.recording >= 0]) * 1.0
+    intervals = intervals_of(dataset)
+    training = np.stack([intervals.recording != 1, intervals.recording >= 0]) * 1.0
     theta = np.stack([law.drawn(1, 3), law.drawn(1, 4)])
-    together, whole = refine_folds(Friction(law, theta), track, Shooting(settings=SHORT), training)
+    together, whole = refine_folds(
+        Friction(law, theta), intervals, Shooting(settings=SHORT), training
+    )
     assert together.theta.shape == theta.shape
     np.testing.assert_array_equal(together.theta[-1], whole.friction.theta)
     assert errors(together[0], dataset).max() < 0.1

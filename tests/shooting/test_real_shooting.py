@@ -56,7 +56,7 @@ def identified(found: Refined) -> set[str]:
     low = covariance.interval(0.95)[:, 0]
     return {
         entry.name
-        for entry, known, end in zip(covariance.entries, covariance.identified, low, strict=True)
+        for entry, known, end in zip(covariance.parameters, covariance.identified, low, strict=True)
         if entry.block == "friction" and known and end > 0
     }
 
@@ -73,10 +73,10 @@ def test_a_string_pendulum_is_slowed_by_drag_and_not_by_coulomb_friction(real_da
 def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data):
     """Two of the six recordings of a passive double pendulum."""
     found = fitted("ibm", real_data / "ibm_double_pendulum_chaotic", (0, 3))
-    study, shot = found["coulomb_viscous"]
+    study, solution = found["coulomb_viscous"]
     viscous = study.law.names.index("viscous")
     assert not study.theta[:, viscous].any()
-    assert "viscous of joint 2" in identified(shot)
+    assert "viscous of joint 2" in identified(solution)
 
 
 def test_swing_ups_never_seen_are_predicted_twice_as_well_as_by_the_published_model(real_data):

@@ -53,25 +53,25 @@ def dataset():
 
 DATA = dataset()
 FOLDS = make_folds(DATA.recordings, Split(count=3))
-CONTEST = Benchmark(DATA, FOLDS, Protocol(horizons=(0.25,)))
+BENCHMARK = Benchmark(DATA, FOLDS, Protocol(horizons=(0.25,)))
 
 
 @pytest.fixture(scope="module")
 def result():
-    return run(CONTEST, LeastSquares(CoulombViscous()), BOTH)
+    return run(BENCHMARK, LeastSquares(CoulombViscous()), BOTH)
 
 
 def test_friction_inertia_and_delay_come_out_in_every_fold(result):
-    theta, rig = result.friction.theta, result.friction.rig
-    assert theta.shape == (3, 1, 2) and rig.delay.shape == (3,)
+    theta, calibration = result.friction.theta, result.friction.calibration
+    assert theta.shape == (3, 1, 2) and calibration.delay.shape == (3,)
     np.testing.assert_allclose(theta[..., 0], TRUE[0, 0], rtol=0.06)
     np.testing.assert_allclose(theta[..., 1], TRUE[0, 1], rtol=0.2)
-    np.testing.assert_allclose(rig.delay, 0.01, atol=1.5e-3)
-    np.testing.assert_allclose(rig.base, [[0.012, 0.5886]] * 3, rtol=0.02)
+    np.testing.assert_allclose(calibration.delay, 0.01, atol=1.5e-3)
+    np.testing.assert_allclose(calibration.base, [[0.012, 0.5886]] * 3, rtol=0.02)
 
 
 def test_it_predicts_better_than_the_one_step_fit_that_it_began_with(result):
-    before = run(CONTEST, LeastSquares(CoulombViscous()), BOTH.start)
+    before = run(BENCHMARK, LeastSquares(CoulombViscous()), BOTH.start)
     scores = [r.value("rollout_angle_truth", "median", 0.25) for r in (result, before)]
     assert scores[0] < scores[1]
     errors = [np.abs(r.overall.theta - TRUE).max() for r in (result, before)]
@@ -85,7 +85,7 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
         replace(r, angle=r.angle._replace(value=0.9 * r.angle.value)) if i in held else r
         for i, r in enumerate(DATA.recordings)
     )
-    other = replace(CONTEST, dataset=replace(DATA, recordings=changed))
+    other = replace(BENCHMARK, dataset=replace(DATA, recordings=changed))
     again = run(other, LeastSquares(CoulombViscous()), BOTH)
     error = result.refined.covariance.error[:2]
     off = np.abs(again.friction.theta[fold] - result.friction.theta[fold])[0]
@@ -96,18 +96,18 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
 def test_all_data_are_fitted_as_refine_fits_them(result):
     from frictionid.shooting import refine
 
-    shared = prepare_benchmark(CONTEST, [BOTH])
+    shared = prepare_benchmark(BENCHMARK, [BOTH])
     start = LeastSquares(CoulombViscous()).fit(
         shared.problems["integral"], shared.weights["integral"], 0
     )[-1]
     alone = refine(start, DATA, BOTH.blocks, BOTH.settings)
     np.testing.assert_array_equal(alone.friction.theta, result.overall.theta)
-    np.testing.assert_array_equal(alone.rig.base, result.overall.rig.base)
+    np.testing.assert_array_equal(alone.calibration.base, result.overall.calibration.base)
 
 
 def test_given_friction_stays_as_it_is():
-    nothing = run(CONTEST, Frictionless(), BOTH)
-    assert nothing.refined is None and nothing.friction.rig is None
+    nothing = run(BENCHMARK, Frictionless(), BOTH)
+    assert nothing.refined is None and nothing.friction.calibration is None
 
 
 def called(monkeypatch, *words):

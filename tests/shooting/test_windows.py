@@ -1,4 +1,4 @@
-"""Start states eliminated: the answer of all unknowns together, and no window that explodes."""
+"""Initial states eliminated: the answer of all unknowns together, and no window that explodes."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from frictionid.shooting.linearise import Lines
-from frictionid.shooting.windows import Chain, chained, eliminated
+from frictionid.shooting.problem import Linearisation
+from frictionid.shooting.windows import WindowPrediction, eliminate_states, predict_windows
 
 W, N, JOINTS, SHARED = 5, 7, 2, 3
 STATE = 2 * JOINTS
 SIGMA = np.array([0.5, 2.0])
 
 
-def chain_of(rng, steep=1.0):
+def prediction_of(rng, steep=1.0):
     shape = (W, N + 1, JOINTS)
     columns = steep ** rng.random((W, 1, 1, STATE + SHARED))
-    return Chain(
+    return WindowPrediction(
         error=rng.normal(size=shape),
         slope=columns * rng.normal(size=(*shape, STATE + SHARED)),
         share=np.full((W, N + 1), 0.5),
@@ -33,32 +33,34 @@ def prior_of(rng):
 
 def test_the_step_is_that_of_all_unknowns_together():
     rng = np.random.default_rng(0)
-    chain, prior = chain_of(rng), prior_of(rng)
-    weight = rng.random(chain.error.shape)
-    normal = eliminated(chain, weight, SIGMA, prior)
+    prediction, prior = prediction_of(rng), prior_of(rng)
+    weight = rng.random(prediction.error.shape)
+    normal = eliminate_states(prediction, weight, SIGMA, prior)
     step = np.linalg.solve(normal.H.sum(0), normal.g.sum(0))
     size = W * STATE
     rows, right = [], []
     for w in range(W):
-        root = np.sqrt(weight[w] * chain.share[w][:, None]) / SIGMA
+        root = np.sqrt(weight[w] * prediction.share[w][:, None]) / SIGMA
         A = np.zeros((N + 1, JOINTS, size + SHARED))
-        A[..., w * STATE : (w + 1) * STATE] = chain.slope[w, ..., :STATE]
-        A[..., size:] = chain.slope[w, ..., STATE:]
+        A[..., w * STATE : (w + 1) * STATE] = prediction.slope[w, ..., :STATE]
+        A[..., size:] = prediction.slope[w, ..., STATE:]
         rows.append((A * root[..., None]).reshape(-1, size + SHARED))
-        right.append((chain.error[w] * root).ravel())
+        right.append((prediction.error[w] * root).ravel())
         known = np.zeros((STATE, size + SHARED))
         known[:, w * STATE : (w + 1) * STATE] = np.diag(np.sqrt(prior[1, w]))
         rows.append(known)
         right.append(np.sqrt(prior[1, w]) * prior[0, w])
     everything = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
     np.testing.assert_allclose(step, everything[size:], rtol=1e-9)
-    starts = normal.start - normal.to_start @ step
-    np.testing.assert_allclose(starts.ravel(), everything[:size], rtol=1e-9)
+    states = normal.start - normal.to_start @ step
+    np.testing.assert_allclose(states.ravel(), everything[:size], rtol=1e-9)
 
 
 def test_steep_windows_keep_a_curvature_that_is_not_negative():
     rng = np.random.default_rng(1)
-    normal = eliminated(chain_of(rng, 1e9), np.ones((W, N + 1, JOINTS)), SIGMA, prior_of(rng))
+    normal = eliminate_states(
+        prediction_of(rng, 1e9), np.ones((W, N + 1, JOINTS)), SIGMA, prior_of(rng)
+    )
     least = np.linalg.eigvalsh(normal.H).min(axis=1)
     assert (least >= -1e-12 * np.abs(normal.H).max(axis=(1, 2))).all()
     assert (np.einsum("wii->wi", normal.H) >= 0).all()
@@ -69,19 +71,19 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
     rng = np.random.default_rng(2)
     K = 2 * N
     before, after = rng.normal(size=(2, K, JOINTS))
-    trust = {name: np.ones((K, JOINTS)) for name in ("trust_before", "trust_after")}
-    track = SimpleNamespace(n=JOINTS, before=before, after=after, **trust)
+    weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
+    intervals = SimpleNamespace(n=JOINTS, before=before, after=after, **weight)
     nodes = rng.normal(size=(K, STATE))
-    lines = Lines(
+    lines = Linearisation(
         end=rng.normal(size=(K, STATE)),
         by_start=np.eye(STATE) + 0.1 * rng.normal(size=(K, STATE, STATE)),
         by=rng.normal(size=(K, STATE, SHARED)),
         angle=np.zeros((SHARED, JOINTS)),
     )
     windows = np.arange(K).reshape(2, N)
-    sound = chained(track, lines, nodes, windows, 0.0)
+    sound = predict_windows(intervals, lines, nodes, windows, 0.0)
     lines.by_start[N + 1] = wrong
-    held = chained(track, lines, nodes, windows, 0.0)
+    held = predict_windows(intervals, lines, nodes, windows, 0.0)
     for whole, right in zip(held, sound, strict=True):
         np.testing.assert_array_equal(whole[0], right[0])
         assert np.isfinite(whole).all()

@@ -24,13 +24,20 @@ from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, states_of, training_problem
 from frictionid.mechanics import plant_of
 from frictionid.mechanics.calibration import Calibration
-from frictionid.shooting.covariance import Covariance, covariance_of
-from frictionid.shooting.gauss_newton import Shot, settle
-from frictionid.shooting.intervals import Track, track_of
-from frictionid.shooting.linearise import values_of
-from frictionid.shooting.parameters import Block, FrictionBlock, InertiaBlock
-from frictionid.shooting.parameters.parameter_block import Guess
-from frictionid.shooting.settings import Settings
+from frictionid.shooting import (
+    Covariance,
+    Estimate,
+    FrictionBlock,
+    InertiaBlock,
+    Intervals,
+    ParameterBlock,
+    Settings,
+    Solution,
+    covariance_of,
+    intervals_of,
+    solve,
+    values_of,
+)
 
 LAW = AsymmetricStribeck()
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:
@@ -268,16 +275,16 @@ def _improved(clock: Clock, delays: list[tuple[float, float]]) -> Clock:
     return clock.later(float(np.median(delay - drift * (middle - at))), drift)
 
 
-class _Solution(NamedTuple):
-    """A converged shooting problem: its intervals, where it ended, and the covariance there."""
+class _Fit(NamedTuple):
+    """A shooting problem, its solution, and the covariance there."""
 
-    intervals: Drifting
-    shot: Shot
+    problem: Drifting
+    solution: Solution
     covariance: Covariance
 
     def place(self, block: str) -> int:
         """Place of the only parameter of a block."""
-        return [e.block for e in self.covariance.entries].index(block)
+        return [p.block for p in self.covariance.parameters].index(block)
 
 
 def _by_shooting(
@@ -289,10 +296,10 @@ def _by_shooting(
     those of the priors are minimised. Delay and drift correct the clock; their covariance is
     clustered by stretches of the motion, the offset's widened (`_WIDENING`).
     """
-    solution = _solved(data, clock, settings)
-    k = [solution.place("delay"), solution.place("drift")]
-    delay, drift = solution.covariance.values[k]
-    pair = solution.covariance.matrix[np.ix_(k, k)]
+    fit = _solved(data, clock, settings)
+    k = [fit.place("delay"), fit.place("drift")]
+    delay, drift = fit.covariance.values[k]
+    pair = fit.covariance.matrix[np.ix_(k, k)]
     pair = pair * np.outer([_WIDENING, 1.0], [_WIDENING, 1.0])
     if not (np.isfinite(pair).all() and pair[0, 0] < _UNKNOWN**2):
         raise InputError(
@@ -300,58 +307,58 @@ def _by_shooting(
         )
     corrected = clock.later(float(delay), float(drift))
     span = corrected.to_log(data.recordings[0].angle.time[[0, -1]])
-    viscous, slope = _viscous(solution, plant_of(data).mechanism.n)
+    viscous, slope = _viscous(fit, plant_of(data).mechanism.n)
     return Alignment(
         corrected,
         covariance=pair,
-        degrees_of_freedom=solution.covariance.freedom,
+        degrees_of_freedom=fit.covariance.freedom,
         span=(float(span[0]), float(span[1])),
         viscous=viscous,
         viscous_slope=slope,
         coarse=coarse,
-        noise=solution.shot.sigma,
-        converged=bool(solution.shot.settled),
+        noise=fit.solution.sigma,
+        converged=fit.solution.converged,
     )
 
 
-def _solved(data: Dataset, clock: Clock, settings: Settings | None) -> _Solution:
+def _solved(data: Dataset, clock: Clock, settings: Settings | None) -> _Fit:
     """Shooting with short windows, then from there with long ones, kept where these converge."""
-    guess, track = _start(data)
-    blocks: tuple[Block, ...] = (FrictionBlock(), InertiaBlock(prior=PARAMETER_PRIOR))
+    estimate, intervals = _start(data)
+    blocks: tuple[ParameterBlock, ...] = (FrictionBlock(), InertiaBlock(prior=PARAMETER_PRIOR))
     middle = float(clock.to_angles(np.array(clock.at)))
-    use = _used(track)
-    short = drifting(track, guess, blocks, settings or SHORT_WINDOWS, middle)
-    shot = settle(short, guess, use)
+    use = _used(intervals)
+    short = drifting(intervals, estimate, blocks, settings or SHORT_WINDOWS, middle)
+    solution = solve(short, estimate, use)
     if settings is None:
         long = replace(short, settings=LONG_WINDOWS)
-        mean = values_of(guess, short.parts)
-        longer = settle(long, shot.guess, use, shot.nodes, mean=mean)
-        if longer.settled:
-            return _Solution(long, longer, covariance_of(long, longer))
-    return _Solution(short, shot, covariance_of(short, shot))
+        mean = values_of(estimate, short.blocks)
+        longer = solve(long, solution.estimate, use, solution.nodes, mean=mean)
+        if longer.converged:
+            return _Fit(long, longer, covariance_of(long, longer))
+    return _Fit(short, solution, covariance_of(short, solution))
 
 
-def _start(data: Dataset) -> tuple[Guess, Track]:
-    """Friction by least squares on one-step residuals, with nominal base parameters; the track."""
+def _start(data: Dataset) -> tuple[Estimate, Intervals]:
+    """Friction by least squares on one-step residuals, nominal base parameters; the intervals."""
     plant = plant_of(data)
     states = states_of(data, INTEGRAL.states, None)
     problem = training_problem(data, plant, INTEGRAL, states=states)
     friction = LeastSquares(LAW).fit(problem, np.ones((1, len(problem.r))), 0)[0]
     calibration = Calibration.ideal(plant.n, np.asarray(plant.p)[0])
-    return Guess(friction, calibration, plant.mechanism), track_of(data, states=states)
+    return Estimate(friction, calibration, plant.mechanism), intervals_of(data, states=states)
 
 
-def _used(track: Track) -> Array:
+def _used(intervals: Intervals) -> Array:
     """Intervals (K,) that are used: all, or stretches spread over a long motion."""
-    K = len(track.dt)
+    K = len(intervals.dt)
     if K <= _MAX_INTERVALS:
         return np.ones(K, dtype=bool)
-    width = max(int(_STRETCH / float(np.median(track.dt))), 4)
+    width = max(int(_STRETCH / float(np.median(intervals.dt))), 4)
     every = K / _MAX_INTERVALS
     return np.asarray((np.arange(K) % int(width * every)) < width)
 
 
-def _viscous(solution: _Solution, n: int) -> tuple[Array, Array]:
+def _viscous(fit: _Fit, n: int) -> tuple[Array, Array]:
     """Viscous friction (n,) of each joint, and its change (n,) per second of offset.
 
     With the offset held at a value that is wrong by d, the other parameters o move by
@@ -360,17 +367,16 @@ def _viscous(solution: _Solution, n: int) -> tuple[Array, Array]:
 
     where H is the Hessian of the fit.
     """
-    covariance, shot = solution.covariance, solution.shot
-    entries, k = covariance.entries, solution.place("delay")
-    H = shot.normal.H[shot.closed].sum(axis=0)
-    H = H + np.diag([1.0 / e.prior**2 for e in entries])
-    others = np.array([i for i in range(len(entries)) if i != k and shot.free[i]])
+    covariance, solution = fit.covariance, fit.solution
+    parameters, k = covariance.parameters, fit.place("delay")
+    H = solution.curvature + np.diag(fit.problem.prior_precision)
+    others = np.array([i for i in range(len(parameters)) if i != k and solution.free[i]])
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H)[others], 1e-300))
     inner = H[np.ix_(others, others)] * np.outer(scale, scale)
     move = -scale * np.linalg.lstsq(inner, scale * H[others, k], rcond=1e-9)[0]
     value, slope = np.zeros(n), np.zeros(n)
     for i, step in zip(others, move, strict=True):
-        entry = entries[i]
-        if entry.block == "friction" and LAW.names[entry.place[1]] == "viscous":
-            value[entry.place[0]], slope[entry.place[0]] = covariance.values[i], step
+        p = parameters[i]
+        if p.block == "friction" and LAW.names[p.place[1]] == "viscous":
+            value[p.place[0]], slope[p.place[0]] = covariance.values[i], step
     return value, slope

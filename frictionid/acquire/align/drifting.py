@@ -13,11 +13,18 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.mechanics.calibration import Calibration
-from frictionid.shooting.intervals import Track
-from frictionid.shooting.linearise import Intervals, Lines, intervals_of, parts_of
-from frictionid.shooting.parameters import Block, DelayBlock
-from frictionid.shooting.parameters.parameter_block import Entry, Guess
-from frictionid.shooting.settings import Settings
+from frictionid.shooting import (
+    DelayBlock,
+    Estimate,
+    Intervals,
+    Linearisation,
+    Parameter,
+    ParameterBlock,
+    Settings,
+    ShootingProblem,
+    free_blocks,
+    shooting_problem,
+)
 
 MAX_DRIFT = 0.01
 DRIFT_SIGMA = 5e-4  # prior standard deviation: of quartz clocks
@@ -31,64 +38,74 @@ class ClockCalibration(Calibration):
 
 
 @dataclass(frozen=True)
-class DriftBlock:
+class DriftBlock(ParameterBlock):
     """Drift of the torque's clock [1]; `prior` is its prior standard deviation."""
 
     prior: float = DRIFT_SIGMA
-    name: str = "drift"
-    enters: str = "torque"
+    name, enters = "drift", "torque"
 
-    def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        drift = guess.calibration.drift if isinstance(guess.calibration, ClockCalibration) else 0.0
-        return (Entry(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT, self.prior),)
+    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+        drift = _drift_of(estimate)
+        return (Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT, self.prior),)
 
-    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        own = {f: getattr(guess.calibration, f) for f in Calibration.__dataclass_fields__}
-        return guess._replace(calibration=ClockCalibration(**own, drift=float(values[0])))
+    def with_values(
+        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
+    ) -> Estimate:
+        own = {f: getattr(estimate.calibration, f) for f in Calibration.__dataclass_fields__}
+        return estimate._replace(calibration=ClockCalibration(**own, drift=float(values[0])))
 
 
 @dataclass(frozen=True, eq=False)
-class Drifting(Intervals):
-    """Intervals whose torque has a clock of its own, right at `middle` [s] but for its delay."""
+class Drifting(ShootingProblem):
+    """The problem of a torque with a clock of its own, right at `middle` [s] but for its delay."""
 
-    inner: Intervals
+    inner: ShootingProblem
     middle: float
 
-    def lines(self, guess: Guess, nodes: Array, rows: Array) -> Lines:
-        """Ends and derivatives of some intervals that begin at nodes (K, s)."""
-        drift = guess.calibration.drift if isinstance(guess.calibration, ClockCalibration) else 0.0
-        own = replace(self.inner, track=drifted(self.track, drift, self.middle))
-        found = own.lines(guess, nodes, rows)
+    def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
+        """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
+        drift = _drift_of(estimate)
+        own = replace(self.inner, intervals=drifted(self.intervals, drift, self.middle))
+        found = own.linearise(estimate, nodes, rows)
         places = {e: k for k, e in enumerate(_names(self.inner))}
         by = np.zeros((*found.by.shape[:-1], self.count))
-        angle = np.zeros((self.count, self.track.n))
-        since = (self.track.time + self.track.dt / 2 - self.middle)[:, None]
+        angle = np.zeros((self.count, self.intervals.n))
+        since = (self.intervals.time + self.intervals.dt / 2 - self.middle)[:, None]
         for k, name in enumerate(_names(self)):
             if name[0] == "drift":
                 by[..., k] = since * found.by[..., places["delay", "torque delay"]]
             else:
                 by[..., k], angle[k] = found.by[..., places[name]], found.angle[places[name]]
-        return Lines(found.end, found.by_start, by, angle)
+        return Linearisation(found.end, found.by_start, by, angle)
 
 
 def drifting(
-    track: Track, guess: Guess, blocks: Sequence[Block], settings: Settings, middle: float
+    intervals: Intervals,
+    estimate: Estimate,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    middle: float,
 ) -> Drifting:
-    """Intervals of a track with delay, drift and other blocks free."""
+    """The problem of fitting delay, drift and other blocks to the intervals."""
     delay = DelayBlock()
-    inner = intervals_of(track, guess, (*blocks, delay), settings)
-    parts = parts_of((*blocks, delay, DriftBlock()), guess)
-    return Drifting(track, parts, settings, inner.seen, inner, middle)
+    inner = shooting_problem(intervals, estimate, (*blocks, delay), settings)
+    free = free_blocks((*blocks, delay, DriftBlock()), estimate)
+    return Drifting(intervals, free, settings, inner.reads, inner, middle)
 
 
-def drifted(track: Track, drift: float, middle: float) -> Track:
-    """The track with its torque on the drifting clock."""
+def _drift_of(estimate: Estimate) -> float:
+    calibration = estimate.calibration
+    return calibration.drift if isinstance(calibration, ClockCalibration) else 0.0
+
+
+def drifted(intervals: Intervals, drift: float, middle: float) -> Intervals:
+    """The intervals with their torque on the drifting clock."""
     recordings = tuple(
         replace(r, torque=r.torque._replace(time=r.torque.time + drift * (r.torque.time - middle)))
-        for r in track.dataset.recordings
+        for r in intervals.dataset.recordings
     )
-    return replace(track, dataset=replace(track.dataset, recordings=recordings))
+    return replace(intervals, dataset=replace(intervals.dataset, recordings=recordings))
 
 
-def _names(intervals: Intervals) -> list[tuple[str, str]]:
-    return [(e.block, e.name) for part in intervals.parts for e in part.entries]
+def _names(problem: ShootingProblem) -> list[tuple[str, str]]:
+    return [(p.block, p.name) for p in problem.parameters]

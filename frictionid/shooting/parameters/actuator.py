@@ -8,8 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
-from frictionid.shooting.parameters.parameter_block import Entry, Guess, checked
+from frictionid.shooting.parameters.parameter_block import (
+    Estimate,
+    Parameter,
+    ParameterBlock,
+    check_fixed,
+    relative_deviation,
+)
 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")
@@ -17,8 +22,8 @@ _LEAST = 0.05  # of where a constant begins: it stays positive
 
 
 @dataclass(frozen=True)
-class ActuatorBlock:
-    """Torque constant kt and friction_torque R of the motors, but for those that are `fixed`.
+class ActuatorBlock(ParameterBlock):
+    """Torque constant kt and resistance R of the motors, but for those that are `fixed`.
 
     With this block motor torque is no input: u = kt (V - kt w)/R of the recorded voltage V and the
     *predicted* velocity w while the motor is connected, and nothing while it is not. The back-EMF
@@ -29,35 +34,30 @@ class ActuatorBlock:
 
     fixed: tuple[str, ...] = ()
     prior: float | None = None
-    name: str = "actuator"
-    enters: str = "actuator"
+    name, enters = "actuator", "actuator"
 
     def __post_init__(self) -> None:
-        for name in self.fixed:
-            if name not in MOTOR:
-                raise InputError(
-                    f"block 'actuator': a motor has no constant {name!r} to fix; known are "
-                    f"{', '.join(MOTOR)}"
-                )
+        check_fixed(self.fixed, MOTOR, self.name, "a motor has no constant")
 
-    def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        relative = checked(self.prior, self.name)
-        values = np.asarray(guess.calibration.motor, dtype=float)
+    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+        values = np.asarray(estimate.calibration.motor, dtype=float)
         return tuple(
-            Entry(
+            Parameter(
                 block=self.name,
                 name=name,
                 unit=unit,
                 value=float(value),
                 low=_LEAST * float(value),
-                prior=relative * float(value),
+                prior=relative_deviation(self.prior, self.name, float(value)),
             )
             for name, unit, value in zip(MOTOR, _UNITS, values, strict=True)
             if name not in self.fixed
         )
 
-    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        motor = np.array(guess.calibration.motor, dtype=float)
-        for entry, value in zip(entries, values, strict=True):
-            motor[MOTOR.index(entry.name)] = value
-        return guess._replace(calibration=replace(guess.calibration, motor=motor))
+    def with_values(
+        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
+    ) -> Estimate:
+        motor = np.array(estimate.calibration.motor, dtype=float)
+        for parameter, value in zip(parameters, values, strict=True):
+            motor[MOTOR.index(parameter.name)] = value
+        return estimate._replace(calibration=replace(estimate.calibration, motor=motor))

@@ -8,13 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.shooting.parameters.parameter_block import Block, Entry, Guess, checked
+from frictionid.shooting.parameters.parameter_block import (
+    Estimate,
+    Parameter,
+    ParameterBlock,
+    check_fixed,
+    relative_deviation,
+)
 
 
 @dataclass(frozen=True)
-class FrictionBlock:
+class FrictionBlock(ParameterBlock):
     """Parameters of the law, but for those whose names are `fixed`.
 
     `prior` is a standard deviation relative to each value. `support` are the places (joint,
@@ -24,29 +29,22 @@ class FrictionBlock:
     fixed: tuple[str, ...] = ()
     prior: float | None = None
     support: tuple[tuple[int, int], ...] | None = None
-    name: str = "friction"
-    enters: str = "friction"
+    name, enters = "friction", "friction"
 
-    def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        law, theta = guess.friction.law, np.asarray(guess.friction.theta)
-        for name in self.fixed:
-            if name not in law.names:
-                raise InputError(
-                    f"block 'friction': {law} has no parameter {name!r} to fix; "
-                    f"known are {', '.join(law.names)}"
-                )
-        relative = checked(self.prior, self.name)
-        joints = guess.mechanism.description.joints
-        units = guess.friction.units
+    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+        law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
+        check_fixed(self.fixed, law.names, self.name, f"{law} has no parameter")
+        joints = estimate.mechanism.description.joints
+        units = estimate.friction.units
         return tuple(
-            Entry(
+            Parameter(
                 block=self.name,
                 name=f"{name} of {joints[j]}",
                 unit=units[i],
                 value=float(theta[j, i]),
                 low=law.bounds[i][0],
                 high=law.bounds[i][1],
-                prior=relative * max(abs(float(theta[j, i])), 1e-12) if self.prior else relative,
+                prior=relative_deviation(self.prior, self.name, float(theta[j, i])),
                 place=(j, i),
             )
             for j in range(theta.shape[0])
@@ -54,14 +52,16 @@ class FrictionBlock:
             if name not in self.fixed and (self.support is None or (j, i) in self.support)
         )
 
-    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        theta = np.array(guess.friction.theta, dtype=float)
-        for entry, value in zip(entries, values, strict=True):
-            theta[entry.place] = value
-        return guess._replace(friction=replace(guess.friction, theta=theta))
+    def with_values(
+        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
+    ) -> Estimate:
+        theta = np.array(estimate.friction.theta, dtype=float)
+        for parameter, value in zip(parameters, values, strict=True):
+            theta[parameter.place] = value
+        return estimate._replace(friction=replace(estimate.friction, theta=theta))
 
 
-def on_support(blocks: Sequence[Block], friction: Friction) -> tuple[Block, ...]:
+def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[ParameterBlock, ...]:
     """The blocks; where the law is sparse, friction's only frees what the friction (n, P) has."""
     if not friction.law.is_sparse:
         return tuple(blocks)

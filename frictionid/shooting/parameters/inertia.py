@@ -8,16 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
-from frictionid.shooting.parameters.parameter_block import Entry, Guess, checked
+from frictionid.shooting.parameters.parameter_block import (
+    Estimate,
+    Parameter,
+    ParameterBlock,
+    check_fixed,
+    relative_deviation,
+)
 
 _GRID = np.linspace(-np.pi, np.pi, 13)
 _KEPT = 0.05  # of the mass matrix that a step may leave in any direction
 
 
 @dataclass(frozen=True)
-class InertiaBlock:
+class InertiaBlock(ParameterBlock):
     """Base parameters, but for those whose names are `fixed`.
 
     Steps are taken along a path on which M(q) stays positive definite for all q, see `inside`.
@@ -26,38 +31,33 @@ class InertiaBlock:
 
     fixed: tuple[str, ...] = ()
     prior: float | None = None
-    name: str = "inertia"
-    enters: str = "base"
+    name, enters = "inertia", "base"
 
-    def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        base, d = np.asarray(guess.calibration.base), guess.mechanism.description
-        names = guess.mechanism.base_names
-        for name in self.fixed:
-            if name not in names:
-                raise InputError(
-                    f"block 'inertia': {d.kind} has no base parameter {name!r} to fix; "
-                    f"known are {', '.join(names)}"
-                )
-        relative = checked(self.prior, self.name)
+    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+        base, d = np.asarray(estimate.calibration.base), estimate.mechanism.description
+        names = estimate.mechanism.base_names
+        check_fixed(self.fixed, names, self.name, f"{d.kind} has no base parameter")
         return tuple(
-            Entry(
+            Parameter(
                 block=self.name,
                 name=b.name,
                 unit=b.unit,
                 value=float(base[i]),
-                prior=relative * max(abs(float(base[i])), 1e-12) if self.prior else relative,
+                prior=relative_deviation(self.prior, self.name, float(base[i])),
                 place=(i,),
             )
             for i, b in enumerate(d.base)
             if b.name not in self.fixed
         )
 
-    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        new = np.array(guess.calibration.base, dtype=float)
-        for entry, value in zip(entries, values, strict=True):
-            new[entry.place] = value
-        base = inside(guess.mechanism, np.asarray(guess.calibration.base), new)
-        return guess._replace(calibration=replace(guess.calibration, base=base))
+    def with_values(
+        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
+    ) -> Estimate:
+        new = np.array(estimate.calibration.base, dtype=float)
+        for parameter, value in zip(parameters, values, strict=True):
+            new[parameter.place] = value
+        base = inside(estimate.mechanism, np.asarray(estimate.calibration.base), new)
+        return estimate._replace(calibration=replace(estimate.calibration, base=base))
 
 
 def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:

@@ -1,10 +1,10 @@
-"""What a block of parameters is: part of what is fitted, free as a whole or in part."""
+"""Blocks of parameters that shooting can free, and the free parameters of a fit."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.calibration import Calibration
 
+_ORDER = ("friction", "base", "torque", "angle", "actuator")
 
-class Guess(NamedTuple):
+
+class Estimate(NamedTuple):
     """Current values of a fit: friction (theta (n, P)), calibration (no batch axes), mechanism."""
 
     friction: Friction
@@ -23,11 +25,11 @@ class Guess(NamedTuple):
     mechanism: Mechanism
 
 
-class Entry(NamedTuple):
+class Parameter(NamedTuple):
     """One free parameter: block, name, unit, value, bounds, and standard deviation of its prior.
 
-    `place` says where the block keeps it; the prior's mean is the value that the fit begins with,
-    its deviation infinite where there is no prior.
+    `place` says where the block keeps it: the joint first, of base parameters their index. The
+    prior's mean is the value that the fit begins with, its deviation infinite where there is none.
     """
 
     block: str
@@ -40,43 +42,68 @@ class Entry(NamedTuple):
     place: tuple[int, ...] = ()
 
 
-class Block(Protocol):
-    """A block: its free parameters, and how they enter.
+class ParameterBlock(ABC):
+    """Some of the parameters of a fit, free but for those whose names are `fixed`.
 
-    `enters` is "friction", "base", "torque", "angle" or "actuator": which of the physics' inputs
-    they are.
+    `enters` says which input of the physics they are: "friction", "base", "torque", "angle" or
+    "actuator".
     """
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def enters(self) -> str: ...
+    name: ClassVar[str]
+    enters: ClassVar[str]
+    fixed: tuple[str, ...] = ()
 
-    def entries(self, guess: Guess) -> tuple[Entry, ...]:
-        """The free parameters."""
+    @abstractmethod
+    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+        """The free parameters, with their current values."""
 
-    def put(self, guess: Guess, entries: Sequence[Entry], values: Array) -> Guess:
-        """The guess with other values of the block's free parameters."""
+    @abstractmethod
+    def with_values(
+        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
+    ) -> Estimate:
+        """The estimate with other values (E,) of the block's free parameters."""
 
+    def torque_slope(
+        self, estimate: Estimate, parameters: Sequence[Parameter], logged: Array, later: Array
+    ) -> Array:
+        """Derivatives (E, ..., n) of the motor torque; none of a block that does not change it.
 
-class Torque(Protocol):
-    """A block that changes the motor torque, or (`enters` "angle") the measured angle."""
-
-    def slope(self, guess: Guess, entries: Sequence[Entry], logged: Array, later: Array) -> Array:
-        """Derivatives (E, ..., n) of the motor torque at each joint.
-
-        logged (..., n) is the delayed torque as it was logged, later (..., n) its own derivative by
-        the delay.
+        logged : (..., n), the torque as it was logged, delayed; later : its derivative by the delay
         """
+        return np.empty((0, *logged.shape))
 
 
-def joints_of(mechanism: Mechanism, *, driven: bool) -> tuple[int, ...]:
-    """Joints of a mechanism, or those that have a motor."""
-    d = mechanism.description
-    return tuple(j for j in range(mechanism.n) if d.driven[j] or not driven)
+class FreeBlock(NamedTuple):
+    """A block with its free parameters, at `columns` of all free parameters."""
+
+    block: ParameterBlock
+    parameters: tuple[Parameter, ...]
+    columns: slice
 
 
-def checked(prior: float | None, name: str) -> float:
+def free_blocks(blocks: Sequence[ParameterBlock], estimate: Estimate) -> tuple[FreeBlock, ...]:
+    """The blocks in the order of the derivatives, with their free parameters."""
+    out, first = [], 0
+    for block in sorted(blocks, key=lambda b: _ORDER.index(b.enters)):
+        parameters = block.parameters(estimate)
+        out.append(FreeBlock(block, parameters, slice(first, first + len(parameters))))
+        first += len(parameters)
+    return tuple(out)
+
+
+def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) -> Estimate:
+    """The estimate with other values (D,) of all free parameters."""
+    for own in blocks:
+        estimate = own.block.with_values(estimate, own.parameters, values[own.columns])
+    return estimate
+
+
+def values_of(estimate: Estimate, blocks: Sequence[FreeBlock]) -> Array:
+    """Values (D,) of all free parameters in an estimate."""
+    return np.array([p.value for own in blocks for p in own.block.parameters(estimate)])
+
+
+def prior_deviation(prior: float | None, name: str) -> float:
     """Standard deviation of a prior, infinite for none.
 
     Raises
@@ -91,11 +118,22 @@ def checked(prior: float | None, name: str) -> float:
     return float(prior)
 
 
-def with_joints(
-    calibration: Calibration, field: str, entries: Sequence[Entry], values: Array
-) -> Calibration:
-    """The calibration with some joints' values of a field replaced."""
-    new = np.array(getattr(calibration, field), dtype=float)
-    for entry, value in zip(entries, values, strict=True):
-        new[entry.place[0]] = value
-    return replace(calibration, **{field: new})
+def relative_deviation(prior: float | None, name: str, value: float) -> float:
+    """Standard deviation of a prior that is given relative to a value, infinite for none."""
+    deviation = prior_deviation(prior, name)
+    return deviation * max(abs(value), 1e-12) if prior else deviation
+
+
+def check_fixed(fixed: Sequence[str], known: Sequence[str], block: str, what: str) -> None:
+    """Check that fixed parameters are known ones.
+
+    Raises
+    ------
+    InputError
+        With the first that is not.
+    """
+    for name in fixed:
+        if name not in known:
+            raise InputError(
+                f"block {block!r}: {what} {name!r} to fix; known are {', '.join(known)}"
+            )

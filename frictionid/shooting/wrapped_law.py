@@ -1,4 +1,4 @@
-"""A law around another: what it tells of itself is the other's."""
+"""A law around another, with the other's declared attributes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from frictionid.friction import Law
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Wrapped(Law):
+class WrappedLaw(Law):
     """A law around another, with the other's smoothing at rest, of `width` and `shape`."""
 
     law: Law

@@ -13,14 +13,13 @@ from frictionid.data.servo import Servo, applied_voltage, servo_torque
 from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
-from frictionid.evaluation.scoring import with_calibration
+from frictionid.evaluation.prepared import with_calibration
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics.calibration import Calibration, calibrated_dataset, stack_calibrations
 from frictionid.shooting import Settings, refine
-from frictionid.shooting.intervals import track_of
-from frictionid.shooting.linearise import put, values_of
+from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import (
     ActuatorBlock,
     BiasBlock,
@@ -29,7 +28,8 @@ from frictionid.shooting.parameters import (
     GainBlock,
     InertiaBlock,
 )
-from frictionid.shooting.refine import begin
+from frictionid.shooting.parameters.parameter_block import values_of, with_values
+from frictionid.shooting.refine import prepare_fit
 
 KT, R = 0.39, 4.0
 TRUE = np.array([[0.013, 0.0037]])
@@ -66,7 +66,7 @@ def simulated(enabled, kt=KT, R=R, noise=2e-4, loss=0.0, seed=0):
             most = h / INERTIA * (coulomb + loss * np.abs(u))
             w = np.sign(wanted) * np.maximum(np.abs(wanted) - most, 0.0)
             q = q + h / 2 * w
-    seen = np.stack(out) + noise * np.random.default_rng(seed).normal(size=(len(time), 3))
+    reads = np.stack(out) + noise * np.random.default_rng(seed).normal(size=(len(time), 3))
     goal = np.stack([goals(t) for t in time])
     recordings = []
     for k in range(3):
@@ -75,7 +75,7 @@ def simulated(enabled, kt=KT, R=R, noise=2e-4, loss=0.0, seed=0):
             Signal(time, on[:, None], hold="previous"),
             **dict(gain=3.0, limit=1.0, supply=7.0, kt=kt, R=R),
         )
-        angle = Signal(time, seen[:, [k]])
+        angle = Signal(time, reads[:, [k]])
         recordings.append(
             Recording(f"{on.mean():g} {k}", angle, servo_torque(servo, angle), servo=servo)
         )
@@ -110,7 +110,7 @@ def test_wrong_motor_constants_are_found_where_the_motor_is_disconnected_for_a_w
     np.testing.assert_allclose(found.friction.theta[0, 0], TRUE[0, 0], rtol=0.03)
     np.testing.assert_allclose(found.friction.theta[0, 1], TRUE[0, 1], rtol=0.15)
     covariance = found.covariance
-    assert [e.name for e in covariance.entries[-2:]] == ["kt", "R"]
+    assert [e.name for e in covariance.parameters[-2:]] == ["kt", "R"]
     ends = covariance.interval(0.95)
     assert covariance.identified.all()
     width = ends[:, 1] - ends[:, 0]
@@ -128,7 +128,7 @@ def test_what_is_given_back_has_the_law_that_was_given(found):
 def test_the_torque_of_the_found_motor_is_judged_and_runs_free(found):
     protocol = Protocol(horizons=(0.25,), whole=True)
     view = with_calibration(prepare(BOTH, protocol), found.calibration)
-    for servo, recording in zip(view.course.servos, view.dataset.recordings, strict=True):
+    for servo, recording in zip(view.trajectory.servos, view.dataset.recordings, strict=True):
         np.testing.assert_array_equal([servo.kt, servo.R], found.calibration.motor)
         np.testing.assert_allclose(
             recording.torque.value, servo_torque(servo, recording.angle).value, atol=1e-12
@@ -170,20 +170,18 @@ def test_derivatives_are_the_slopes_of_the_ends(law):
     motor = ActuatorBlock(prior=0.1)
     blocks = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock(), motor)
     data = believed([DRIVEN[0], DROPPED[1]], KT, R)
-    intervals, guess = begin(Friction(law, theta), track_of(data), blocks, SHORT)
-    away = np.flatnonzero(np.abs(intervals.track.w[:, 0]) > 1.0)[::9]
-    both = intervals.connected(guess)[away]
+    problem, estimate = prepare_fit(Friction(law, theta), intervals_of(data), blocks, SHORT)
+    away = np.flatnonzero(np.abs(problem.intervals.w[:, 0]) > 1.0)[::9]
+    both = problem.connected(estimate)[away]
     assert (both == 0).any() and (both == 1).any()
-    nodes = intervals.start(guess)
-    lines = intervals.lines(guess, nodes, away)
-    values = values_of(guess, intervals.parts)
+    nodes = problem.initial_nodes(estimate)
+    lines = problem.linearise(estimate, nodes, away)
+    values = values_of(estimate, problem.blocks)
     for k, value in enumerate(values):
         step = 1e-4 * max(abs(value), 0.01)
-        ends = [
-            intervals.lines(put(guess, intervals.parts, values + s * step * np.eye(len(values))[k]),
-                            nodes, away).end[away]
-            for s in (1, -1)
-        ]  # fmt: skip
+        moves = (values + s * step * np.eye(len(values))[k] for s in (1, -1))
+        estimates = [with_values(estimate, problem.blocks, moved) for moved in moves]
+        ends = [problem.linearise(other, nodes, away).end[away] for other in estimates]
         slope = (ends[0] - ends[1]) / (2 * step)
         scale = np.abs(slope).max(axis=0) + 1e-12
         assert (np.abs(lines.by[away, :, k] - slope).max(axis=0) < 0.02 * scale).all()
@@ -254,7 +252,7 @@ ONLY = believed(DRIVEN, KT, R)
 )
 def test_what_no_data_can_tell_is_refused_in_one_line(data, blocks, words):
     with pytest.raises(InputError, match=words) as caught:
-        begin(START, track_of(data), (FrictionBlock(), *blocks), SHORT)
+        prepare_fit(START, intervals_of(data), (FrictionBlock(), *blocks), SHORT)
     assert "\n" not in str(caught.value)
 
 

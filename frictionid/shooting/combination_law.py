@@ -8,11 +8,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Memory
-from frictionid.shooting.wrapped import Wrapped
+from frictionid.shooting.wrapped_law import WrappedLaw
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Combined(Wrapped):
+class CombinationLaw(WrappedLaw):
     """A law of the numbers origin + directions theta, theta (n, r).
 
     origin : (n, P); directions : (n, P, r)

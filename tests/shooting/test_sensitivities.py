@@ -12,8 +12,7 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import Settings, refine
-from frictionid.shooting.intervals import track_of
-from frictionid.shooting.linearise import put, values_of
+from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import (
     BiasBlock,
     DelayBlock,
@@ -22,7 +21,8 @@ from frictionid.shooting.parameters import (
     InertiaBlock,
     OffsetBlock,
 )
-from frictionid.shooting.refine import begin
+from frictionid.shooting.parameters.parameter_block import values_of, with_values
+from frictionid.shooting.refine import prepare_fit
 from frictionid.simulate import Camera, Curve, Drive, Noise, Run, Sine, Stribeck, simulate
 from frictionid.simulate import Rig as Simulated
 
@@ -65,24 +65,24 @@ def acrobot():
 
 def test_derivatives_of_all_blocks_are_those_of_central_differences():
     level = [[0.16, 0.15, 0.01, 0.02, 6.0, 0.004], [0.05, 0.04, 0.02, 0.03, 8.0, 0.001]]
-    rig = replace(
+    calibration = replace(
         Calibration.ideal(2),
         gain=np.array([1.0, 1.05]),
         delay=np.asarray(0.007),
         bias=np.array([0.0, 0.01]),
         offset=np.array([0.02, -0.01]),
     )
-    friction = Friction(AsymmetricStribeck(), np.array(level), rig=rig)
+    friction = Friction(AsymmetricStribeck(), np.array(level), calibration=calibration)
     blocks = (
         *(FrictionBlock(), InertiaBlock(fixed=("gravity_2",)), DelayBlock()),
         *(GainBlock(), BiasBlock(), OffsetBlock()),
     )
-    track = track_of(acrobot())
-    intervals, guess = begin(friction, track, blocks, Settings())
-    nodes, rows = intervals.start(guess), np.arange(len(track.dt))
-    lines = intervals.lines(guess, nodes, rows)
+    intervals = intervals_of(acrobot())
+    problem, estimate = prepare_fit(friction, intervals, blocks, Settings())
+    nodes, rows = problem.initial_nodes(estimate), np.arange(len(intervals.dt))
+    lines = problem.linearise(estimate, nodes, rows)
     # a joint that meets w = 0 has a kink there
-    smooth = (np.abs(track.w) > 1.5).all(axis=1)
+    smooth = (np.abs(intervals.w) > 1.5).all(axis=1)
     assert smooth.sum() > 50
 
     def agree(ours, up, down, step):
@@ -92,27 +92,28 @@ def test_derivatives_of_all_blocks_are_those_of_central_differences():
         assert (off <= 2e-2 * size + 1e-9).all(), off / size
         return size.any()
 
-    values, seen = values_of(guess, intervals.parts), 0
+    values, reads = values_of(estimate, problem.blocks), 0
     for k in range(len(values)):
         step = 1e-5 * max(abs(values[k]), 1e-2)
         moved = (
-            put(guess, intervals.parts, values + s * step * np.eye(len(values))[k]) for s in (1, -1)
+            with_values(estimate, problem.blocks, values + s * step * np.eye(len(values))[k])
+            for s in (1, -1)
         )
-        up, down = (intervals.lines(g, nodes, rows).end for g in moved)
-        seen += agree(lines.by[..., k], up, down, step)
+        up, down = (problem.linearise(g, nodes, rows).end for g in moved)
+        reads += agree(lines.by[..., k], up, down, step)
     # all but the offsets, which only the measured angle feels
-    assert seen == len(values) - 2
+    assert reads == len(values) - 2
     np.testing.assert_array_equal(lines.angle[-2:], np.eye(2))
     for i in range(nodes.shape[1]):
         step = 1e-6 * np.eye(nodes.shape[1])[i]
-        up, down = (intervals.lines(guess, nodes + s * step, rows).end for s in (1, -1))
+        up, down = (problem.linearise(estimate, nodes + s * step, rows).end for s in (1, -1))
         assert agree(lines.by_start[..., i], up, down, 1e-6)
 
 
 def test_a_gain_5_per_cent_wrong_is_found_where_one_mass_is_known():
     blocks = (FrictionBlock(), InertiaBlock(fixed=("gravity",)), GainBlock())
     found = refine(BEGIN, pendulum(gain=1.05), blocks, SHORT)
-    assert found.rig.gain[0] == pytest.approx(1.05, rel=0.01)
+    assert found.calibration.gain[0] == pytest.approx(1.05, rel=0.01)
     np.testing.assert_allclose(found.friction.theta[:, 0], LEVEL, rtol=0.03)
 
 
@@ -120,7 +121,7 @@ def test_a_mass_10_per_cent_wrong_is_found_where_inertia_is_free_and_falsifies_f
     data = pendulum({"mass": 0.33})
     free = refine(BEGIN, data, (FrictionBlock(), InertiaBlock()), SHORT)
     told = refine(BEGIN, data, (FrictionBlock(),), SHORT)
-    np.testing.assert_allclose(free.rig.base, [0.33 * 0.04, 0.33 * 9.81 * 0.2], rtol=0.01)
+    np.testing.assert_allclose(free.calibration.base, [0.33 * 0.04, 0.33 * 9.81 * 0.2], rtol=0.01)
     errors = [np.abs(f.friction.theta[0] / TRUE[0] - 1.0).max() for f in (free, told)]
     assert errors[0] < 0.05 and errors[1] > 4 * errors[0]
     assert told.diagnostics.sigma[0] > 2 * free.diagnostics.sigma[0]
@@ -202,12 +203,12 @@ def test_data_that_cannot_tell_friction_are_refused(fault, words, healthy):
 )
 def test_data_that_no_friction_explains_are_doubted_aloud(fault, healthy):
     for blocks in ((FrictionBlock(),), (FrictionBlock(), InertiaBlock(), DelayBlock())):
-        doubts = " ".join(refine(BEGIN, fault(healthy), blocks, SHORT).diagnostics.doubts)
-        assert "times worse than it is measured" in doubts or "as far as it may go" in doubts
-        assert "`frictionid check` looks for wrong signs" in doubts
+        warnings = " ".join(refine(BEGIN, fault(healthy), blocks, SHORT).diagnostics.warnings)
+        assert "times worse than it is measured" in warnings or "as far as it may go" in warnings
+        assert "`frictionid check` looks for wrong signs" in warnings
 
 
 def test_healthy_data_are_not_doubted(healthy):
     blocks = (FrictionBlock(), InertiaBlock(), DelayBlock())
     found = refine(BEGIN, healthy, blocks, SHORT)
-    assert found.diagnostics.doubts == () and found.diagnostics.unexplained == ()
+    assert found.diagnostics.warnings == () and found.diagnostics.unexplained == ()

@@ -2,8 +2,8 @@
 
 u = (kt/R) V - (kt^2/R) w while the motor is connected, else zero. The first term is a torque like
 any other, of a logged V with the gain kt/R; the second acts like a friction, with `BackEMF`. So the
-inner intervals are those of another track and another law, which know both as free, and what kt and
-R change follows by the chain rule.
+inner problem has the voltage for a torque, and gain and back-EMF as free parameters; derivatives in
+kt and R follow by the chain rule.
 """
 
 from __future__ import annotations
@@ -19,67 +19,63 @@ from frictionid.data.servo import applied_voltage
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.shooting.back_emf import BackEMF, sharpened
-from frictionid.shooting.intervals import Track
-from frictionid.shooting.linearise import Intervals, Lines, intervals_of, parts_of
+from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.parameters.actuator import MOTOR
 from frictionid.shooting.parameters.friction import FrictionBlock
-from frictionid.shooting.parameters.parameter_block import Block, Guess
-from frictionid.shooting.parameters.voltage import VoltageBlock
+from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock, free_blocks
+from frictionid.shooting.parameters.sensors import VoltageBlock
+from frictionid.shooting.problem import Linearisation, ShootingProblem, shooting_problem
 from frictionid.shooting.settings import Settings
 
 
 @dataclass(frozen=True, eq=False)
-class Driven(Intervals):
-    """Intervals that a servo drives. `inner`: those of its voltage, with gain and back-EMF free."""
+class ServoProblem(ShootingProblem):
+    """The problem of recordings that a servo drives.
 
-    inner: Intervals
+    inner : with the voltage for a torque, gain and back-EMF free
+    """
 
-    def lines(self, guess: Guess, nodes: Array, rows: Array) -> Lines:
-        """Ends and derivatives of some intervals that begin at nodes (K, s)."""
-        K, size = nodes.shape
-        out = Lines(
-            np.zeros_like(nodes),
-            np.zeros((K, size, size)),
-            np.zeros((K, size, self.count)),
-            self._angle(),
-        )
-        connected = self.connected(guess)
+    inner: ShootingProblem
+
+    def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
+        """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
+        out = Linearisation.zeros(nodes, self._angle())
+        connected = self.connected(estimate)
         for pattern in np.unique(connected[rows], axis=0):
             some = rows[(connected[rows] == pattern).all(axis=1)]
-            own = self.inner.lines(_inside(guess, pattern), nodes, some)
+            own = self.inner.linearise(_inside(estimate, pattern), nodes, some)
             out.end[some], out.by_start[some] = own.end[some], own.by_start[some]
-            out.by[some] = own.by[some] @ self.chain(guess, pattern)
+            out.by[some] = own.by[some] @ self.chain_rule(estimate, pattern)
         return out
 
-    def connected(self, guess: Guess) -> Array:
+    def connected(self, estimate: Estimate) -> Array:
         """Whether (K, n) the motor of a joint is connected in the middle of an interval: 1 or 0."""
-        track = self.track
-        out = np.zeros((len(track.dt), track.n))
-        middle = track.time + track.dt / 2 - float(guess.calibration.delay)
-        driven = np.array(guess.mechanism.description.driven, dtype=float)
-        for r, recording in enumerate(track.dataset.recordings):
+        intervals = self.intervals
+        out = np.zeros((len(intervals.dt), intervals.n))
+        middle = intervals.time + intervals.dt / 2 - float(estimate.calibration.delay)
+        driven = np.array(estimate.mechanism.description.driven, dtype=float)
+        for r, recording in enumerate(intervals.dataset.recordings):
             if recording.servo is not None:
-                own = track.recording == r
+                own = intervals.recording == r
                 out[own] = recording.servo.connected(middle[own]) * driven
         return out
 
-    def chain(self, guess: Guess, connected: Array) -> Array:
+    def chain_rule(self, estimate: Estimate, connected: Array) -> Array:
         """Derivatives (D', D) of the inner parameters in the free ones, by joints' connection."""
-        kt, R = (float(x) for x in np.asarray(guess.calibration.motor))
+        kt, R = (float(x) for x in np.asarray(estimate.calibration.motor))
         by_motor = {
             "gain": {"kt": 1 / R, "R": -kt / R**2},
             "back_emf": {"kt": 2 * kt / R, "R": -((kt / R) ** 2)},
         }
-        entries = [e for part in self.parts for e in part.entries]
-        column = {(e.block, e.name): k for k, e in enumerate(entries)}
+        column = {(p.block, p.name): k for k, p in enumerate(self.parameters)}
         out = np.zeros((self.inner.count, self.count))
-        last = len(guess.friction.law.names)
-        for row, e in enumerate(e for part in self.inner.parts for e in part.entries):
-            if (e.block, e.name) in column:
-                out[row, column[e.block, e.name]] = 1.0
+        last = len(estimate.friction.law.names)
+        for row, p in enumerate(self.inner.parameters):
+            if (p.block, p.name) in column:
+                out[row, column[p.block, p.name]] = 1.0
                 continue
-            emf = e.block == "friction" and e.place[1] == last
-            share = connected[e.place[0]] if emf else 1.0
+            emf = p.block == "friction" and p.place[1] == last
+            share = connected[p.place[0]] if emf else 1.0
             for name in MOTOR:
                 if ("actuator", name) in column:
                     slope = by_motor["back_emf" if emf else "gain"][name]
@@ -87,34 +83,34 @@ class Driven(Intervals):
         return out
 
 
-def _inside(guess: Guess, connected: Array) -> Guess:
-    """The guess as the inner intervals see it, with the motors (n,) that are connected."""
-    kt, R = (float(x) for x in np.asarray(guess.calibration.motor))
-    friction, n = guess.friction, guess.mechanism.n
+def _inside(estimate: Estimate, connected: Array) -> Estimate:
+    """The estimate of the inner problem, with the motors (n,) that are connected."""
+    kt, R = (float(x) for x in np.asarray(estimate.calibration.motor))
+    friction, n = estimate.friction, estimate.mechanism.n
     theta = np.asarray(friction.theta, dtype=float)
     emf = (kt**2 / R * connected)[:, None]
     law = BackEMF(sharpened(friction.law))
     friction = replace(friction, law=law, theta=np.concatenate([theta, emf], axis=-1))
-    calibration = replace(guess.calibration, gain=np.full(n, kt / R), motor=None)
-    return guess._replace(friction=friction, calibration=calibration)
+    calibration = replace(estimate.calibration, gain=np.full(n, kt / R), motor=None)
+    return estimate._replace(friction=friction, calibration=calibration)
 
 
-def has_actuator(blocks: Sequence[Block]) -> bool:
+def has_actuator(blocks: Sequence[ParameterBlock]) -> bool:
     """Whether torque is to follow from a servo's voltage."""
     return any(b.name == "actuator" for b in blocks)
 
 
-def motored(guess: Guess, dataset: Dataset) -> Guess:
-    """The guess with motor constants: those that the friction brings, or the recordings'.
+def with_motor(estimate: Estimate, dataset: Dataset) -> Estimate:
+    """The estimate with motor constants: those that the friction brings, or the recordings'.
 
     Raises
     ------
     InputError
         Where no recording knows its servo, some do not, or they have different motors.
     """
-    if guess.calibration.motor is not None:
-        return guess
-    own = guess.friction.parameters
+    if estimate.calibration.motor is not None:
+        return estimate
+    own = estimate.friction.parameters
     found = {(r.servo.kt, r.servo.R) for r in dataset.recordings if r.servo is not None}
     where = f"data set {dataset.name!r}, block 'actuator'"
     way = "leave the block out, and free 'gain' for a wrong torque constant"
@@ -132,39 +128,41 @@ def motored(guess: Guess, dataset: Dataset) -> Guess:
         )
     motor = np.array([own.get("kt") or 0.0, own.get("R") or 0.0])
     motor = motor if (motor > 0).all() else np.array(found.pop())
-    return guess._replace(calibration=replace(guess.calibration, motor=motor))
+    return estimate._replace(calibration=replace(estimate.calibration, motor=motor))
 
 
-def driven_of(track: Track, guess: Guess, blocks: Sequence[Block], settings: Settings) -> Driven:
-    """Intervals of a track whose torque follows from the voltage of its servos.
+def servo_problem(
+    intervals: Intervals, estimate: Estimate, blocks: Sequence[ParameterBlock], settings: Settings
+) -> ServoProblem:
+    """The problem of intervals whose torque follows from the voltage of servos.
 
     Raises
     ------
     InputError
         For blocks that no data, or not these, can tell apart.
     """
-    law = guess.friction.law
-    if hasattr(guess.friction.theta, "detach") or law.sample_time is not None:
+    law = estimate.friction.law
+    if hasattr(estimate.friction.theta, "detach") or law.sample_time is not None:
         raise InputError(
             f"block 'actuator': {law} learns by reverse mode, which knows no voltages: leave the "
             "block out"
         )
     own = next((b for b in blocks if b.enters == "friction"), None)
-    friction = FrictionBlock(law.names if own is None else getattr(own, "fixed", ()))
+    friction = FrictionBlock(law.names if own is None else own.fixed)
     others = [b for b in blocks if b.name not in ("actuator", "friction")]
     volts = replace(
-        track.dataset, recordings=tuple(_as_voltage(r) for r in track.dataset.recordings)
+        intervals.dataset, recordings=tuple(_as_voltage(r) for r in intervals.dataset.recordings)
     )
-    outer = parts_of(blocks, guess)
-    inner = intervals_of(
-        replace(track, dataset=volts),
-        _inside(guess, np.ones(track.n)),
+    outer = free_blocks(blocks, estimate)
+    inner = shooting_problem(
+        replace(intervals, dataset=volts),
+        _inside(estimate, np.ones(intervals.n)),
         (friction, *others, VoltageBlock()),
         settings,
     )
-    driven = Driven(track, outer, settings, inner.seen, inner)
-    _check(driven, guess)
-    return driven
+    problem = ServoProblem(intervals, outer, settings, inner.reads, inner)
+    _check(problem, estimate)
+    return problem
 
 
 def _as_voltage(recording: Recording) -> Recording:
@@ -175,29 +173,29 @@ def _as_voltage(recording: Recording) -> Recording:
     return replace(recording, torque=volts)
 
 
-def _check(driven: Driven, guess: Guess) -> None:
-    """Complain about what these recordings cannot tell of motor, machine and friction together."""
-    entries = {part.block.name: part.entries for part in driven.parts}
-    free = {e.name for e in entries["actuator"]}
-    known = any(np.isfinite(e.prior) for own in entries.values() for e in own)
+def _check(problem: ServoProblem, estimate: Estimate) -> None:
+    """Refuse what these recordings cannot tell of motor, machine and friction together."""
+    parameters = {own.block.name: own.parameters for own in problem.blocks}
+    free = {p.name for p in parameters["actuator"]}
+    known = any(np.isfinite(p.prior) for p in problem.parameters)
     way = "fix actuator.kt or actuator.R, or give a prior of the block"
-    if "gain" in entries:
+    if "gain" in parameters:
         raise InputError(
             "blocks 'gain' and 'actuator': a gain of the torque is one of kt/R: leave one out"
         )
-    everything = len(guess.mechanism.base_names)
-    scale = len(entries.get("inertia", ())) == everything and entries.get("friction")
+    everything = len(estimate.mechanism.base_names)
+    scale = len(parameters.get("inertia", ())) == everything and parameters.get("friction")
     if scale and "R" in free and not known:
         raise InputError(
             "blocks 'actuator' and 'inertia' with all base parameters free: a smaller R with "
             "larger inertias and friction gives the same motion: fix actuator.R, or one base "
-            f"parameter that you are sure of, such as {guess.mechanism.base_names[-1]!r}, or give "
-            "a prior"
+            f"parameter that you are sure of, such as {estimate.mechanism.base_names[-1]!r}, or "
+            "give a prior"
         )
-    viscous = any(e.name.startswith("viscous") for e in entries.get("friction", ()))
-    rows = driven.connected(guess)
+    viscous = any(p.name.startswith("viscous") for p in parameters.get("friction", ()))
+    rows = problem.connected(estimate)
     passive = bool((rows == 0).all(axis=1).any())
-    if free == set(MOTOR) and viscous and not (known or passive or driven.seen.u):
+    if free == set(MOTOR) and viscous and not (known or passive or problem.reads.u):
         raise InputError(
             "block 'actuator': while the motor is connected only kt/R and the sum of viscous "
             f"friction and kt^2/R show in the motion: {way}, or add recordings in which it is "

@@ -13,13 +13,13 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.shooting.wrapped import Wrapped
+from frictionid.shooting.wrapped_law import WrappedLaw
 
 _ROOM = 4_000_000  # numbers of rows' own parameters at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OnTensors(Wrapped):
+class TensorLaw(WrappedLaw):
     """A law that computes with tensors like a given one, NumPy outside."""
 
     like: Array

@@ -1,0 +1,44 @@
+"""How derivatives of a motion change where a joint crosses w = 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.dynamics.step import Crossing
+from frictionid.shooting.tangent import Tangent, inverse_of_free
+
+_GRAZE = 0.01  # [rad/s]
+
+
+def cross_tangent(
+    tangent: Tangent, start: list[Array], w0: Array, crossing: Crossing, h: Array
+) -> None:
+    """Change the derivatives of the rows that cross w = 0 in a substep, in place.
+
+    A joint that stops keeps the derivative of its angle and hands its momentum on. Of a joint that
+    passes, friction switches its side earlier or later: dw changes by kick dt, where t = h w1/(w1 -
+    w0) is the time since the crossing.
+
+    start : derivatives of w before the substep; w0 : (k, n) velocities before it; h : (k,) length
+    """
+    n, rows, w1 = len(tangent.q), crossing.rows, crossing.w
+    angle, end = [q[:, rows] for q in tangent.q], [w[:, rows] for w in tangent.w]
+    for j in range(n):
+        angle[j] -= np.where(crossing.stops[:, j], h / 2, 0.0) * end[j]
+    if crossing.passes.any():
+        later = np.zeros_like(end[0])
+        for j in range(n):
+            # minus the derivative of the time since the crossing; bounded where w = 0 is just met
+            gap = np.maximum((w0[:, j] - w1[:, j]) ** 2, _GRAZE**2)
+            part = np.where(crossing.passes[:, j], h / gap, 0.0)
+            later += part * (w0[:, j] * end[j] - w1[:, j] * start[j])
+        for i in range(n):
+            end[i] = end[i] - crossing.kick[:, i] * later
+    if crossing.stops.any():
+        free = inverse_of_free(crossing.M, crossing.still)
+        kept = (free[..., None] * crossing.M[:, None]).sum(-2)
+        kept = np.where(crossing.stops.any(-1)[:, None, None], kept, np.eye(n))
+        end = [sum(kept[:, i, j] * end[j] for j in range(n)) for i in range(n)]
+    for i in range(n):
+        tangent.q[i][:, rows], tangent.w[i][:, rows] = angle[i], end[i]

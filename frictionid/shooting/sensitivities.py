@@ -1,0 +1,133 @@
+"""End states of many intervals, integrated by the physics step, with all their derivatives.
+
+The motion is that of `step.substep`, nothing else; the derivatives follow the variational equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array, times
+from frictionid.dynamics import step
+from frictionid.dynamics.step import State
+from frictionid.friction import Memory
+from frictionid.shooting.tangent import MotionModel, Tangent, initial_tangent, inverse_of_free
+from frictionid.shooting.variational_equation import advance_tangent
+
+
+class MotorTorque(NamedTuple):
+    """Motor torque of K intervals in S equal pieces, and its derivatives in E directions.
+
+    u (S, K, n) [N m], by (S, E, K, n); moment (S, K, n) [N m s^2], that of the torque about the end
+    of each piece beyond what its mean has, and moment_by (S, E, K, n). finer(rows, piece, parts):
+    the torque of some intervals in parts of a piece. Without these the torque is u throughout.
+    """
+
+    u: Array
+    by: Array
+    moment: Array | None = None
+    moment_by: Array | None = None
+    finer: Callable[[Array, int, int], MotorTorque] | None = None
+
+    def of(self, rows: Array, piece: int, parts: int) -> MotorTorque:
+        """That of some intervals in equal parts of a piece."""
+        if parts > 1 and self.finer is not None:
+            return self.finer(rows, piece, parts)
+        at = np.repeat(piece, parts)
+        u, by = self.u[at][:, rows], self.by[at][:, :, rows]
+        if parts > 1 or self.moment is None or self.moment_by is None:
+            return MotorTorque(u, by)
+        return MotorTorque(u, by, self.moment[at][:, rows], self.moment_by[at][:, :, rows])
+
+
+class EndStates(NamedTuple):
+    """States q, w (K, n) and memory at the end of K intervals, and their derivatives.
+
+    by_start (K, s, s) and by_parameters (K, s, D - s), of all s = (2 + entries of the memory) n
+    numbers of a state.
+    """
+
+    q: Array
+    w: Array
+    memory: Memory
+    by_start: Array
+    by_parameters: Array
+
+
+def end_states(
+    model: MotionModel, start: State, motor: MotorTorque, dt: Array, fine: int
+) -> EndStates:
+    """End states of intervals of length dt (K,) that start at states (K, n), with derivatives.
+
+    fine : substeps of a piece in which a joint comes near rest; other pieces are one substep
+    """
+    state, tangent = start, initial_tangent(model, start, motor.by.shape[1])
+    part = (dt / len(motor.u))[:, None]
+    for piece, u in enumerate(motor.u):
+        near = step.near_rest(model.plant, model.friction, state, u, part)
+        ends = []
+        for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
+            if len(rows):
+                own = tangent.take(rows)
+                torque = motor.of(rows, piece, count)
+                here = _rows_of(state, rows)
+                end = _substeps(model.take(rows), here, own, torque, part[rows] / count)
+                tangent.put(rows, own)
+                ends.append((rows, end))
+        state = _merged(state, ends)
+    matrix = np.stack(tangent.rows()).transpose(2, 0, 1)
+    size = matrix.shape[1]
+    return EndStates(state.q, state.w, state.memory, matrix[..., :size], matrix[..., size:])
+
+
+def _rows_of(state: State, rows: Array) -> State:
+    return State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
+
+
+def _merged(state: State, ends: list[tuple[Array, State]]) -> State:
+    """The state of all rows from those of some rows each."""
+    q, w = np.empty_like(state.q), np.empty_like(state.w)
+    memory = tuple(np.empty_like(z) for z in state.memory)
+    for rows, end in ends:
+        q[rows], w[rows] = end.q, end.w
+        for whole, part in zip(memory, end.memory, strict=True):
+            whole[rows] = part
+    return State(q, w, memory)
+
+
+def _substeps(
+    model: MotionModel, state: State, tangent: Tangent, motor: MotorTorque, dt: Array
+) -> State:
+    """State after some substeps; the derivatives change in place."""
+    for k, (u, by) in enumerate(zip(motor.u, motor.by, strict=True)):
+        substep = step.substep(model.plant, model.friction, state, u, dt)
+        advance_tangent(model, tangent, state, substep, u, by, dt)
+        state = substep[0]
+        if motor.moment is not None and motor.moment_by is not None and motor.moment[k].any():
+            state = _displaced(model, state, tangent, motor.moment[k], motor.moment_by[k])
+    return state
+
+
+def _displaced(
+    model: MotionModel, state: State, tangent: Tangent, moment: Array, moment_by: Array
+) -> State:
+    """State displaced by M^-1 moment, for the torque's variation about its mean in a substep."""
+    n = len(tangent.q)
+    resting = state.w == 0.0
+    A = inverse_of_free(model.plant.mechanism.inertia(model.plant.p, state.q), resting)
+    first = len(tangent.q[0]) - len(moment_by)
+    for i in range(n):
+        for j in range(n):
+            tangent.q[i][first:] += A[:, i, j] * moment_by[:, :, j]
+    way = times(A, moment)
+    if model.base:
+        # M way = moment, and M is linear in the base parameters
+        p, mechanism, zero = model.plant.p, model.plant.mechanism, 0.0 * way
+        inert, rest = (mechanism.partials(p, state.q, zero, a).by_p for a in (way, zero))
+        for k, place in enumerate(model.base, first - len(model.base)):
+            for i in range(n):
+                tangent.q[i][k] -= (A[:, i] * (inert - rest)[..., place]).sum(-1)
+    return state._replace(q=state.q + way)
