@@ -7,7 +7,6 @@ same rows, folds and rollouts as models of friction.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
@@ -30,7 +29,7 @@ class BlackBox(Identifier):
     """
 
     inner: Identifier
-    uses_mechanism: ClassVar[bool] = False
+    uses_mechanism = False
 
     @property
     def seeded(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,8 +17,8 @@ from frictionid.identifiers.residual import Problem
 class Frictionless(Identifier):
     """Identifier `none`: friction is zero."""
 
-    seeded: ClassVar[bool] = False
-    fixed: ClassVar[bool] = True
+    seeded = False
+    fixed = True
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         return Friction(NoFriction(), np.zeros((len(weights), problem.r.shape[-1], 0)))

@@ -10,7 +10,7 @@ friction laws (a higher peak that falls off sooner) that saves most of the steps
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class LeastSquares(Identifier):
     iterations: Count = 100
     tolerance: NotNegative = 1e-11
     robust: Positive | None = None
-    seeded: ClassVar[bool] = False
+    seeded = False
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class Linear(Identifier):
     """
 
     law: Law
-    seeded: ClassVar[bool] = False
+    seeded = False
 
     def __post_init__(self) -> None:
         check_linear(self.law)

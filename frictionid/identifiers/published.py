@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -28,8 +27,8 @@ class Published(Identifier):
     """
 
     friction: Friction
-    seeded: ClassVar[bool] = False
-    fixed: ClassVar[bool] = True
+    seeded = False
+    fixed = True
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         theta = self.friction.theta

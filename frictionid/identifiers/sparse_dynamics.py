@@ -51,7 +51,7 @@ class SparseDynamics(Identifier):
     thresholds: Annotated[tuple[Fraction, ...], Field(min_length=1)] = (0.003, 0.01, 0.03, 0.1)
     ridge: NotNegative = 1e-6
     n_standard_errors: NotNegative = 1.0
-    seeded: ClassVar[bool] = False
+    seeded = False
     renamed: ClassVar[Mapping[str, str]] = {"sure": "n_standard_errors"}
 
     def __post_init__(self) -> None:

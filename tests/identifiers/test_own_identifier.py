@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,16 @@ def test_the_readme_shows_this_file_and_it_has_under_forty_lines() -> None:
     text = FILE.read_text(encoding="utf-8")
     assert len(text.splitlines()) < 40
     assert f"```python\n{text}```" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_identifier_of_the_documentation_keeps_to_the_protocol(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (ROOT / "docs" / "identifiers.md").read_text(encoding="utf-8")
+    code = page.split("```python\n")[1].split("```")[0]
+    (tmp_path / "viscous_of_the_docs.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    check_identifier(import_module("viscous_of_the_docs").Viscous())
 
 
 def test_it_keeps_to_the_contracts(own: Identifier) -> None:
