@@ -21,7 +21,7 @@ from frictionid.friction.laws import (
 )
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 from frictionid.simulate.integrate import integrate_motion as simulated
-from frictionid.simulate.modes import World
+from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.true_friction import Curve
 from frictionid.simulate.true_friction import Stribeck as Truth
 
@@ -118,8 +118,10 @@ def test_a_second_is_that_of_the_simulator_with_its_real_stick():
     u = np.zeros((60, 16, 2))
     u[..., 1] = 0.14 * np.sin(8 * np.arange(60)[:, None] / 60 + rng.uniform(0, 6, 16))
     up, down, peak_up, peak_down, ws, viscous = map(tuple, theta.T)
-    world = World(plant.mechanism, plant.p, Truth(Curve(up, down, viscous, peak_up, peak_down, ws)))
-    true = simulated(world, start.q, start.w, u, np.arange(61) / 60, 5e-4)
+    system = TrueSystem(
+        plant.mechanism, plant.p, Truth(Curve(up, down, viscous, peak_up, peak_down, ws))
+    )
+    true = simulated(system, start.q, start.w, u, np.arange(61) / 60, 5e-4)
     for width, most in ((0.02, 4e-4), (0.005, 1e-4)):
         friction = Friction(AsymmetricStribeck(width=width), theta)
         motion = rollout(plant, friction, start, u, np.full(60, 1 / 60))

@@ -51,7 +51,7 @@ from frictionid.identifiers.residual import Problem, integral_problem, sliding
 from frictionid.mechanics import Plant, acrobot
 from frictionid.simulate import Curve, Stribeck
 from frictionid.simulate.integrate import integrate_motion
-from frictionid.simulate.modes import World
+from frictionid.simulate.modes import TrueSystem
 
 SEEDS = range(1000, 1040)  # of the noise in measurements
 COULOMB, VISCOUS = (0.165, 0.0525), (0.004, 0.0008)
@@ -79,13 +79,13 @@ def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, 
     """Angles and velocities (T + 1, N, n) by the independent simulator with set-valued friction."""
     theta = experiment.friction.theta
     coulomb, viscous = (tuple(map(float, column)) for column in theta.T)
-    world = World(
+    system = TrueSystem(
         experiment.plant.mechanism,
         experiment.plant.p,
         Stribeck(Curve(coulomb, coulomb, viscous)),
     )
     states = integrate_motion(
-        world, start, 0.0 * start, torque[:-1], experiment.images, 1 / 60 / 16
+        system, start, 0.0 * start, torque[:-1], experiment.images, 1 / 60 / 16
     )
     return states[:, 0], states[:, 1]
 
