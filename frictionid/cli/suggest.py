@@ -67,14 +67,15 @@ def suggest(
 
 
 def _write(advice: Any, places: list[Path], figure: Path | None) -> None:
-    from frictionid import excitation
     from frictionid.files import write_bytes, write_text
+    from frictionid.report.experiment_design import command_csv, described
+    from frictionid.report.figures.experiment_design import picture
 
     for number, path in enumerate(places):
-        write_text(path, excitation.played(advice, number))
+        write_text(path, command_csv(advice, number))
     if figure is not None:
-        write_bytes(figure, excitation.picture(advice))
-    print(excitation.described(advice))
+        write_bytes(figure, picture(advice))
+    print(described(advice))
     print(f"written to {', '.join(map(str, places))}")
 
 

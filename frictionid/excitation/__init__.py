@@ -6,11 +6,9 @@ from frictionid.excitation.information import Expected, covariances, expected, s
 from frictionid.excitation.limits import Limits, limits_of
 from frictionid.excitation.monte_carlo import Repeated, repeated
 from frictionid.excitation.motion import Motions, moved
-from frictionid.excitation.picture import picture
 from frictionid.excitation.prior_friction import guessed
 from frictionid.excitation.search import Search, best
 from frictionid.excitation.signals import Waves
-from frictionid.excitation.summary import described, played
 
 __all__ = [
     "Advice",
@@ -24,14 +22,11 @@ __all__ = [
     "advise",
     "best",
     "covariances",
-    "described",
     "expected",
     "guessed",
     "limits_of",
     "mechanism_in",
     "moved",
-    "picture",
-    "played",
     "repeated",
     "standard_errors",
 ]

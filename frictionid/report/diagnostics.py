@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,20 +13,18 @@ import numpy as np
 from frictionid.check import Verdict
 from frictionid.check.regression import Estimate
 from frictionid.mechanics import mechanism_of
+from frictionid.report.numbers import NOTHING
+from frictionid.report.tables import Column, Line, Table, for_terminal, line, words
+from frictionid.report.terminal import console
 
-WIDTH = 120  # columns, where the output is no terminal
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 
 
 def show_verdict(verdict: Verdict) -> None:
     """Print a verdict: in colour in a terminal, as plain text into a pipe."""
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=WIDTH)
+    out = console()
     for part in (_headline, _joints, _findings, _questions, _estimate, _friction, _next):
-        part(verdict, console)
+        part(verdict, out)
 
 
 def as_json(verdict: Verdict) -> str:
@@ -82,29 +81,27 @@ def _headline(verdict: Verdict, console: Any) -> None:
 
 def _joints(verdict: Verdict, console: Any) -> None:
     angle, torque = _units(verdict)
-    head = [
-        "joint", f"q range [{angle}]", "w 95 %", "w top", "forward", "rest", "turns",
-        f"u RMS [{torque}]", "u top", "noise q", "of w", "of u", "step q", "of u",
-    ]  # fmt: skip
-    table = _table(head)
+    names = (f"q range [{angle}]", "w 95 %", "w top", "forward", "rest", "turns")
+    columns = [*words("joint"), *map(Column, names)]
+    columns += [Column(f"u RMS [{torque}]"), Column("u top")]
+    columns += [Column(name, "noise") for name in ("q", "w", "u")]
+    columns += [Column(name, "step") for name in ("q", "u")]
+    lines = []
     for j in verdict.joints:
-        table.add_row(
-            str(j.joint),
-            f"{j.range:.3g}",
-            f"{j.fast:.3g}",
-            f"{j.top:.3g}",
-            f"{100 * j.forward:.0f} %",
-            f"{100 * j.rest:.0f} %",
-            str(j.reversals),
-            f"{j.torque:.2g}",
-            f"{j.torque_top:.2g}",
-            f"{j.angle_noise:.2g}",
-            f"{j.velocity_noise:.2g}",
-            f"{j.torque_noise:.1g}",
-            f"{j.angle_step:.1g}" if j.angle_step else "-",
-            f"{j.torque_step:.1g}" if j.torque_step else "-",
+        ranges = [f"{value:.3g}" for value in (j.range, j.fast, j.top)]
+        shares = [f"{100 * share:.0f} %" for share in (j.forward, j.rest)]
+        torques = [f"{value:.2g}" for value in (j.torque, j.torque_top)]
+        noise = [f"{j.angle_noise:.2g}", f"{j.velocity_noise:.2g}", f"{j.torque_noise:.1g}"]
+        steps = [f"{step:.1g}" if step else NOTHING for step in (j.angle_step, j.torque_step)]
+        lines.append(
+            line([str(j.joint), *ranges, *shares, str(j.reversals), *torques, *noise, *steps])
         )
-    console.print(table)
+    _print(console, columns, lines)
+
+
+def _print(console: Any, columns: Sequence[Column], lines: Sequence[Line]) -> None:
+    for text in for_terminal(Table("", "", tuple(columns), tuple(lines))):
+        console.print(text, soft_wrap=True)
 
 
 def _findings(verdict: Verdict, console: Any) -> None:
@@ -132,32 +129,36 @@ def _questions(verdict: Verdict, console: Any) -> None:
     console.print(table)
 
 
+def _published(verdict: Verdict) -> dict[str, float]:
+    """Parameters of the published model, by their names; none where there is no such model."""
+    model = verdict.published
+    return dict(zip(model.names, model.published, strict=True)) if model else {}
+
+
 def _estimate(verdict: Verdict, console: Any) -> None:
-    estimate, model = verdict.estimate, verdict.published
-    theirs = dict(zip(model.names, model.published, strict=True)) if model else {}
-    head = ["least squares", "estimate", "nominal", *(["published"] if theirs else [])]
-    table = _table(head)
-    for name, nominal in zip(estimate.names, verdict.nominal, strict=False):
-        cells = [name, _with_error(estimate, name), f"{nominal:.4g}"]
-        table.add_row(*cells, *([f"{theirs[name]:.4g}"] if theirs else []))
-    console.print(table)
+    published = _published(verdict)
+    columns = [*words("least squares"), Column("estimate"), Column("nominal")]
+    columns += [Column("published")] if published else []
+    lines = []
+    for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False):
+        cells = [name, _with_error(verdict.estimate, name), f"{nominal:.4g}"]
+        lines.append(line([*cells, *([f"{published[name]:.4g}"] if published else [])]))
+    _print(console, columns, lines)
 
 
 def _friction(verdict: Verdict, console: Any) -> None:
     angle, torque = _units(verdict)
-    names = ("coulomb", "viscous", "offset")
-    units = (torque, f"{torque} s/{angle}", torque)
-    table = _table(["joint", *(f"{n} [{u}]" for n, u in zip(names, units, strict=True))])
-    model = verdict.published
-    theirs = dict(zip(model.names, model.published, strict=True)) if model else {}
+    published = _published(verdict)
+    units = {"coulomb": torque, "viscous": f"{torque} s/{angle}", "offset": torque}
+    columns = [*words("joint"), *(Column(f"{name} [{unit}]") for name, unit in units.items())]
+    lines = []
     for joint in verdict.joints:
-        cells = []
-        for name in names:
-            key = f"{name}_{joint.joint}"
-            also = f" (published {theirs[key]:.3g})" if key in theirs else ""
+        cells = [str(joint.joint)]
+        for key in (f"{name}_{joint.joint}" for name in units):
+            also = f" (published {published[key]:.3g})" if key in published else ""
             cells.append(_with_error(verdict.estimate, key) + also)
-        table.add_row(str(joint.joint), *cells)
-    console.print(table)
+        lines.append(line(cells))
+    _print(console, columns, lines)
 
 
 def _with_error(estimate: Estimate, name: str) -> str:
@@ -170,17 +171,6 @@ def _next(verdict: Verdict, console: Any) -> None:
 
     for advice in verdict.next:
         console.print(Text("next: ", "bold").append(advice, ""))
-
-
-def _table(head: list[str]) -> Any:
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 0))
-    for i, name in enumerate(head):
-        table.add_column(Text(name), justify="left" if i == 0 else "right", no_wrap=True)
-    return table
 
 
 def _plain_table() -> Any:

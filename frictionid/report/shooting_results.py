@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 from frictionid.report.estimates import Estimate, correlation_of, names_of
 
 IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
-LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque looks like
+LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def _calibration(e: Estimate) -> Calibration:
 
 
 def _like_delay(read: Sequence[Estimate]) -> list[Estimate]:
-    """Friction parameters that a late torque looks like."""
+    """Friction parameters that a late torque styles like."""
     friction = [e for e in read if e.block == "friction"]
     return [e for e in friction if e.parameter.partition("_")[0] in LIKE_DELAY]
 

@@ -214,6 +214,11 @@ def for_terminal(table: Table) -> list[Any]:
     return out
 
 
+def terminal_text(table: Table) -> str:
+    """The table as plain text."""
+    return "\n".join(text.plain for text in for_terminal(table))
+
+
 def _aligned(
     cells: Sequence[Cell], columns: Sequence[Column], widths: Sequence[int], indent: int
 ) -> Any:

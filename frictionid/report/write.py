@@ -19,7 +19,7 @@ from frictionid.report.figures.learning import learning_curves
 from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.motion import motions
 from frictionid.report.figures.speeds import speed_table, velocity_scatter
-from frictionid.report.figures.style import Look, drawing, looks, write_figure
+from frictionid.report.figures.style import Style, drawing, styles, write_figure
 from frictionid.report.figures.tradeoff import loss_against
 from frictionid.report.loops import loop_table
 from frictionid.report.page import Exhibits, NamedTable, Picture, page, shooting_fits
@@ -36,14 +36,14 @@ from frictionid.report.tables import latex, markdown
 
 
 class Names(NamedTuple):
-    """What names of files and looks are shared by all parts of a report.
+    """What names of files and styles are shared by all parts of a report.
 
     stems : by the data sets fitted and scored; fits : of the files about fits by shooting
     """
 
     stems: Mapping[tuple[str, str], str]
     fits: Mapping[Model, str]
-    looks: Mapping[str, Look]
+    styles: Mapping[str, Style]
 
 
 def build(results: Results) -> None:
@@ -68,7 +68,7 @@ def build(results: Results) -> None:
 
 
 def names_of(sections: tuple[Section, ...]) -> Names:
-    """Names of files, all different, and looks."""
+    """Names of files, all different, and styles."""
     pairs = [(section.dataset, data.dataset) for section in sections for data in section.data]
     scored = [dataset for _, dataset in pairs]
     words = {
@@ -85,7 +85,7 @@ def names_of(sections: tuple[Section, ...]) -> Names:
         labels = {m: f"{name}--{m.label}" + f"--{m.recipe}" * several for m in own}
         unique = file_names(labels.values())
         fits |= {model: unique[label] for model, label in labels.items()}
-    return Names(stems, fits, looks(model for section in sections for model in section.models))
+    return Names(stems, fits, styles(model for section in sections for model in section.models))
 
 
 def _write_table(folder: Path, named: NamedTable) -> list[Path]:
@@ -178,7 +178,7 @@ def motion_pictures(
     for recipe in section.recipes:
         models = [model for model in section.under(recipe) if model in data.models]
         beside = f", {recipe} recipe" if len(section.recipes) > 1 else ""
-        figure = motions(models, data, names.looks, beside)
+        figure = motions(models, data, names.styles, beside)
         if figure is not None:
             held = "held out" if data.held_out else "never seen"
             caption = f"Predicted over measured motion, {data.dataset}, {held}{beside}."
@@ -187,13 +187,13 @@ def motion_pictures(
 
 def fitted_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
     """Pictures about what was fitted to a data set."""
-    dataset, data, looks = section.dataset, section.description, names.looks
-    boxes = one_step_boxes(section, looks)
+    dataset, data, styles = section.dataset, section.description, names.styles
+    boxes = one_step_boxes(section, styles)
     caption = (
         f"One-step losses on {dataset} over the folds: median, quartiles, range, mean (diamond)."
     )
     yield Picture(f"one_step--{stem}", boxes, caption)
-    errors = rollout_errors(section, looks)
+    errors = rollout_errors(section, styles)
     if errors is not None:
         caption = f"Rollout errors over the horizon, fitted on {dataset}."
         yield Picture(f"rollouts--{stem}", errors, caption)
@@ -202,13 +202,13 @@ def fitted_pictures(section: Section, names: Names, stem: str) -> Iterator[Pictu
             f"Errors of prediction and of the friction curve over the one-step loss, {dataset}, "
             "held out; dashed: loss of the true friction."
         )
-        yield Picture(f"tradeoff--{stem}", loss_against(section, looks), caption)
+        yield Picture(f"tradeoff--{stem}", loss_against(section, styles), caption)
     spread = spread_caption(section)
     caption = f"Friction over velocity, fitted on {dataset}, all folds.{spread}"
-    yield from numbered(f"curves--{stem}", friction_curves(section, looks), caption)
+    yield from numbered(f"curves--{stem}", friction_curves(section, styles), caption)
     caption = f"Ensembles fitted on {dataset}; below, their members about the mean.{spread}"
-    yield from numbered(f"members--{stem}", spreads(section, looks), caption)
-    learned = learning_curves(section.of_role("fitted"), looks, "without friction = 1")
+    yield from numbered(f"members--{stem}", spreads(section, styles), caption)
+    learned = learning_curves(section.of_role("fitted"), styles, "without friction = 1")
     if learned is not None:
         caption = f"Learning curves on {dataset}: the loss over the epochs, each fold."
         yield Picture(f"learning--{stem}", learned, caption)
@@ -218,7 +218,7 @@ def fitted_pictures(section: Section, names: Names, stem: str) -> Iterator[Pictu
 def memory_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
     """Pictures of loops, and of the speeds beside them."""
     by_recipe: dict[str, list[Any]] = {}
-    for recipe, figure in loop_pictures(section, names.looks):
+    for recipe, figure in loop_pictures(section, names.styles):
         by_recipe.setdefault(recipe, []).append(figure)
     recipes = file_names(by_recipe)
     for recipe, figures in by_recipe.items():
@@ -251,5 +251,5 @@ def band_pictures(
         "and the truth less the fit where it is known. Grey: velocities that were not measured."
     )
     ordered = [model for model in section.models if model in fits]
-    figures = curve_bands(ordered, section.description, names.looks)
+    figures = curve_bands(ordered, section.description, names.styles)
     yield from numbered(f"bands--{stem}", figures, caption)

@@ -24,13 +24,10 @@ from frictionid.excitation import (
     Waves,
     advise,
     covariances,
-    described,
     expected,
     guessed,
     limits_of,
     moved,
-    picture,
-    played,
     repeated,
     standard_errors,
 )
@@ -49,6 +46,8 @@ from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import Problem, integral_problem, sliding
 from frictionid.mechanics import Plant, acrobot
+from frictionid.report.experiment_design import command_csv, described
+from frictionid.report.figures.experiment_design import picture
 from frictionid.simulate import Curve, Stribeck
 from frictionid.simulate.integrate import integrate_motion
 from frictionid.simulate.modes import TrueSystem
@@ -275,7 +274,7 @@ def test_a_tight_angle_limit_is_kept_by_weaker_signals() -> None:
     advice = advise(Waves(tight), Search(pool=96, generations=1, children=16))
     q, _ = really(tight, advice.torque, advice.start)
     assert np.abs(q).max() <= 0.4
-    assert "angle    joint 1" in described(advice)
+    assert "angle     joint 1" in described(advice)
 
 
 def test_impossible_limits_are_one_clear_line() -> None:
@@ -348,10 +347,10 @@ def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal() -> Non
     waves = Waves(on_pendulum(length=1.5))
     once, again = (advise(waves, search) for _ in range(2))
     assert np.all(np.diff(once.values) >= 0)
-    assert played(once, 1) == played(again, 1)
+    assert command_csv(once, 1) == command_csv(again, 1)
     assert described(once) == described(again)
     other = advise(waves, replace(search, generations=0, seed=6))
-    assert played(once, 0) != played(other, 0)
+    assert command_csv(once, 0) != command_csv(other, 0)
 
 
 @pytest.mark.parametrize("family", ["multisine", "chirp"])
@@ -367,7 +366,7 @@ def test_only_the_families_asked_for_are_used(family: str) -> None:
 
 def test_the_table_can_be_played_and_the_picture_is_one() -> None:
     advice = on_acrobot()
-    header, *rows = played(advice, 0).splitlines()
+    header, *rows = command_csv(advice, 0).splitlines()
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
     assert header == "time,u2"
     assert np.allclose(table[:, 0], advice.experiment.commands)

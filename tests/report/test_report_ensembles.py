@@ -17,7 +17,7 @@ from frictionid.identifiers import BlackBox, CompressedNetwork, LeastSquares, Ne
 from frictionid.identifiers.formulation import INTEGRAL
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.ensembles import share_held, spread, spread_caption, spreads
-from frictionid.report.figures.style import drawing, looks
+from frictionid.report.figures.style import drawing, styles
 
 DEVIATION = np.sqrt(2.5)  # of -2 .. 2
 
@@ -67,8 +67,8 @@ def test_the_band_is_one_standard_deviation_about_the_fit_to_all_data(tmp_path):
     np.testing.assert_allclose(spread(wide), 0.01 * DEVIATION)
     assert spread(other) is None
     with drawing():
-        (curves,) = friction_curves(section, looks(section.models))
-        (own,) = spreads(section, looks(section.models))
+        (curves,) = friction_curves(section, styles(section.models))
+        (own,) = spreads(section, styles(section.models))
     for picture, count in ((curves, 2), (own, 4)):
         bands = [c for a in picture.axes for c in a.collections if isinstance(c, PolyCollection)]
         assert len(bands) == count  # of the ensemble's panels, for both joints
@@ -94,7 +94,7 @@ def test_without_a_truth_nothing_is_told_of_it(tmp_path):
     section = gathered(tmp_path, ensemble(), truth=False)
     assert "truth" not in spread_caption(section)
     with drawing():
-        assert len(spreads(section, looks(section.models))) == 1
+        assert len(spreads(section, styles(section.models))) == 1
 
 
 def test_the_page_shows_the_picture_and_says_what_the_band_is(tmp_path):
@@ -109,4 +109,4 @@ def test_the_page_shows_the_picture_and_says_what_the_band_is(tmp_path):
 def test_without_an_ensemble_nothing_is_drawn_or_told(tmp_path):
     section = gathered(tmp_path, made.task("plain", {"made": made.rows(0.3, 0.2)}))
     assert spread_caption(section) == ""
-    assert spreads(section, looks(section.models)) == []
+    assert spreads(section, styles(section.models)) == []

@@ -8,7 +8,7 @@ from fixtures import result_folders as made
 
 from frictionid.report.families import families, family, family_table
 from frictionid.report.figures.curves import friction_curves
-from frictionid.report.figures.style import looks
+from frictionid.report.figures.style import styles
 from frictionid.report.reliability import loose
 
 NOISE = np.array([-0.002, 0.001, 0.002, -0.001])
@@ -102,6 +102,6 @@ def test_a_black_box_has_neither_a_curve_nor_loose_parameters(tmp_path):
     section = compared(tmp_path, 0.01)
     blind = next(model for model in section.models if model.label == "blind")
     assert loose(blind) == 0 and not np.isfinite(blind.curves).any()
-    pictures = friction_curves(section, looks(section.models))
+    pictures = friction_curves(section, styles(section.models))
     shown = [axis.get_title() for axis in pictures[0].axes]
     assert "learned" in shown and "blind" not in shown

@@ -16,7 +16,7 @@ from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.mechanics import plant_of
 from frictionid.report.figures.learning import learning_curves, losses_of
 from frictionid.report.figures.loops import loop_pictures
-from frictionid.report.figures.style import drawing, looks, rendered
+from frictionid.report.figures.style import drawing, rendered, styles
 from frictionid.report.loops import loop_table, with_memory
 from frictionid.report.loops import loops_of as shown_loops
 
@@ -227,8 +227,8 @@ def test_learning_curves_are_drawn_where_a_model_has_them(tmp_path):
     made.write(tmp_path, [task, other])
     network, plain = models = made.section(tmp_path).models
     with drawing():
-        assert learning_curves([plain], looks(models), "") is None
-        picture = learning_curves(models, looks(models), "without friction = 1")
+        assert learning_curves([plain], styles(models), "") is None
+        picture = learning_curves(models, styles(models), "without friction = 1")
         lines = [line for axis in picture.axes for line in axis.get_lines()]
         assert len(rendered(picture, ["png"])["png"]) > 1000
     assert len(lines) == 3 * made.FOLDS  # training, held out, the best

@@ -27,7 +27,7 @@ from frictionid.report import show_refined, write
 from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.correlation import STRONG, correlation
 from frictionid.report.figures.panels import measured
-from frictionid.report.figures.style import looks
+from frictionid.report.figures.style import styles
 from frictionid.report.shooting_tables import interval_table
 from frictionid.shooting import Settings, Shooting, refine
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
@@ -263,6 +263,31 @@ def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
     assert ("Results of shooting" in (tmp_path / "old" / "summary.md").read_text()) == some
 
 
+def renamed(value, names):
+    """A document with other names of its keys."""
+    if isinstance(value, dict):
+        return {names.get(key, key): renamed(entry, names) for key, entry in value.items()}
+    return [renamed(entry, names) for entry in value] if isinstance(value, list) else value
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_keys_of_earlier_versions_are_read(computed, tmp_path):
+    keys = {"told": "nominal", "doubts": "warnings", "way": "method", "rig": "calibration"}
+    for name, names in (("new", keys), ("old", {new: old for old, new in keys.items()})):
+        shutil.copytree(computed, tmp_path / name)
+        (path,) = (tmp_path / name / "tasks").glob("*.json")
+        task = json.loads(path.read_text())
+        task["refined"]["doubts"] = ["The fit is made up."]
+        path.write_text(json.dumps(renamed(task, names)))
+        made.built(tmp_path / name)
+    pages = [(tmp_path / name / "summary.md").read_text() for name in ("old", "new")]
+    assert pages[0] == pages[1] and "- The fit is made up." in pages[0]
+    name = "tables/shooting--pendulum--stribeck.csv"
+    assert (tmp_path / "old" / name).read_bytes() == (tmp_path / "new" / name).read_bytes()
+    section = made.section(tmp_path / "old")
+    assert section.models[0].method == {"scheme": "shooting", "corrects": []}
+
+
 def test_latex_has_as_many_cells_in_every_row(computed):
     text = (computed / "tables" / "shooting--pendulum--stribeck.tex").read_text()
     rows = [line for line in text.splitlines() if line.endswith(r"\\") and "caption" not in line]
@@ -316,7 +341,7 @@ def test_bands_are_as_wide_as_the_document_says(tmp_path):
     refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
     section = made.section(folder_of(tmp_path, refined))
     (model,) = section.models
-    (picture,) = curve_bands([model], section.description, looks([model]))
+    (picture,) = curve_bands([model], section.description, styles([model]))
     curve, near = picture.axes[0], picture.axes[1]
     for axis, scale in ((curve, 1.0), (near, 1e3)):
         heights = [np.ptp(path.vertices[:, 1]) for c in axis.collections for path in c.get_paths()]

@@ -15,7 +15,7 @@ from frictionid.comparison.results import load_results, model_scores
 from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
 from frictionid.report.difference_table import difference_table
-from frictionid.report.figures.style import looks
+from frictionid.report.figures.style import styles
 from frictionid.report.findings import predictions, ranking, truth_contrast
 from frictionid.report.reliability import astray, loose
 from frictionid.report.sections import rollout
@@ -145,7 +145,7 @@ def test_shuffled_folds_are_told(tmp_path):
     assert "Shuffled folds on made: held-out samples have neighbours" in made.findings(folder)
 
 
-# --- Terminal and looks ------------------------------------------------------------------------
+# --- Terminal and styles ------------------------------------------------------------------------
 
 
 def test_the_last_line_shown_is_the_path(typical, capsys, monkeypatch):
@@ -190,11 +190,11 @@ def test_given_models_are_shown_in_short(capsys):
 
 
 def test_colours_belong_to_identifiers(typical, tmp_path):
-    of_all = looks(made.section(typical).models)
+    of_all = styles(made.section(typical).models)
     assert set(of_all) == {"none", "stribeck", "paper", "truth"}
     many = [made.task(f"m{i}", {"made": made.rows(0.1, 0.1)}) for i in range(12)]
-    own = looks(made.section(made.write(tmp_path, many)).models)
-    assert len({(look.colour, str(look.line)) for look in own.values()}) == 12
+    own = styles(made.section(made.write(tmp_path, many)).models)
+    assert len({(style.colour, str(style.line)) for style in own.values()}) == 12
 
 
 def test_tables_agree_in_every_form(typical):

@@ -20,7 +20,7 @@ from frictionid.report.figures.panels import (
     side_by_side,
     unmeasured_patch,
 )
-from frictionid.report.figures.style import DARK, DASHED, GREY, Look, key_above, line, patch
+from frictionid.report.figures.style import DARK, DASHED, GREY, Style, key_above, line, patch
 from frictionid.report.sections import DataDescription, Model
 
 STRONG, WEAK = 0.5, 0.22  # opacity of the pointwise and the simultaneous band
@@ -36,14 +36,17 @@ class Band(NamedTuple):
 
 
 def curve_bands(
-    fits: Sequence[Model], data: DataDescription, looks: Mapping[str, Look]
+    fits: Sequence[Model], data: DataDescription, styles: Mapping[str, Style]
 ) -> list[Any]:
     """Pictures of curves and, below each, of the bands about it: a column for each fit."""
-    return [_picture(shown, fits, data, looks) for shown in side_by_side(fits)]
+    return [_picture(shown, fits, data, styles) for shown in side_by_side(fits)]
 
 
 def _picture(
-    shown: Sequence[Model], every: Sequence[Model], data: DataDescription, looks: Mapping[str, Look]
+    shown: Sequence[Model],
+    every: Sequence[Model],
+    data: DataDescription,
+    styles: Mapping[str, Style],
 ) -> Any:
     picture, axes = paired_panels(len(shown), data, 1 / 1.5)
     for joint in range(len(data.joints)):
@@ -53,7 +56,7 @@ def _picture(
         scale, prefix = prefixed(max(near.values()))
         axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{data.torque_unit}]")
         for c, model in enumerate(shown):
-            band, colour = bands[model], looks[model.label].colour
+            band, colour = bands[model], styles[model.label].colour
             upper, lower = axes[2 * joint : 2 * joint + 2, c]
             frame(upper, band.velocity, data, joint, high)
             _fill(upper, band, band.curve, colour)
@@ -64,7 +67,7 @@ def _picture(
             _fill(lower, small, 0.0 * small.curve, colour)
             lower.axhline(0, color=colour, linewidth=1.2)
             draw_error(lower, model, data, joint, scale)
-    label_panels(picture, axes, shown, data, looks)
+    label_panels(picture, axes, shown, data, styles)
     key_above(picture, _key(data))
     return picture
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.style import DARK, DASHED, GRID, Look, figure, plain
+from frictionid.report.figures.style import DARK, DASHED, GRID, Style, figure, plain
 from frictionid.report.numbers import INFINITE, short
 from frictionid.report.sections import Model, Section
 from frictionid.report.summary_table import ONE_STEP
 
 
-def one_step_boxes(section: Section, looks: Mapping[str, Look]) -> Any:
+def one_step_boxes(section: Section, styles: Mapping[str, Style]) -> Any:
     """Losses of the held-out folds: a box for each identifier and recipe, a panel for each loss."""
     models = section.of_role("none", "fitted", "given")
     heights, several = _heights(models), len(section.recipes) > 1
@@ -25,7 +25,7 @@ def one_step_boxes(section: Section, looks: Mapping[str, Look]) -> Any:
         for model, height in heights.items():
             hollow = several and model.recipe == section.recipes[0]
             losses = section.fitted.of_folds(model, column)
-            _box(axis, losses, height, looks[model.label].colour, hollow)
+            _box(axis, losses, height, styles[model.label].colour, hollow)
         _truth(axis, section, column)
         scheme, statistic = name.split()
         unit = section.description.angle_unit

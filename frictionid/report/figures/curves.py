@@ -17,7 +17,7 @@ from frictionid.report.figures.style import (
     DASHED,
     GREY,
     PALE,
-    Look,
+    Style,
     figure,
     key_above,
     line,
@@ -31,7 +31,7 @@ DENSITY = 0.16  # height of the velocity density, share of a panel
 DOTTED = (0, (1, 1.6))
 
 
-def friction_curves(section: Section, looks: Mapping[str, Look]) -> list[Any]:
+def friction_curves(section: Section, styles: Mapping[str, Style]) -> list[Any]:
     """Pictures of friction over velocity: a column for each identifier, rows of joints, recipes.
 
     Fixed numbers and the truth stand in every panel. All panels of a joint have the same axes.
@@ -45,14 +45,14 @@ def friction_curves(section: Section, looks: Mapping[str, Look]) -> list[Any]:
     if not columns:
         columns, given = [[model] for model in given], []
     parts = side_by_side(columns, COLUMNS)
-    return [_picture(part, given, section.description, looks) for part in parts]
+    return [_picture(part, given, section.description, styles) for part in parts]
 
 
 def _picture(
     columns: Sequence[Sequence[Model]],
     given: Sequence[Model],
     data: DataDescription,
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
 ) -> Any:
     shown = [model for column in columns for model in column]
     recipes = list(dict.fromkeys(model.recipe for model in shown))
@@ -67,13 +67,13 @@ def _picture(
                 axis.set_axis_off()  # nothing was fitted so
                 continue
             models = [model for model in column if model.recipe == recipe]
-            _panel(axis, models, given, (data, joint, limits), looks)
+            _panel(axis, models, given, (data, joint, limits), styles)
             axis.tick_params(labelleft=c == 0, labelbottom=recipe == own[-1])
         beside = f", {recipe}" if len(recipes) > 1 else ""
         line_of_axes[0].set_ylabel(f"{data.joints[joint]}{plain(beside)}\n[{data.torque_unit}]")
     for axis, column in zip(axes[0], columns, strict=True):
-        axis.set_title(plain(column[0].label), color=looks[column[0].label].colour, weight="bold")
-    key_above(picture, _key(shown, given, data, looks))
+        axis.set_title(plain(column[0].label), color=styles[column[0].label].colour, weight="bold")
+    key_above(picture, _key(shown, given, data, styles))
     picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
     return picture
 
@@ -83,7 +83,7 @@ def _panel(
     models: Sequence[Model],
     given: Sequence[Model],
     place: tuple[DataDescription, int, tuple[float, float]],
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
 ) -> None:
     """Curves of one joint: `place` is the data set, the joint, and the ends of its torque axis."""
     data, joint, limits = place
@@ -91,10 +91,10 @@ def _panel(
     _density(axis, data, joint, limits)
     velocity_axis(axis, w, limits)
     for model in given:
-        colour = looks[model.label].colour
+        colour = styles[model.label].colour
         axis.plot(w, model.curves[-1, :, joint], "--", color=colour, linewidth=0.9, zorder=3)
     for model in models:
-        _folds(axis, model, data, joint, looks[model.label].colour)
+        _folds(axis, model, data, joint, styles[model.label].colour)
     draw_truth(axis, data, joint)
 
 
@@ -142,7 +142,7 @@ def _key(
     shown: Sequence[Model],
     given: Sequence[Model],
     data: DataDescription,
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
 ) -> dict[str, Any]:
     key = {
         "each fold": line(GREY, linewidth=0.6, alpha=0.6),
@@ -151,8 +151,8 @@ def _key(
     }
     ensemble = next((model for model in shown if model.members is not None), None)
     if ensemble is not None:
-        key["spread of members"] = patch(looks[ensemble.label].colour, OPACITY)
-    key |= {model.label: line(looks[model.label].colour, "--", 1) for model in given}
+        key["spread of members"] = patch(styles[ensemble.label].colour, OPACITY)
+    key |= {model.label: line(styles[model.label].colour, "--", 1) for model in given}
     if data.truth is not None:
         key["truth"] = line(DARK, DASHED, 1)
     return {**key, "velocity density, cut": patch(PALE)}

@@ -21,7 +21,7 @@ from frictionid.report.figures.panels import (
     side_by_side,
     unmeasured_patch,
 )
-from frictionid.report.figures.style import DARK, DASHED, GREY, Look, key_above, line, patch
+from frictionid.report.figures.style import DARK, DASHED, GREY, Style, key_above, line, patch
 from frictionid.report.numbers import percent
 from frictionid.report.sections import DataDescription, Model, Section
 
@@ -67,14 +67,17 @@ def share_held(model: Model, data: DataDescription) -> float:
     return float(np.mean((np.abs(off) <= half)[known]))
 
 
-def spreads(section: Section, looks: Mapping[str, Look]) -> list[Any]:
+def spreads(section: Section, styles: Mapping[str, Style]) -> list[Any]:
     """Pictures of ensembles: curves and, below each, its members about it; a column for each."""
     models = ensembles(section)
-    return [_picture(part, models, section.description, looks) for part in side_by_side(models)]
+    return [_picture(part, models, section.description, styles) for part in side_by_side(models)]
 
 
 def _picture(
-    shown: Sequence[Model], every: Sequence[Model], data: DataDescription, looks: Mapping[str, Look]
+    shown: Sequence[Model],
+    every: Sequence[Model],
+    data: DataDescription,
+    styles: Mapping[str, Style],
 ) -> Any:
     picture, axes = paired_panels(len(shown), data, 1.3)
     for joint in range(len(data.joints)):
@@ -84,7 +87,7 @@ def _picture(
         scale, prefix = prefixed(near)
         axes[2 * joint + 1, 0].set_ylabel(f"about the mean\n[{prefix}{data.torque_unit}]")
         for c, model in enumerate(shown):
-            colour, (upper, lower) = looks[model.label].colour, axes[2 * joint : 2 * joint + 2, c]
+            colour, (upper, lower) = styles[model.label].colour, axes[2 * joint : 2 * joint + 2, c]
             mean, half = _mean(model, joint), _half(model, joint)
             frame(upper, w, data, joint, high)
             _fill(upper, w, mean, half, colour)
@@ -97,8 +100,8 @@ def _picture(
             lower.axhline(0, color=colour, linewidth=1.2)
             draw_error(lower, model, data, joint, scale)
             lower.tick_params(labelleft=c == 0)
-    label_panels(picture, axes, shown, data, looks)
-    key_above(picture, _key(data, looks[shown[0].label].colour if len(shown) == 1 else GREY))
+    label_panels(picture, axes, shown, data, styles)
+    key_above(picture, _key(data, styles[shown[0].label].colour if len(shown) == 1 else GREY))
     return picture
 
 

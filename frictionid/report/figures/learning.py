@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.report.figures.panels import panel_grid
-from frictionid.report.figures.style import DARK, GREY, Look, key_above, line, marker, plain
+from frictionid.report.figures.style import DARK, GREY, Style, key_above, line, marker, plain
 from frictionid.report.sections import Model
 
 COLUMNS = 3
@@ -23,14 +23,14 @@ def losses_of(model: Model) -> Mapping[str, Array] | None:
     return {key: value[: max(len(value) - 1, 1)] for key, value in parts.items()} or None
 
 
-def learning_curves(models: Sequence[Model], looks: Mapping[str, Look], unit: str) -> Any:
+def learning_curves(models: Sequence[Model], styles: Mapping[str, Style], unit: str) -> Any:
     """Picture of all that learned in epochs, a panel for each; None where nothing did."""
     shown = [(model, losses) for model in models if (losses := losses_of(model))]
     if not shown:
         return None
     picture, axes = panel_grid(len(shown), COLUMNS, 1.8, 0.6)
     for axis, (model, losses) in zip(axes, shown, strict=True):
-        own = looks[model.label].colour
+        own = styles[model.label].colour
         for part, values in losses.items():
             colour = own if part == "held_out" else GREY
             epochs = np.arange(1, values.shape[1] + 1)
@@ -43,7 +43,7 @@ def learning_curves(models: Sequence[Model], looks: Mapping[str, Look], unit: st
     picture.supylabel(f"loss {unit}", fontsize=8)
     key = {
         "training, each fold": line(GREY),
-        "held out in the fold": line(looks[shown[0][0].label].colour),
+        "held out in the fold": line(styles[shown[0][0].label].colour),
         "kept": marker(DARK, "."),
     }
     key_above(picture, key)

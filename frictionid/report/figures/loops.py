@@ -13,7 +13,7 @@ from frictionid.report.figures.style import (
     DARK,
     DASHED,
     GREY,
-    Look,
+    Style,
     figure,
     key_above,
     line,
@@ -26,31 +26,31 @@ COLUMNS = 4  # models side by side; more go to another picture
 TONES = (0.55, 0.0, -0.45)  # towards white, and towards black: from slow to fast
 
 
-def loop_pictures(section: Section, looks: Mapping[str, Look]) -> list[tuple[str, Any]]:
+def loop_pictures(section: Section, styles: Mapping[str, Style]) -> list[tuple[str, Any]]:
     """Recipe and picture of the loops: a column for each model, rows of joints and motions."""
     models = with_loops(section)
     return [
-        (recipe, _picture(section, part, looks))
+        (recipe, _picture(section, part, styles))
         for recipe in dict.fromkeys(model.recipe for model in models)
         for part in side_by_side([m for m in models if m.recipe == recipe], COLUMNS)
     ]
 
 
-def _picture(section: Section, columns: Sequence[Model], looks: Mapping[str, Look]) -> Any:
+def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, Style]) -> Any:
     data = section.description
     rows = [(joint, kind) for joint in range(len(data.joints)) for kind in KINDS]
     picture = figure(0.6 + 1.5 * len(rows))
     axes = picture.subplots(len(rows), len(columns), squeeze=False, sharey="row", sharex="row")
     for r, (joint, kind) in enumerate(rows):
         for axis, model in zip(axes[r], columns, strict=True):
-            _panel(axis, loops_of(model, joint, kind), looks[model.label].colour)
+            _panel(axis, loops_of(model, joint, kind), styles[model.label].colour)
             _truth(axis, section, joint, kind)
         own = [loop for model in columns for loop in loops_of(model, joint, kind)]
         tones = ", ".join(dict.fromkeys(f"{loop.frequency:.3g}" for loop in own))
         name = f"{plain(data.joints[joint])}, {KINDS[kind]}"
         axes[r, 0].set_ylabel(f"{name}\n{tones} Hz  [{data.torque_unit}]", fontsize=7)
     for axis, model in zip(axes[0], columns, strict=True):
-        axis.set_title(plain(model.label), color=looks[model.label].colour, weight="bold")
+        axis.set_title(plain(model.label), color=styles[model.label].colour, weight="bold")
     key_above(picture, _key(bool(section.of_role("truth")) or data.truth is not None))
     picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
     return picture

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.style import Look, figure, key_above, line, plain
+from frictionid.report.figures.style import Style, figure, key_above, line, plain
 from frictionid.report.sections import Model, SummaryData
 
 MEASURED = "#BDBDBD"
@@ -16,7 +16,7 @@ Motion = Mapping[str, Any]
 
 
 def motions(
-    models: Sequence[Model], data: SummaryData, looks: Mapping[str, Look], beside: str = ""
+    models: Sequence[Model], data: SummaryData, styles: Mapping[str, Style], beside: str = ""
 ) -> Any:
     """Angles of a few example motions over time, a column for each; None where there are none.
 
@@ -34,13 +34,13 @@ def motions(
     axes = picture.subplots(len(description.joints), len(by_start), sharex="col", squeeze=False)
     for column, (start, shown) in zip(axes.T, by_start.items(), strict=True):
         for joint, axis in enumerate(column):
-            _panel(axis, shown, joint, looks)
+            _panel(axis, shown, joint, styles)
         column[0].set_title(_title(*start), fontsize=7, loc="left")
     for axis, name in zip(axes[:, 0], description.joints, strict=True):
         axis.set_ylabel(f"{name} [{description.angle_unit}]")
     text = "time since the start of the prediction [s]"
     picture.supxlabel(f"{text}{plain(beside)}", fontsize=8)
-    key = {m.label: line(looks[m.label].colour, looks[m.label].line) for m in models}
+    key = {m.label: line(styles[m.label].colour, styles[m.label].line) for m in models}
     key_above(picture, {"measured": line(MEASURED, linewidth=4), **key})
     return picture
 
@@ -52,15 +52,15 @@ def _title(recording: str, start: float) -> str:
 
 
 def _panel(
-    axis: Any, shown: Sequence[tuple[Model, Motion]], joint: int, looks: Mapping[str, Look]
+    axis: Any, shown: Sequence[tuple[Model, Motion]], joint: int, styles: Mapping[str, Style]
 ) -> None:
     example = shown[-1][1]
     measured = _series(example["measured"])[:, joint]
     axis.plot(_series(example["time"]), measured, color=MEASURED, linewidth=4, zorder=1)
     lines = [_series(motion["predicted"])[:, joint] for _, motion in shown]
     for (model, motion), predicted in zip(shown, lines, strict=True):
-        look, time = looks[model.label], _series(motion["time"])
-        axis.plot(time, predicted, color=look.colour, linestyle=look.line, linewidth=1.1)
+        style, time = styles[model.label], _series(motion["time"])
+        axis.plot(time, predicted, color=style.colour, linestyle=style.line, linewidth=1.1)
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
     room = max(0.6 * (high - low), 0.3)  # predictions that leave it have diverged
     every = np.concatenate([*lines, measured])

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.style import DARK, DASHED, Look, figure, plain
+from frictionid.report.figures.style import DARK, DASHED, Style, figure, plain
 from frictionid.report.sections import DataDescription, Model
 
 COLUMNS = 3  # fits side by side at most; more go to another picture
@@ -54,13 +54,13 @@ def label_panels(
     axes: Any,
     models: Sequence[Model],
     data: DataDescription,
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
 ) -> None:
     """Titles of the columns, and the joints' names at the upper panels."""
     for joint, name in enumerate(data.joints):
         axes[2 * joint, 0].set_ylabel(f"{plain(name)}\n[{data.torque_unit}]")
     for axis, model in zip(axes[0], models, strict=True):
-        axis.set_title(plain(model.name), color=looks[model.label].colour, weight="bold")
+        axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
     picture.align_ylabels(axes[:, 0])
     picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
 

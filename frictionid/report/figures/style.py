@@ -1,4 +1,4 @@
-"""Common looks of the pictures: one colour for each identifier, sizes for a page of two columns."""
+"""Common style of the pictures: a colour for each identifier, sizes for a page of two columns."""
 
 from __future__ import annotations
 
@@ -25,32 +25,32 @@ DASHED = (0, (4, 1.5))  # the truth
 GRID = {"color": "#EEEEEE", "linewidth": 0.6}
 
 
-class Look(NamedTuple):
+class Style(NamedTuple):
     """Colour and kind of line of an identifier, the same in all pictures."""
 
     colour: str
     line: Any
 
 
-def looks(models: Iterable[Model]) -> dict[str, Look]:
-    """Look of each identifier by its label: no friction grey, the truth black, others coloured."""
-    out: dict[str, Look] = {}
+def styles(models: Iterable[Model]) -> dict[str, Style]:
+    """Style of each identifier by its label: no friction grey, the truth black, others coloured."""
+    out: dict[str, Style] = {}
     coloured = 0
     for model in models:
         if model.label in out:
             continue
         if model.role in ("none", "truth"):
             dark = model.role == "truth"
-            out[model.label] = Look(DARK if dark else GREY, DASHED if dark else "-")
+            out[model.label] = Style(DARK if dark else GREY, DASHED if dark else "-")
             continue
         repeat, place = divmod(coloured, len(COLOURS))
-        out[model.label] = Look(COLOURS[place], DASHES[repeat % len(DASHES)])
+        out[model.label] = Style(COLOURS[place], DASHES[repeat % len(DASHES)])
         coloured += 1
     return out
 
 
 def drawing() -> AbstractContextManager[Any]:
-    """A context in which pictures have our looks, whatever the user's settings; these stay."""
+    """A context in which pictures have our styles, whatever the user's settings; these stay."""
     import matplotlib.style
 
     settings: Mapping[str, Any] = {

@@ -12,7 +12,7 @@ from frictionid.report.figures.style import (
     DARK,
     DASHED,
     GRID,
-    Look,
+    Style,
     figure,
     key_above,
     marker,
@@ -22,7 +22,7 @@ from frictionid.report.sections import EULER, Model, Section, rollout
 MARKERS = {"none": "s", "given": "D", "truth": "*"}  # others are dots
 
 
-def loss_against(section: Section, looks: Mapping[str, Look]) -> Any:
+def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
     """Rollout error and curve error over one-step loss, a point for each model."""
     data, description = section.fitted, section.description
     unit, horizon = description.angle_unit, data.horizons[-1]
@@ -36,19 +36,19 @@ def loss_against(section: Section, looks: Mapping[str, Look]) -> Any:
         f"{description.coordinate} error after {horizon:g} s [{unit}]": errors,
         "curve error, mean of joints [%]": curves,
     }
-    names = list(looks)
+    names = list(styles)
     picture = figure(2.7)
     for axis, (label, heights) in zip(picture.subplots(1, 2), panels.items(), strict=True):
         for model in section.models:
             # points on the same spot become rings around each other
             size = max(10 - 1.5 * names.index(model.label), 4.0)
             height = heights.get(model, float("nan"))
-            _point(axis, section, model, (height, size), looks[model.label].colour)
+            _point(axis, section, model, (height, size), styles[model.label].colour)
         axis.set_xlabel(f"one-step loss, euler [{unit}/s]")
         axis.set_ylabel(label)
         axis.grid(**GRID)
         plain_logarithm(axis)
-    key_above(picture, _key(section, looks), 0.8)
+    key_above(picture, _key(section, styles), 0.8)
     return picture
 
 
@@ -74,9 +74,9 @@ def _point(
     )
 
 
-def _key(section: Section, looks: Mapping[str, Look]) -> dict[str, Any]:
+def _key(section: Section, styles: Mapping[str, Style]) -> dict[str, Any]:
     roles = {model.label: MARKERS.get(model.role, "o") for model in section.models}
-    key = {name: marker(looks[name].colour, kind, 5) for name, kind in roles.items()}
+    key = {name: marker(styles[name].colour, kind, 5) for name, kind in roles.items()}
     if len(section.recipes) > 1:
         first, *others = section.recipes
         key[f"{first} recipe"] = marker("black", size=6, face="white")

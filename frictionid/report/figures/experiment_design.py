@@ -1,0 +1,58 @@
+"""Picture of a suggested experiment: torque and expected motion over time, with the limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.excitation.advice import Advice
+from frictionid.report.figures.style import (
+    COLOURS,
+    GRID,
+    drawing,
+    figure,
+    key_above,
+    line,
+    rendered,
+)
+
+
+def picture(advice: Advice) -> bytes:
+    """PNG of torque, angles and velocities, one column for each recording."""
+    e = advice.experiment
+    d = e.plant.mechanism.description
+    rows = {
+        f"torque [{d.torque_unit}]": (e.commands, advice.torque, e.limits.torque),
+        f"angle [{d.angle_unit}]": (e.images, advice.motions.q[:, 0], e.limits.angle),
+        f"velocity [{d.angle_unit}/s]": (e.images, advice.motions.w[:, 0], e.limits.velocity),
+    }
+    with drawing():
+        shown = figure(6.5, 1.5 + 4.2 * e.recordings)
+        axes = shown.subplots(3, e.recordings, sharex=True, sharey="row", squeeze=False)
+        for row, (label, (time, values, limit)) in zip(axes, rows.items(), strict=True):
+            row[0].set_ylabel(label)
+            for r, axis in enumerate(row):
+                _curves(axis, time, values[:, r], limit, label.startswith("torque"))
+        for r, column in enumerate(axes.T, start=1):
+            column[0].set_title(f"recording {r}")
+            column[-1].set_xlabel("time [s]")
+        key_above(shown, {name: line(colour) for name, colour in _colours(e.plant.n).items()})
+        return rendered(shown, ["png"])["png"]
+
+
+def _colours(n: int) -> dict[str, str]:
+    return {f"joint {j + 1}": COLOURS[j % len(COLOURS)] for j in range(n)}
+
+
+def _curves(axis: Any, time: Array, values: Array, limit: Array, held: bool) -> None:
+    """Curves (T, n) with their limits; a torque is held, and none is shown without a motor."""
+    for j, colour in enumerate(_colours(values.shape[1]).values()):
+        if held and limit[j] == 0.0:
+            continue
+        drawstyle = "steps-post" if held else "default"
+        axis.plot(time, values[:, j], color=colour, linewidth=1, drawstyle=drawstyle)
+        for end in (-limit[j], limit[j]) if np.isfinite(limit[j]) else ():
+            axis.axhline(end, color=colour, linewidth=0.8, linestyle="--")
+    axis.grid(**GRID)
