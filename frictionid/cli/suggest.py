@@ -1,4 +1,4 @@
-"""frictionid suggest: torque signals that tell friction and inertia apart, within limits."""
+"""frictionid suggest: torque signals that identify friction and inertia, within limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def suggest(
     ],
     out: Annotated[Path, typer.Option(help="Torque table to write (CSV).")],
     friction: Annotated[
-        str, typer.Option(help='Guess, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].')
+        str, typer.Option(help='Prior, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].')
     ] = "",
     recordings: Annotated[
         int, typer.Option(help="How many; several are written to OUT_1.csv ...")
@@ -30,7 +30,7 @@ def suggest(
         float, typer.Option(help="Angle noise, standard deviation [deg], or [mm].")
     ] = 0.1,
     robust: Annotated[
-        bool, typer.Option("--robust", help="Good also at half and twice the guessed friction.")
+        bool, typer.Option("--robust", help="Good also at half and twice the prior friction.")
     ] = False,
     effort: Annotated[int, typer.Option(help="Random signals to start from.")] = 600,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
@@ -43,12 +43,12 @@ def suggest(
 
     places = _places(out, max(1, recordings))
     _check_places([*places, *([] if figure is None else [figure])])
-    table = excitation.mechanism_in(mechanism)
+    table = excitation.load_mechanism(mechanism)
     machine = mechanism_of(table)
     most = excitation.limits_of(limits, machine)
     experiment = excitation.Experiment(
         Plant.from_parameters(machine, parameters_of(table, {})),
-        excitation.guessed(friction, most),
+        excitation.prior_friction_of(friction, most),
         most,
         length=length,
         recordings=recordings,
@@ -57,16 +57,20 @@ def suggest(
         angle_noise=_noise(noise, machine.description.angle_unit),
         band=_pair(frequencies),
         start=_numbers("--start", start) or None,
-        levels=(0.5, 1.0, 2.0) if robust else (1.0,),
+        friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),
     )
-    waves = excitation.Waves(experiment, tuple(f.strip() for f in families.split(",") if f.strip()))
+    space = excitation.SignalSpace(
+        experiment, tuple(f.strip() for f in families.split(",") if f.strip())
+    )
     search = excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
     with counted(search.generations + 1, "searching") as done:
-        advice = excitation.advise(waves, search, done)
-    _write(advice, places, figure)
+        design = excitation.design_signals(space, search, done)
+    _write(design, places, figure)
 
 
 def _write(advice: Any, places: list[Path], figure: Path | None) -> None:
+def _write(design: Any, places: list[Path], figure: Path | None) -> None:
+    from frictionid import excitation
     from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import command_csv, described
     from frictionid.report.figures.experiment_design import picture
@@ -76,6 +80,10 @@ def _write(advice: Any, places: list[Path], figure: Path | None) -> None:
     if figure is not None:
         write_bytes(figure, picture(advice))
     print(described(advice))
+        write_text(path, excitation.torque_table(design, number))
+    if figure is not None:
+        write_bytes(figure, excitation.picture(design))
+    print(excitation.describe(design))
     print(f"written to {', '.join(map(str, places))}")
 
 

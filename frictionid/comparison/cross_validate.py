@@ -294,14 +294,16 @@ def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Lo
 def _problem(identifier: Identifier, recipe: Recipe, shared: PreparedBenchmark) -> Problem:
     """The problem that an identifier fits: one of unit inertia, all of it, without physics."""
     if not identifier.uses_mechanism:
-        return training_of(without_physics(shared.prepared), replace(recipe, rest=0.0))
+        return training_of(
+            without_physics(shared.prepared), replace(recipe, velocity_threshold=0.0)
+        )
     return shared.problems[recipe.name]
 
 
 def view_of(identifier: Identifier, dataset: Dataset, recipe: Recipe) -> tuple[Plant, Recipe]:
     """Plant and recipe by which an identifier sees a data set: black boxes see no physics."""
     if not identifier.uses_mechanism:
-        return unit_inertia_plant(dataset), replace(recipe, rest=0.0)
+        return unit_inertia_plant(dataset), replace(recipe, velocity_threshold=0.0)
     return plant_of(dataset), recipe
 
 

@@ -35,7 +35,9 @@ class CalibrationEntry(Strict):
 
 
 class RecipeEntry(Strict):
-    """A recipe: "study" or "integral" as they stand, or one's own states, scheme and rest.
+    """A recipe: "study" or "integral" as they stand, or states, scheme and threshold of one's own.
+
+    `velocity_threshold` [rad/s] is that of the stiction mask, 0 for none.
 
     With a `calibration` the data are corrected by what shooting finds, and fitted by the one-step
     recipe that `like` names.
@@ -57,10 +59,13 @@ class RecipeEntry(Strict):
     start_velocity: Positive | None = None
     states: dict[str, Any] | None = None
     scheme: Literal["euler", "integral"] | None = None
-    rest: Annotated[float, Field(ge=0)] | None = None
+    velocity_threshold: Annotated[float, Field(ge=0)] | None = None
     like: str | None = None
     calibration: CalibrationEntry | None = None
-    renamed: ClassVar[Mapping[str, str]] = {"rig": "calibration"}
+    renamed: ClassVar[Mapping[str, str]] = {
+        "rig": "calibration",
+        "rest": "velocity_threshold",
+    }
 
 
 def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
@@ -73,7 +78,9 @@ def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
 def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Method:
     """Recipe of its table; `own` are one-step recipes that it may name as its start."""
     where = f"recipe {entry.name!r}"
-    steps = [key for key in ("states", "scheme", "rest") if getattr(entry, key) is not None]
+    steps = [
+        key for key in ("states", "scheme", "velocity_threshold") if getattr(entry, key) is not None
+    ]
     shots = [key for key in _SHOTS if getattr(entry, key) is not None]
     if entry.calibration is not None or entry.like is not None:
         if steps or shots or entry.by:
@@ -97,7 +104,7 @@ def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Me
             f"{where} is unknown; {nearest(entry.name, RECIPES)}; one's own needs states and scheme"
         )
     states = built(entry.states, ESTIMATORS, f"{where}, states")
-    return Recipe(entry.name, states, entry.scheme, entry.rest or 0.0)
+    return Recipe(entry.name, states, entry.scheme, entry.velocity_threshold or 0.0)
 
 
 _SHOTS = ("free", "fixed", "priors", "start", "windows", "iterations", "start_velocity")

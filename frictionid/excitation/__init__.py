@@ -1,26 +1,36 @@
-"""Which torque to apply next: signals that tell friction and inertia apart, within limits."""
+"""Design of experiments: torque signals that identify friction and inertia, within limits."""
 
-from frictionid.excitation.advice import Advice, advise
-from frictionid.excitation.experiment import Experiment, mechanism_in
-from frictionid.excitation.information import Expected, covariances, expected, standard_errors
+from frictionid.excitation.design import Design, design_signals
+from frictionid.excitation.experiment import Experiment, load_mechanism
+from frictionid.excitation.information import (
+    Information,
+    covariances,
+    expected_information,
+    standard_errors,
+)
 from frictionid.excitation.limits import Limits, limits_of
 from frictionid.excitation.monte_carlo import Repeated, repeated
 from frictionid.excitation.motion import Motions, moved
 from frictionid.excitation.prior_friction import guessed
 from frictionid.excitation.search import Search, best
 from frictionid.excitation.signals import Waves
+from frictionid.excitation.monte_carlo import MonteCarlo, monte_carlo
+from frictionid.excitation.motion import Motions, predict_motions
+from frictionid.excitation.picture import picture
+from frictionid.excitation.prior_friction import prior_friction_of
+from frictionid.excitation.search import Search, search_signals
+from frictionid.excitation.signals import SignalSpace
+from frictionid.excitation.summary import describe, torque_table
 
 __all__ = [
-    "Advice",
-    "Expected",
+    "Design",
     "Experiment",
+    "Information",
     "Limits",
+    "MonteCarlo",
     "Motions",
-    "Repeated",
     "Search",
-    "Waves",
-    "advise",
-    "best",
+    "SignalSpace",
     "covariances",
     "expected",
     "guessed",
@@ -28,5 +38,16 @@ __all__ = [
     "mechanism_in",
     "moved",
     "repeated",
+    "describe",
+    "design_signals",
+    "expected_information",
+    "limits_of",
+    "load_mechanism",
+    "monte_carlo",
+    "picture",
+    "predict_motions",
+    "prior_friction_of",
+    "search_signals",
     "standard_errors",
+    "torque_table",
 ]

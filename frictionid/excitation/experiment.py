@@ -1,4 +1,4 @@
-"""The experiment that is planned: machine, guessed friction, limits, drive and camera."""
+"""The experiment that signals are designed for: machine, prior friction, limits, drive, camera."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from frictionid.mechanics import Plant
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is planned around the signal that is searched.
+    """Everything of an experiment but the torque signal.
 
     Parameters
     ----------
     plant : Plant, its base parameters p of shape (nb,)
-    friction : Friction, the guess, theta (n, 2)
+    friction : Friction, the prior, theta (n, 2)
     limits : Limits
     length : float [s], of each recording
     recordings : int
     drive_rate, camera_rate : float [Hz]
     angle_noise : float, standard deviation [rad], or [m]
     band : lowest and highest frequency of the torque [Hz]
-    start : start angles (n,) of each recording, at rest; None: searched as well
-    levels : shares of the guessed friction for all of which the signal shall be good
+    start : start angles (n,) of each recording, at rest; None to search them as well
+    friction_scales : factors of the prior friction for all of which the signal shall be good
     """
 
     plant: Plant
@@ -45,7 +45,7 @@ class Experiment:
     angle_noise: float = math.radians(0.1)
     band: tuple[float, float] = (0.2, 4.0)
     start: tuple[float, ...] | None = None
-    levels: tuple[float, ...] = (1.0,)
+    friction_scales: tuple[float, ...] = (1.0,)
 
     def __post_init__(self) -> None:
         for name in ("length", "drive_rate", "camera_rate", "angle_noise"):
@@ -88,7 +88,7 @@ def _check_start(start: tuple[float, ...] | None, limits: Limits, joints: int) -
             raise InputError(f"start angle {angle:g} of joint {j} is not within its limit {most:g}")
 
 
-def mechanism_in(path: Path) -> dict[str, Any]:
+def load_mechanism(path: Path) -> dict[str, Any]:
     """The [mechanism] table of a TOML file, or of the dataset.toml of a folder.
 
     Raises

@@ -1,167 +1,149 @@
-"""What recordings will tell: the expected covariance of least squares on the momentum balance.
+"""Expected information of recordings: the covariance of least squares on the momentum balance.
 
-With e the one-step residual, linear in friction and base parameters phi, A = de/dphi, and D the
+With e the one-step residual, linear in friction and base parameters, A its Jacobian, and D the
 derivatives of the sum of A'e by the angles y, through the smoother, whose noise is sigma,
 
     H = sum A'A        V = sigma^2 D D' + F        covariance = H^-1 V H^-1
 
-F comes from joints near the velocity below which their friction is left open: noise decides which
-rows count, and there e is large, for the smoother rounds the corner of a reversal. Without F a
-search finds motions that hardly leave that velocity, whose friction is known half as well as
-promised. All sums add up over recordings. It is what a fit by the integral recipe scatters by, not
-a bound: its residuals are correlated, and it does not weight them [Walter1997].
+F is the variance of the stiction mask: noise decides which rows near the velocity threshold count,
+and there e is large, for the smoother rounds the corner of a reversal. Without F a search finds
+motions that hardly exceed the threshold, whose friction is known half as well as promised. All sums
+add up over recordings. This is the scatter of a fit by the integral recipe, not the Cramer-Rao
+bound: its residuals are correlated, and it does not weight them [Walter1997].
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import norm
 
-from frictionid.arrays import Array, inverse
+from frictionid.arrays import Array
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.states import States
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.motion import Motions
-from frictionid.excitation.smoothing import gains, jerk_ratio, seen
+from frictionid.excitation.smoothing import jerk_decades, smoothed_states, smoother_gains
 from frictionid.friction import Friction, along
 from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.identifiers.residual import Problem, integral_problem
+from frictionid.identifiers.residual import (
+    Problem,
+    integral_problem,
+    stiction_mask,
+    stiction_projector,
+)
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import momentum_balance
 
-_BLIND = 1e-9  # smallest eigenvalue of a correlation matrix that is told from zero
-_SHIFT = 1e-6  # [rad], [rad/s]
+_SINGULAR = 1e-9  # smallest eigenvalue of a correlation matrix that differs from zero
+_STEP = 1e-6  # [rad], [rad/s]
 
 
-class Expected(NamedTuple):
+class Information(NamedTuple):
     """Sums H and V, (..., P, P), of recordings; parameters are friction, joint by joint, then p."""
 
     H: Array
     V: Array
 
-    def pick(self, index: Array) -> Expected:
+    def pick(self, index: Array) -> Information:
         """Sums of one recording, or of some."""
-        return Expected(self.H[..., index, :, :], self.V[..., index, :, :])
+        return Information(self.H[..., index, :, :], self.V[..., index, :, :])
 
 
-def covariances(expected: Expected, part: slice = slice(None)) -> Array:
-    """Covariance (..., P, P) of those parameters if only they are fitted; infinite where blind."""
-    H, V = expected.H[..., part, part], expected.V[..., part, part]
+def covariances(information: Information, part: slice = slice(None)) -> Array:
+    """Covariance (..., P, P) of some parameters if only they are fitted.
+
+    Infinite where H is singular.
+    """
+    H, V = information.H[..., part, part], information.V[..., part, part]
     scale = np.sqrt(np.einsum("...ii->...i", H))
     scale = np.where(scale > 0, scale, 1.0)
     both = scale[..., :, None] * scale[..., None, :]
     values, vectors = np.linalg.eigh(H / both)
-    blind = (values[..., :1] < _BLIND)[..., None]
-    safe = np.where(values < _BLIND, 1.0, values)
+    singular = (values[..., :1] < _SINGULAR)[..., None]
+    safe = np.where(values < _SINGULAR, 1.0, values)
     inverse_H = (vectors / safe[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     out = inverse_H @ (V / both) @ inverse_H / both
-    return np.where(blind, np.diag(np.full(H.shape[-1], np.inf)), out)
+    return np.where(singular, np.diag(np.full(H.shape[-1], np.inf)), out)
 
 
-def standard_errors(each: Expected, part: slice = slice(None)) -> Array:
+def standard_errors(each: Information, part: slice = slice(None)) -> Array:
     """Standard errors (P,) by all recordings of `each` (1, R, P, P) together."""
-    total = Expected(*(x[0].sum(0) for x in each))
+    total = Information(*(x[0].sum(0) for x in each))
     return np.sqrt(np.diagonal(covariances(total, part)))
 
 
-def expected(experiment: Experiment, motions: Motions, seed: int) -> Expected:
-    """H and V (L, N, P, P) of N signals at L levels of friction.
+def expected_information(experiment: Experiment, motions: Motions, seed: int) -> Information:
+    """H and V (L, N, P, P) of N signals at L friction scales.
 
     The seed is that of one draw of noise by which the smoother's jerk ratio is found.
     """
     images, L, N, n = motions.q.shape
-    dt = 1.0 / experiment.camera_rate
-    noise = np.random.default_rng(seed).normal(0.0, experiment.angle_noise, (images, 1, 1, n))
-    decades = jerk_ratio(motions.q, noise, dt)
-    q, w = seen(motions.q, decades, dt)
-    parts = [_one_level(experiment, motions._replace(q=q, w=w), level) for level in range(L)]
-    H, reach, switched = (np.concatenate(x) for x in zip(*parts, strict=True))
+    dt, noise = 1.0 / experiment.camera_rate, experiment.angle_noise
+    draw = np.random.default_rng(seed).normal(0.0, noise, (images, 1, 1, n))
+    decades = jerk_decades(motions.q + draw, dt)
+    q, w = smoothed_states(motions.q, decades, dt)
+    smoothed = motions._replace(q=q, w=w)
+    parts = [_sensitivities(Concatenated.of(experiment, smoothed, level)) for level in range(L)]
+    H, by_state, by_mask = (np.concatenate(x) for x in zip(*parts, strict=True))
     V = np.zeros_like(H)
-    flat = decades.reshape(L * N, n)
+    decades = decades.reshape(L * N, n)
     speed = np.abs(np.moveaxis(w, 0, 2).reshape(L * N, images, n))
+    margin = speed - INTEGRAL.velocity_threshold
     for j in range(n):
-        for decade in np.unique(flat[:, j]):
-            own = flat[:, j] == decade
-            gain = gains(images, dt, float(decade))
-            V[own] += experiment.angle_noise**2 * _through(reach[own, ..., j], gain)
-            sigma = experiment.angle_noise * np.sqrt(gain[1].power(2).sum(axis=1))
-            V[own] += _at_random(switched[own, ..., j], (speed[own, :, j] - INTEGRAL.rest) / sigma)
+        for decade in np.unique(decades[:, j]):
+            own = decades[:, j] == decade
+            gains = smoother_gains(images, dt, float(decade))
+            V[own] += noise**2 * _noise_variance(by_state[own, ..., j], gains)
+            sigma = noise * np.sqrt(gains[1].power(2).sum(axis=1))
+            V[own] += _mask_variance(by_mask[own, ..., j], margin[own, :, j] / sigma)
     P = H.shape[-1]
-    return Expected(H.reshape(L, N, P, P), V.reshape(L, N, P, P))
+    return Information(H.reshape(L, N, P, P), V.reshape(L, N, P, P))
 
 
-def _through(reach: Array, gain: tuple[Array, Array]) -> Array:
-    """D D' (C, P, P): what noise of one joint's angles does to the equations, (C, 2, P, T + 1)."""
-    C, _, P, samples = reach.shape
-    flat = (
-        r.reshape(C * P, samples) @ g for g, r in zip(gain, np.swapaxes(reach, 0, 1), strict=True)
-    )
-    D = sum(flat).reshape(C, P, samples)
+def _noise_variance(by_state: Array, gains: tuple[Array, Array]) -> Array:
+    """D D' (C, P, P) of unit noise of a joint's angles.
+
+    by_state (C, 2, P, T + 1) : derivatives of the sum of A'e by its smoothed angles and velocities
+    """
+    C, _, P, samples = by_state.shape
+    by_quantity = np.swapaxes(by_state, 0, 1).reshape(2, C * P, samples)
+    D = sum(x @ gain for x, gain in zip(by_quantity, gains, strict=True)).reshape(C, P, samples)
     return D @ np.swapaxes(D, -1, -2)
 
 
-def _at_random(change: Array, margin: Array) -> Array:
-    """Variance (C, P, P) of sums of changes (C, P, T + 1) that happen or not, each by itself.
+def _mask_variance(change: Array, margin: Array) -> Array:
+    """Variance (C, P, P) of sums of changes (C, P, T + 1) that occur or not, independently.
 
-    margin (C, T + 1) : of the velocity above the one that decides, in standard deviations
+    margin (C, T + 1) : speed above the velocity threshold, in standard deviations
     """
-    share = norm.cdf(margin)
-    D = change * np.sqrt(share * (1 - share))[:, None]
+    probability = norm.cdf(margin)
+    D = change * np.sqrt(probability * (1 - probability))[:, None]
     return np.asarray(D @ np.swapaxes(D, -1, -2))
 
 
-def _one_level(experiment: Experiment, motions: Motions, level: int) -> tuple[Array, Array, Array]:
-    """H (N, P, P), and changes of A'e at one level by q and w, and by rest, of each sample.
+@dataclass(frozen=True, eq=False)
+class Concatenated:
+    """Motions of N signals at one friction scale as one recording, so that one call serves all.
 
-    The first are derivatives (N, 2, P, T + 1, n), the others differences (N, P, T + 1, n). The
-    motions are glued to one recording, so that one call serves all.
+    friction ; plant : with one batch entry ; recording : N (T + 1) samples ; count : N
     """
-    images, _, N, n = motions.q.shape
-    theta = experiment.levels[level] * experiment.friction.theta
-    friction = Friction(experiment.friction.law, theta)
-    glued = Glued.of(experiment, motions, level)
-    still = resting(glued)
-    part = open_part(glued.problem(glued.q, glued.w).G, still)
-    A, now = _rows(friction, glued, glued.q, glued.w, part)
-    used = used_rows(N, images)
-    A = A[used].reshape(N, -1, *A.shape[1:])
 
-    def by_sample(ends: Array) -> Array:
-        """Changes of each interval by its ends (2, K, P, n), summed for each sample."""
-        out = np.zeros((N * images, *ends.shape[2:]))
-        out[:-1] += ends[0] * used[:, None, None]
-        out[1:] += ends[1] * used[:, None, None]
-        return np.moveaxis(out.reshape(N, images, *ends.shape[2:]), 1, 2)
-
-    reach = np.stack([by_sample(x) for x in state_part(friction, glued, now, part)], axis=1)
-    switched = by_sample(_switched(friction, glued, still, now))
-    return np.einsum("ckip,ckiq->cpq", A, A), reach, switched
-
-
-def used_rows(N: int, images: int) -> Array:
-    """Which intervals of glued motions count, (N images - 1,).
-
-    Not those between two motions, nor each first one, which the recipe does not use either.
-    """
-    used = np.ones(N * images, dtype=bool)
-    used[0::images] = used[images - 1 :: images] = False
-    return used[:-1]
-
-
-class Glued(NamedTuple):
-    """Motions of one level, one behind the other as one recording, (N (T + 1), n)."""
-
+    friction: Friction
     plant: Plant
     recording: Recording
-    q: Array
     w: Array
+    count: int
 
     @staticmethod
-    def of(experiment: Experiment, motions: Motions, level: int) -> Glued:
+    def of(experiment: Experiment, motions: Motions, level: int) -> Concatenated:
+        """Motions at one of the friction scales."""
+
         def flat(x: Array) -> Array:
             return np.swapaxes(x, 0, 1).reshape(-1, x.shape[-1])
 
@@ -170,90 +152,55 @@ class Glued(NamedTuple):
         time = np.arange(len(q)) / experiment.camera_rate
         recording = Recording("expected", Signal(time, q), Signal(time, u, hold="previous"))
         plant = experiment.plant
-        one = Plant(
-            plant.mechanism, {k: v[None] for k, v in plant.parameters.items()}, plant.p[None]
-        )
-        return Glued(one, recording, q, w)
+        parameters = {name: value[None] for name, value in plant.parameters.items()}
+        one = Plant(plant.mechanism, parameters, plant.p[None])
+        friction = experiment.friction
+        scaled = Friction(friction.law, experiment.friction_scales[level] * friction.theta)
+        return Concatenated(scaled, one, recording, w, motions.q.shape[2])
 
-    def problem(self, q: Array, w: Array) -> Problem:
+    @property
+    def q(self) -> Array:
+        """Angles (N (T + 1), n)."""
+        return np.asarray(self.recording.angle.value)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """One-step problem of the motions."""
+        return self.problem_at(self.q, self.w)
+
+    def problem_at(self, q: Array, w: Array) -> Problem:
+        """One-step problem of other angles and velocities."""
         states = States(self.recording.angle.time, q, w)
         return integral_problem(self.plant, (self.recording,), (states,))
 
+    @cached_property
+    def mask(self) -> Array:
+        """Stiction mask (K, n) of a fit."""
+        return stiction_mask(self.problem, INTEGRAL.velocity_threshold)
 
-def equations(friction: Friction, glued: Glued) -> tuple[Array, Array]:
-    """A (K, n, P) and A'e (K, P) of glued motions, blind where a joint rests."""
-    part = open_part(glued.problem(glued.q, glued.w).G, resting(glued))
-    return _rows(friction, glued, glued.q, glued.w, part)
+    @cached_property
+    def projector(self) -> Array:
+        """Projector (K, n, n) of the stiction mask."""
+        return stiction_projector(self.problem.G, self.mask)
 
-
-def resting(glued: Glued) -> Array:
-    """Intervals (K, n) in which a fit leaves the friction of a joint open, as in `sliding`."""
-    problem = glued.problem(glued.q, glued.w)
-    w = problem.nodes.inputs.w[problem.stencil]
-    turns = (w > 0).any(1) & (w < 0).any(1)
-    return np.asarray(turns | (np.abs(w) < INTEGRAL.rest).any(1))
-
-
-def open_part(G: Array, still: Array) -> Array:
-    """What is left of e (K, n, n) where the friction of joints (K, n) is open, as in `sliding`."""
-    out = np.broadcast_to(np.eye(G.shape[-1]), G.shape).copy()
-    rows = still.any(1)
-    G, still = G[rows], still[rows]
-    blind = G * still[:, None, :]
-    project = np.eye(G.shape[-1]) - blind @ np.linalg.pinv(blind, rcond=1e-9)
-    out[rows] = ((project @ G) * ~still[:, None, :]) @ inverse(G)
-    return out
+    @cached_property
+    def used(self) -> Array:
+        """Intervals (K,) that count: not those between two motions, nor the first of each one."""
+        images = len(self.w) // self.count
+        out = np.ones(len(self.w), dtype=bool)
+        out[0::images] = out[images - 1 :: images] = False
+        return out[:-1]
 
 
-def _rows(friction: Friction, glued: Glued, q: Array, w: Array, part: Array) -> tuple[Array, Array]:
-    problem = glued.problem(q, w)
-    e = problem.residual(along(friction, problem.nodes))
-    A = [friction_part(friction, problem), base_part(glued.plant[0], problem)]
-    A = part @ np.concatenate(A, axis=-1)
+def equations(motions: Concatenated, projector: Array, problem: Problem) -> tuple[Array, Array]:
+    """Jacobian A (K, n, P) and A'e (K, P) of a problem along motions, under a stiction mask."""
+    e = problem.residual(along(motions.friction, problem.nodes))
+    A = [friction_jacobian(motions.friction, problem), base_jacobian(motions.plant[0], problem)]
+    A = projector @ np.concatenate(A, axis=-1)
     return A, (A * e[..., None]).sum(-2)
 
 
-def _switched(friction: Friction, glued: Glued, still: Array, now: Array) -> Array:
-    """Change of A'e (2, K, P, n) if a joint came to rest, or moved, at an interval's start or end.
-
-    None where its other end rests or moves the other way, for then it is open anyway.
-    """
-    problem, n = glued.problem(glued.q, glued.w), still.shape[1]
-    moves = np.where(np.abs(glued.w) >= INTEGRAL.rest, np.sign(glued.w), 0.0)
-    side = np.sign(glued.w)
-    start = (moves[1:] != 0) & (moves[1:] == side[:-1])
-    end = (moves[:-1] != 0) & (moves[:-1] == side[1:])
-    out = np.zeros((2, *now.shape, n))
-    for j in range(n):
-        other = still.copy()
-        other[:, j] = ~other[:, j]
-        _, near = _rows(friction, glued, glued.q, glued.w, open_part(problem.G, other))
-        for which, decides in enumerate((start[:, j], end[:, j])):
-            out[which, ..., j] = (near - now) * decides[:, None]
-    return out
-
-
-def state_part(friction: Friction, glued: Glued, now: Array, part: Array) -> Array:
-    """Derivatives of A'e by q or w at the start or end of each interval, (2, 2, K, P, n).
-
-    `now` is A'e (K, P). A changes as well, which counts where the smoother has bent the motion and
-    e is not zero. Every other sample is shifted, so that one difference serves all intervals.
-    """
-    n = glued.q.shape[-1]
-    out = np.zeros((2, 2, *now.shape, n))
-    even = np.arange(len(glued.q)) % 2 == 0
-    for parity, what, j in product((True, False), (0, 1), range(n)):
-        shift = np.zeros((2, *glued.q.shape))
-        shift[what, even == parity, j] = _SHIFT
-        _, near = _rows(friction, glued, glued.q + shift[0], glued.w + shift[1], part)
-        change = (near - now) / _SHIFT
-        starts = even[:-1] == parity
-        out[what, 0, starts, :, j] = change[starts]
-        out[what, 1, ~starts, :, j] = change[~starts]
-    return out
-
-
-def friction_part(friction: Friction, problem: Problem) -> Array:
+def friction_jacobian(friction: Friction, problem: Problem) -> Array:
     """de/dtheta (K, n, n P), joint by joint."""
     gradient = friction.law.gradient(friction.theta, problem.nodes.inputs)  # (S, n, P)
     S, n, P = gradient.shape
@@ -261,11 +208,72 @@ def friction_part(friction: Friction, problem: Problem) -> Array:
     return -(problem.G[..., None] * mean[:, None]).reshape(len(mean), n, n * P)
 
 
-def base_part(plant: Plant, problem: Problem) -> Array:
-    """de/dp (K, n, nb): the Lagrangian is linear in p, so each one's share is that of p = 1."""
-    x = problem.nodes.inputs
-    nb = plant.p.shape[-1]
+def base_jacobian(plant: Plant, problem: Problem) -> Array:
+    """de/dp (K, n, nb), where e = 0: the momentum balance of unit base parameters."""
+    x, nb = problem.nodes.inputs, plant.p.shape[-1]
     terms = plant.mechanism.terms(np.eye(nb)[:, None], x.q, x.w)
-    start, end, force = (np.moveaxis(x, 0, -1) for x in momentum_balance(terms, problem.stencil))
+    start, end, force = (np.moveaxis(t, 0, -1) for t in momentum_balance(terms, problem.stencil))
     dt = problem.dt[:, None, None]
     return problem.G / dt @ (start - end + force * dt)
+
+
+def _sensitivities(motions: Concatenated) -> tuple[Array, Array, Array]:
+    """H (N, P, P) of each signal, and changes of its sum of A'e by each sample.
+
+    By angles and velocities derivatives (N, 2, P, T + 1, n), by the stiction mask differences
+    (N, P, T + 1, n).
+    """
+    A, gradient = equations(motions, motions.projector, motions.problem)
+    A = A[motions.used].reshape(motions.count, -1, *A.shape[1:])
+    by_state = [_by_sample(motions, x) for x in _state_derivatives(motions, gradient)]
+    by_mask = _by_sample(motions, _mask_changes(motions, gradient))
+    return np.einsum("ckip,ckiq->cpq", A, A), np.stack(by_state, axis=1), by_mask
+
+
+def _by_sample(motions: Concatenated, ends: Array) -> Array:
+    """Changes (N, P, T + 1, n) by each sample, from those by the ends of intervals (2, K, P, n)."""
+    out = np.zeros((len(motions.w), *ends.shape[2:]))
+    out[:-1] += ends[0] * motions.used[:, None, None]
+    out[1:] += ends[1] * motions.used[:, None, None]
+    return np.moveaxis(out.reshape(motions.count, -1, *ends.shape[2:]), 1, 2)
+
+
+def _state_derivatives(motions: Concatenated, gradient: Array) -> Array:
+    """Derivatives of A'e by q or w at the start or end of each interval, (2, 2, K, P, n).
+
+    gradient : A'e (K, P). A changes as well, which counts where the smoother has bent the motion
+    and e is not zero. Every other sample is shifted, so that one difference serves all intervals.
+    """
+    n = motions.q.shape[-1]
+    out = np.zeros((2, 2, *gradient.shape, n))
+    even = np.arange(len(motions.q)) % 2 == 0
+    for parity, what, j in product((True, False), (0, 1), range(n)):
+        shift = np.zeros((2, *motions.q.shape))
+        shift[what, even == parity, j] = _STEP
+        shifted = motions.problem_at(motions.q + shift[0], motions.w + shift[1])
+        change = (equations(motions, motions.projector, shifted)[1] - gradient) / _STEP
+        starts = even[:-1] == parity
+        out[what, 0, starts, :, j] = change[starts]
+        out[what, 1, ~starts, :, j] = change[~starts]
+    return out
+
+
+def _mask_changes(motions: Concatenated, gradient: Array) -> Array:
+    """Change of A'e (2, K, P, n) if a joint were masked, or not, at an interval's start or end.
+
+    Zero where its other end is below the threshold or reversed: then it is masked anyway.
+    """
+    w, n = motions.w, motions.w.shape[1]
+    direction = np.sign(w)
+    moving = np.where(np.abs(w) >= INTEGRAL.velocity_threshold, direction, 0.0)
+    start = (moving[1:] != 0) & (moving[1:] == direction[:-1])
+    end = (moving[:-1] != 0) & (moving[:-1] == direction[1:])
+    out = np.zeros((2, *gradient.shape, n))
+    for j in range(n):
+        mask = motions.mask.copy()
+        mask[:, j] = ~mask[:, j]
+        projector = stiction_projector(motions.problem.G, mask)
+        change = equations(motions, projector, motions.problem)[1] - gradient
+        out[0, ..., j] = change * start[:, j, None]
+        out[1, ..., j] = change * end[:, j, None]
+    return out

@@ -1,4 +1,4 @@
-"""Limits of a machine: torque of each motor, velocity and angle of each joint."""
+"""Limits of a machine, from the text of an option: torque of each motor, velocity and angle."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Limits(NamedTuple):
 
 
 def limits_of(text: str, mechanism: Mechanism) -> Limits:
-    """Limits in words, one number for all or a list; an angle that is not named has no limit.
+    """Limits of a text, one number for all or a list; an angle that is not named has no limit.
 
     Torques have one number for each motor, velocities and angles one for each joint.
 
@@ -51,10 +51,10 @@ def limits_of(text: str, mechanism: Mechanism) -> Limits:
             f"[mechanism] {mechanism.description.kind} has no motor: there is no torque to suggest"
         )
     torque = np.zeros(mechanism.n)
-    torque[driven] = each("--limits", "torque", given["torque"], (driven.size, "motors"))
+    torque[driven] = numbers_of("--limits", "torque", given["torque"], (driven.size, "motors"))
     joints = (mechanism.n, "joints")
-    angle = each("--limits", "angle", given.get("angle", math.inf), joints)
-    return Limits(torque, each("--limits", "velocity", given["velocity"], joints), angle)
+    angle = numbers_of("--limits", "angle", given.get("angle", math.inf), joints)
+    return Limits(torque, numbers_of("--limits", "velocity", given["velocity"], joints), angle)
 
 
 def table_of(option: str, text: str, known: tuple[str, ...], example: str) -> Mapping[str, Any]:
@@ -74,16 +74,12 @@ def table_of(option: str, text: str, known: tuple[str, ...], example: str) -> Ma
     return table
 
 
-def each(
-    option: str, name: str, value: Any, count: tuple[int, str], *, zero: bool = False
-) -> Array:
+def numbers_of(option: str, name: str, value: Any, count: tuple[int, str]) -> Array:
     """One positive number for each of the joints or motors, from one number or a list."""
     numbers = value if isinstance(value, list) else [value]
     for number in numbers:
-        right = isinstance(number, int | float) and not isinstance(number, bool)
-        if not (right and (number > 0 or (zero and number == 0))):
-            least = "must not be negative" if zero else "must be positive"
-            raise InputError(f"{option}: {name} = {number!r} {least}")
+        if isinstance(number, bool) or not isinstance(number, int | float) or not number > 0:
+            raise InputError(f"{option}: {name} = {number!r} must be positive")
     if len(numbers) not in (1, count[0]):
         raise InputError(
             f"{option}: {name} has {len(numbers)} numbers for {count[0]} {count[1]}; "

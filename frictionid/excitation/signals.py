@@ -18,27 +18,27 @@ from frictionid.excitation.experiment import Experiment
 FAMILIES = ("multisine", "chirp")
 SINES = 5
 _PER_MOTOR = 2 + 3 * SINES
-_REACH = 0.95  # of the angle limit, for a start that leaves room to swing
-_OVERDRIVEN = 3.0
-_WEAKEST = 0.02  # amplitude of the weakest signal, as a share of the limit
+_START = 0.95  # of the angle limit: the largest start angle
+# Largest and smallest amplitude over the torque limit; above 1 the signal is clipped.
+_OVERDRIVEN, _WEAKEST = 3.0, 0.02
 DECIMALS = 6  # of a command [N m]
 
 
 @dataclass(frozen=True)
-class Waves:
-    """Signals of an experiment's motors; `families` are those that may be used.
+class SignalSpace:
+    """Torque signals of an experiment's motors, of the given families.
 
     Examples
     --------
-    >>> from frictionid.excitation.prior_friction import guessed
+    >>> from frictionid.excitation.prior_friction import prior_friction_of
     >>> from frictionid.excitation.limits import limits_of
     >>> from frictionid.mechanics import Plant, pendulum
     >>> limits = limits_of("torque=0.5,velocity=9,angle=2", pendulum())
     >>> plant = Plant.from_parameters(pendulum(), {})
-    >>> e = Experiment(plant, guessed("", limits), limits, length=1.0)
-    >>> waves = Waves(e)
-    >>> x = np.random.default_rng(0).uniform(size=(3, waves.size))
-    >>> waves.torque(x).shape, bool(abs(waves.torque(x)).max() <= 0.5), waves.start(x).shape
+    >>> e = Experiment(plant, prior_friction_of("", limits), limits, length=1.0)
+    >>> space = SignalSpace(e)
+    >>> x = np.random.default_rng(0).uniform(size=(3, space.size))
+    >>> space.torque(x).shape, bool(abs(space.torque(x)).max() <= 0.5), space.start(x).shape
     ((61, 3, 1), True, (3, 1))
     """
 
@@ -63,9 +63,9 @@ class Waves:
         return _PER_MOTOR * len(self.motors) + self.experiment.plant.n
 
     def sines(self, count: int) -> Array:
-        """Plain sines (N, size) of frequencies all over the band, from the middle of the angles.
+        """Plain sines (N, size) of frequencies all over the band, from zero angles.
 
-        All motors in phase, at their limit; there are none where the family of chirps is not used.
+        All motors in phase, at their limit. None without the family of chirps.
         """
         if "chirp" not in self.families:
             return np.zeros((0, self.size))
@@ -93,11 +93,11 @@ class Waves:
         e = self.experiment
         if e.start is not None:
             return np.broadcast_to(np.array(e.start, dtype=float), (len(x), e.plant.n)).copy()
-        # without a limit a turning joint may start anywhere, a carriage where it stands
+        # without a limit a revolute joint may start at any angle, a carriage at zero
         free = math.pi if e.plant.mechanism.description.angle_unit == "rad" else 0.0
-        limit = np.where(np.isfinite(e.limits.angle), _REACH * e.limits.angle, free)
-        reach = np.minimum(limit, free) if free else limit
-        return np.round(reach * (2 * x[:, -e.plant.n :] - 1), 3)
+        limit = np.where(np.isfinite(e.limits.angle), _START * e.limits.angle, free)
+        largest = np.minimum(limit, free) if free else limit
+        return np.round(largest * (2 * x[:, -e.plant.n :] - 1), 3)
 
     def family(self, x: Array) -> list[list[str]]:
         """Family of each motor's signal, for each x."""
@@ -110,7 +110,7 @@ class Waves:
     def _shape(self, x: Array) -> Array:
         """Commands as shares of the torque limit, (K + 1, N)."""
         time = self.experiment.commands
-        # beyond the limit, and cut off there, for a half of the signals; the others stay below it
+        # half of the signals exceed the limit, and are clipped there
         low, high = 2 * x[:, 1], 2 * x[:, 1] - 1
         gain = np.where(low < 1, _OVERDRIVEN ** (1 - low), _WEAKEST ** np.maximum(high, 0.0))
         f, phase, weight = np.split(x[:, 2:], 3, axis=1)

@@ -1,4 +1,4 @@
-"""How the smoother turns noise of the angles into noise of its angles and velocities."""
+"""The smoother as a linear map: from angles to smoothed angles and velocities."""
 
 from __future__ import annotations
 
@@ -14,29 +14,28 @@ _SUPPORT = 60  # samples; a smoothed state depends on those farther away by less
 _DECADES = 4  # parts of a decade to which jerk ratios are rounded
 
 
-def jerk_ratio(q: Array, noise: Array, dt: float) -> Array:
-    """Decades of the jerk ratio that the smoother finds likeliest for noisy angles.
+def jerk_decades(q: Array, dt: float) -> Array:
+    """Decades of the likeliest jerk ratio of noisy angles q (T, ...), (...), rounded to a quarter.
 
-    q and noise (T, ...) have one series for each entry of the other axes; returns (...), rounded
-    to a quarter.
+    One series for each entry of the other axes.
     """
-    value = (q + noise).reshape(len(q), -1)
+    value = q.reshape(len(q), -1)
     decades = np.log10(likeliest_jerk_ratio(even_series(value, dt)))
     return (np.round(_DECADES * decades) / _DECADES).reshape(q.shape[1:])
 
 
-def seen(q: Array, decades: Array, dt: float) -> tuple[Array, Array]:
-    """Angles and velocities that the smoother makes of noise-free angles q (T, ...)."""
+def smoothed_states(q: Array, decades: Array, dt: float) -> tuple[Array, Array]:
+    """Smoothed angles and velocities of angles q (T, ...), by decades of the jerk ratio (...)."""
     flat = q.reshape(len(q), -1)
     out = rts_smoother(even_series(flat, dt), 10.0 ** decades.ravel())
     return out[:, :, 0].reshape(q.shape), out[:, :, 1].reshape(q.shape)
 
 
 @lru_cache(maxsize=96)
-def gains(samples: int, dt: float, decade: float) -> tuple[csr_array, csr_array]:
+def smoother_gains(samples: int, dt: float, decade: float) -> tuple[csr_array, csr_array]:
     """Matrices (T, T) from angles to smoothed angles and velocities [1/s].
 
-    >>> angle, velocity = gains(5, 0.1, 8.0)
+    >>> angle, velocity = smoother_gains(5, 0.1, 8.0)
     >>> line = np.arange(5) * 0.1
     >>> bool(np.allclose(angle @ line, line)), bool(np.allclose(velocity @ line, 1.0, atol=1e-3))
     (True, True)

@@ -1,6 +1,6 @@
-"""Recipes: how a one-step problem is made of a data set.
+"""Formulation of one-step problems: state estimator, scheme and stiction mask of a recipe.
 
-A recipe names the state estimator and the scheme; the study's and ours stand here by name.
+STUDY is the recipe of the study [DeMeester2020], INTEGRAL the default.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.states import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
-from frictionid.identifiers.residual import Problem, euler_problem, integral_problem, sliding
+from frictionid.identifiers.residual import Problem, euler_problem, integral_problem, mask_stiction
 from frictionid.mechanics import Plant
 
 SCHEMES = ("euler", "integral")
@@ -24,14 +24,14 @@ SCHEMES = ("euler", "integral")
 class Recipe:
     """How a one-step problem is made: estimated states and a scheme, "euler" or "integral".
 
-    rest : [rad/s] below which a joint's friction is left open in a fit (see `sliding`); 0 fits all
-    rows alike, as the study did. It should be about twice the noise of the estimated velocities.
+    velocity_threshold : [rad/s] of the stiction mask of a fit, see `mask_stiction`; about twice the
+    noise of the estimated velocities. 0 uses all rows, as the study did.
     """
 
     name: str
     states: Estimator
     scheme: str
-    rest: float = 0.0
+    velocity_threshold: float = 0.0
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -39,8 +39,11 @@ class Recipe:
                 f"recipe {self.name!r}: scheme = {self.scheme!r} is unknown; "
                 f"known are {', '.join(SCHEMES)}"
             )
-        if self.rest < 0:
-            raise InputError(f"recipe {self.name!r}: rest = {self.rest} must not be negative")
+        if self.velocity_threshold < 0:
+            raise InputError(
+                f"recipe {self.name!r}: velocity_threshold = {self.velocity_threshold} must not be "
+                "negative"
+            )
         if self.scheme == "integral" and isinstance(self.states, Backward):
             raise InputError(
                 f"recipe {self.name!r}: backward differences lag half a sample, which makes the "
@@ -49,7 +52,7 @@ class Recipe:
 
 
 STUDY = Recipe("study", Backward(), "euler")
-INTEGRAL = Recipe("integral", RTS(), "integral", rest=0.2)
+INTEGRAL = Recipe("integral", RTS(), "integral", velocity_threshold=0.2)
 
 
 def states_of(
@@ -77,14 +80,19 @@ def problem_of(
     history: float = 0.0,
     states: tuple[States, ...] | None = None,
 ) -> Problem:
-    """One-step problem of a data set by a recipe, all rows alike: what scores are computed on.
+    """One-step problem of a data set by a recipe, without stiction mask: for scores.
 
-    The rows are the same for every recipe: each recording's first interval, where backward
-    differences know no velocity yet, is none of them.
+    The rows are the same for every recipe. Each recording's first interval is left out, where
+    backward differences know no velocity yet.
 
     sample_time : [s] between the samples used, None for all
     history : [s] of each recording before its first row
-    states : what the recipe's estimator gives, where it has been asked before
+    states : of the recipe's estimator, if they are known already
+
+    Raises
+    ------
+    InputError
+        Where no recording has a row.
     """
     if states is None:
         states = states_of(dataset, recipe.states, sample_time)
@@ -112,6 +120,7 @@ def training_problem(
     history: float = 0.0,
     states: tuple[States, ...] | None = None,
 ) -> Problem:
-    """One-step problem that identifiers fit: blind to the friction of joints at rest."""
+    """One-step problem for fits: `problem_of` with the rows of joints at rest projected out."""
     problem = problem_of(dataset, plant, recipe, sample_time, history, states)
-    return sliding(problem, recipe.rest) if recipe.rest > 0 else problem
+    threshold = recipe.velocity_threshold
+    return mask_stiction(problem, threshold) if threshold > 0 else problem

@@ -118,5 +118,7 @@ def accelerations(problem: Problem) -> tuple[Array, Array]:
     n = problem.r.shape[-1]
     scale = np.sqrt(np.mean(problem.G**2, axis=(1, 2)) * n)
     if not (np.abs(np.linalg.det(problem.G)) > 1e-9 * scale**n).all():
-        raise InputError("a model without physics needs all rows: use a recipe with rest = 0")
+        raise InputError(
+            "a model without physics needs all rows: use a recipe with velocity_threshold = 0"
+        )
     return np.linalg.solve(problem.G, problem.r[..., None])[..., 0], scale

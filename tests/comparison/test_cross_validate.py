@@ -212,7 +212,10 @@ def test_backward_differences_do_not_go_with_the_momentum_balance():
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [({"scheme": "rk4"}, "'rk4' is unknown; known are euler, integral"), ({"rest": -0.1}, "rest")],
+    [
+        ({"scheme": "rk4"}, "'rk4' is unknown; known are euler, integral"),
+        ({"velocity_threshold": -0.1}, "velocity_threshold"),
+    ],
 )
 def test_recipes_that_make_no_sense_are_refused(change, words):
     with pytest.raises(InputError, match=words):

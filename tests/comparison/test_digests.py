@@ -56,7 +56,7 @@ def test_a_changed_setting_or_file_changes_the_digest():
         task(Bare(1.0)),
         task(Bare(2.0)),
         task(recipe=STUDY),
-        task(recipe=replace(INTEGRAL, rest=0.1)),
+        task(recipe=replace(INTEGRAL, velocity_threshold=0.1)),
         task(seed=1),
         task(tests=(dataset(name="test"),)),
         task(split=Split(count=4)),

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import friction_of, identifier_named, load_suite, tasks_of
+from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.data.states import RTS, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
@@ -87,7 +88,7 @@ def test_a_suite_is_the_constructor_calls_of_its_parts(place):
             "name": "local",
             "states": {"kind": "savgol", "window": 5, "order": 2},
             "scheme": "integral",
-            "rest": 0.1,
+            "velocity_threshold": 0.1,
         },
     ]
     file = write_toml(place / "suite.toml", document)
@@ -238,7 +239,13 @@ KEYS = (
     *("name", "title", "horizons", "horizons.0", "every", "history", "sample_time", "seeds"),
     *("folds", "folds.count", "folds.kind", "folds.gap", "folds.seed", "datasets", "datasets.0"),
     *("datasets.0.path", "datasets.0.tests", "recipes", "recipes.0", "recipes.0.name"),
-    *("recipes.0.states", "recipes.0.scheme", "recipes.0.rest", "identifiers", "identifiers.0"),
+    *(
+        "recipes.0.states",
+        "recipes.0.scheme",
+        "recipes.0.velocity_threshold",
+        "identifiers",
+        "identifiers.0",
+    ),
     *("identifiers.0.kind", "identifiers.0.name", "identifiers.0.recipes", "identifiers.0.width"),
     "identifiers.1.shape",
 )
@@ -293,3 +300,12 @@ def test_keys_of_older_suites_mean_the_same(place, names):
     file = write_toml(place / "renamed.toml", table)
     protocol = tasks_of(load_suite(file), file)[0].benchmark.protocol
     assert (protocol.initial_states, protocol.true_initial_states) == ("model", True)
+
+
+def test_the_key_rest_of_older_recipes_is_the_velocity_threshold():
+    entry = {"name": "mine", "states": {"kind": "rts"}, "scheme": "integral"}
+    old, new = (
+        recipe_of(RecipeEntry.model_validate({**entry, key: 0.05}))
+        for key in ("rest", "velocity_threshold")
+    )
+    assert old == new and new.velocity_threshold == 0.05

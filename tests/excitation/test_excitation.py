@@ -1,4 +1,4 @@
-"""Excitation advice: what it predicts against what is measured, its limits, and its mistakes."""
+"""Experiment design: predictions against measurements, limits, and laws of the optimum."""
 
 from __future__ import annotations
 
@@ -16,35 +16,37 @@ from frictionid.data.signals import Signal
 from frictionid.data.states import States
 from frictionid.errors import InputError
 from frictionid.excitation import (
-    Advice,
-    Expected,
+    Design,
     Experiment,
+    Information,
     Motions,
     Search,
-    Waves,
-    advise,
+    SignalSpace,
     covariances,
     expected,
     guessed,
     limits_of,
     moved,
     repeated,
+    describe,
+    design_signals,
+    expected_information,
+    limits_of,
+    monte_carlo,
+    picture,
+    predict_motions,
+    prior_friction_of,
     standard_errors,
+    torque_table,
 )
-from frictionid.excitation.information import (
-    Glued,
-    base_part,
-    friction_part,
-    open_part,
-    resting,
-)
-from frictionid.excitation.search import choose, information, simulated
-from frictionid.excitation.smoothing import gains
+from frictionid.excitation.information import Concatenated, base_jacobian, friction_jacobian
+from frictionid.excitation.search import e_criterion, exchange, simulated
+from frictionid.excitation.smoothing import smoother_gains
 from frictionid.friction import Inputs, Nodes, along
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.identifiers.residual import Problem, integral_problem, sliding
+from frictionid.identifiers.residual import Problem, integral_problem, mask_stiction
 from frictionid.mechanics import Plant, acrobot
 from frictionid.report.experiment_design import command_csv, described
 from frictionid.report.figures.experiment_design import picture
@@ -57,21 +59,21 @@ COULOMB, VISCOUS = (0.165, 0.0525), (0.004, 0.0008)
 
 
 @cache
-def on_acrobot() -> Advice:
-    """A suggestion for the acrobot with the simulated rig's level of friction, quickly searched."""
+def on_acrobot() -> Design:
+    """A design for the acrobot with the simulated rig's level of friction, quickly searched."""
     machine = acrobot()
     limits = limits_of("torque=0.14, velocity=20, angle=3.1", machine)
-    friction = guessed(f"coulomb={list(COULOMB)}, viscous={list(VISCOUS)}", limits)
+    friction = prior_friction_of(f"coulomb={list(COULOMB)}, viscous={list(VISCOUS)}", limits)
     experiment = Experiment(
         Plant.from_parameters(machine, {}), friction, limits, length=3.0, recordings=3
     )
-    return advise(Waves(experiment), Search(pool=96, generations=2, children=48))
+    return design_signals(SignalSpace(experiment), Search(pool=96, generations=2, children=48))
 
 
 @cache
-def swinging() -> Advice:
+def swinging() -> Design:
     """The same for a pendulum, the second rig."""
-    return advise(Waves(on_pendulum()), Search(pool=96, generations=2, children=64))
+    return design_signals(SignalSpace(on_pendulum()), Search(pool=96, generations=2, children=64))
 
 
 def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, Array]:
@@ -125,7 +127,10 @@ def scatter(experiment: Experiment, torque: Array, start: Array) -> tuple[Array,
     where the residual is linear.
     """
     problem, seed = measured(experiment, torque, start)
-    parts = [friction_part(experiment.friction, problem), base_part(experiment.plant, problem)]
+    parts = [
+        friction_jacobian(experiment.friction, problem),
+        base_jacobian(experiment.plant, problem),
+    ]
     A = np.concatenate(parts, axis=-1)
     e = problem.residual(along(experiment.friction, problem.nodes))
     alone, free = [], []
@@ -157,22 +162,22 @@ def _rows(problem: Problem, own: Array) -> Problem:
 @pytest.mark.parametrize("rig", ["acrobot", "acrobot with a sine", "pendulum"])
 def test_predicted_standard_errors_are_right_within_1_5(rig: str) -> None:
     """Of friction and of base parameters; the scatter of 40 fits is itself known to 11 %."""
-    advice = on_acrobot() if rig.startswith("acrobot") else swinging()
-    e, told, signal = advice.experiment, advice.repeated, (advice.torque, advice.start)
+    design = on_acrobot() if rig.startswith("acrobot") else swinging()
+    e, predicted, signal = design.experiment, design.monte_carlo, (design.torque, design.start)
     if "sine" in rig:
         signal = sine(e, 1.0)
-        told = repeated(e, moved(e, *signal), 0)
+        predicted = monte_carlo(e, predict_motions(e, *signal), 0)
     for inertia, found in zip((False, True), scatter(e, *signal), strict=True):
-        ratio = found / told.errors(inertia=inertia)
+        ratio = found / predicted.errors(inertia=inertia)
         assert ((ratio > 1 / 1.5) & (ratio < 1.5)).all(), (inertia, ratio)
 
 
 def test_the_information_that_is_searched_promises_what_repetitions_give() -> None:
     """Within 2, at a tenth of the cost: it knows of one bandwidth of the smoother only."""
-    advice = on_acrobot()
-    e = advice.experiment
-    ratio = advice.repeated.errors(inertia=True) / standard_errors(
-        expected(e, moved(e, advice.torque, advice.start), 0)
+    design = on_acrobot()
+    e = design.experiment
+    ratio = design.monte_carlo.errors(inertia=True) / standard_errors(
+        expected_information(e, predict_motions(e, design.torque, design.start), 0)
     )
     assert ((ratio > 0.5) & (ratio < 2.0)).all(), ratio
 
@@ -182,27 +187,26 @@ def test_the_information_that_is_searched_promises_what_repetitions_give() -> No
 )
 def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig: str, frequency: float) -> None:
     """With free inertia. Near a resonance of the acrobot the gain is smaller (see `advise`)."""
-    advice = on_acrobot() if rig == "acrobot" else swinging()
-    e = advice.experiment
-    plain = repeated(e, moved(e, *sine(e, frequency)), 0).errors(inertia=True)
+    design = on_acrobot() if rig == "acrobot" else swinging()
+    e = design.experiment
+    plain = monte_carlo(e, predict_motions(e, *sine(e, frequency)), 0).errors(inertia=True)
     count = e.friction.theta.size
-    assert (advice.repeated.errors(inertia=True)[:count] <= 0.5 * plain[:count]).all()
+    assert (design.monte_carlo.errors(inertia=True)[:count] <= 0.5 * plain[:count]).all()
 
 
-def test_joints_near_rest_are_open_as_in_a_fit() -> None:
-    advice = on_acrobot()
-    glued = Glued.of(advice.experiment, advice.motions, 0)
-    problem = glued.problem(glued.q, glued.w)
-    fitted = sliding(problem, INTEGRAL.rest).G
-    assert np.allclose(open_part(problem.G, resting(glued)) @ problem.G, fitted, atol=1e-9)
-    assert resting(glued).any(0).all() and not resting(glued).all(0).any()
+def test_the_stiction_mask_is_that_of_a_fit() -> None:
+    design = on_acrobot()
+    motions = Concatenated.of(design.experiment, design.motions, 0)
+    fitted = mask_stiction(motions.problem, INTEGRAL.velocity_threshold).G
+    assert np.allclose(motions.projector @ motions.problem.G, fitted, atol=1e-9)
+    assert motions.mask.any(0).all() and not motions.mask.all(0).any()
 
 
 def test_without_noise_repetitions_differ_by_nothing() -> None:
     """What then remains is bias: what the smoother bends."""
-    advice = swinging()
-    still = replace(advice.experiment, angle_noise=1e-9)
-    many = repeated(still, advice.motions, 0, draws=5)
+    design = swinging()
+    still = replace(design.experiment, angle_noise=1e-9)
+    many = monte_carlo(still, design.motions, 0, draws=5)
     size = np.concatenate([still.friction.theta.ravel(), still.plant.p])
     assert (many.errors(inertia=True) < 1e-5 * size).all()
     assert (np.abs(many.bias(inertia=True)) < 0.02 * size).all()
@@ -219,16 +223,16 @@ def test_the_smoothers_gains_are_those_of_the_whole_recording() -> None:
         (),
     )
     whole = rts_smoother(series, np.full(3, 10.0**decade))
-    angle, velocity = gains(samples, dt, decade)
+    angle, velocity = smoother_gains(samples, dt, decade)
     assert np.allclose(angle @ noise, whole[:, :, 0], atol=1e-6)
     assert np.allclose(velocity @ noise, whole[:, :, 1], atol=1e-4)
 
 
 def test_derivatives_by_parameters_are_those_of_numeric_differences() -> None:
-    advice = on_acrobot()
-    e = advice.experiment
-    q, w = advice.motions.q[:, 0, 0], advice.motions.w[:, 0, 0]
-    held = Signal(e.commands, advice.torque[:, 0], hold="previous")
+    design = on_acrobot()
+    e = design.experiment
+    q, w = design.motions.q[:, 0, 0], design.motions.w[:, 0, 0]
+    held = Signal(e.commands, design.torque[:, 0], hold="previous")
     recording = Recording("one", Signal(e.images, q), held)
     one = Plant(
         e.plant.mechanism, {k: v[None] for k, v in e.plant.parameters.items()}, e.plant.p[None]
@@ -247,22 +251,22 @@ def test_derivatives_by_parameters_are_those_of_numeric_differences() -> None:
         # the fit sees de/dp where e = 0; here e is the error of Simpson's rule
         M = e.plant.mechanism.inertia(np.eye(e.plant.p.size)[i], q[1:])
         change += np.einsum("kij,kjl,kl->ki", problem.G / problem.dt[:, None, None], M, left)
-        analytic = base_part(e.plant, problem)[..., i]
+        analytic = base_jacobian(e.plant, problem)[..., i]
         assert np.allclose(analytic, change, atol=1e-5 * np.abs(analytic).max())
     for i in range(4):
         step = 1e-6 * np.eye(4)[i].reshape(2, 2)
         change = (residual(e.friction.theta + step, e.plant.p) - left) / 1e-6
-        assert np.allclose(friction_part(e.friction, problem)[..., i], change, atol=1e-6)
+        assert np.allclose(friction_jacobian(e.friction, problem)[..., i], change, atol=1e-6)
 
 
 # --- Limits -----------------------------------------------------------------------------------
 
 
 def test_the_simulated_motion_keeps_the_limits() -> None:
-    advice = on_acrobot()
-    limits = advice.experiment.limits
-    q, w = really(advice.experiment, advice.torque, advice.start)
-    assert (np.abs(advice.torque) <= limits.torque).all()
+    design = on_acrobot()
+    limits = design.experiment.limits
+    q, w = really(design.experiment, design.torque, design.start)
+    assert (np.abs(design.torque) <= limits.torque).all()
     assert (np.abs(w) <= limits.velocity).all()
     assert (np.abs(q) <= limits.angle).all()
     assert np.abs(w).max() > 0.5 * limits.velocity.max()  # not by doing nothing
@@ -271,17 +275,18 @@ def test_the_simulated_motion_keeps_the_limits() -> None:
 def test_a_tight_angle_limit_is_kept_by_weaker_signals() -> None:
     experiment = on_pendulum()
     tight = replace(experiment, limits=experiment.limits._replace(angle=np.array([0.4])))
-    advice = advise(Waves(tight), Search(pool=96, generations=1, children=16))
-    q, _ = really(tight, advice.torque, advice.start)
+    design = design_signals(SignalSpace(tight), Search(pool=96, generations=1, children=16))
+    q, _ = really(tight, design.torque, design.start)
     assert np.abs(q).max() <= 0.4
     assert "angle     joint 1" in described(advice)
+    assert "angle    joint 1" in describe(design)
 
 
 def test_impossible_limits_are_one_clear_line() -> None:
     experiment = on_pendulum(start=(2.5,))
     slow = replace(experiment, limits=experiment.limits._replace(velocity=np.array([0.1])))
     with pytest.raises(InputError, match="none of 12 signals keeps the limits, velocity"):
-        advise(Waves(slow), Search(pool=4, generations=0))
+        design_signals(SignalSpace(slow), Search(pool=4, generations=0))
 
 
 # --- Laws of the optimum ----------------------------------------------------------------------
@@ -293,10 +298,10 @@ def test_more_torque_never_hurts() -> None:
     scale = np.array([0.001, 0.0001, 0.001, 0.01])
     x = np.random.default_rng(3).uniform(size=(64, 18))
     for torque in ("0.05", "0.1", "0.2", "0.4"):
-        more = simulated(Waves(on_pendulum(torque)), x, 0)
+        more = simulated(SignalSpace(on_pendulum(torque)), x, 0)
         assert more is not None
         pool = more if pool is None else pool.joined(more)
-        values.append(choose(pool.expected, scale, 2)[1])
+        values.append(exchange(pool.information, scale, 2)[1])
     assert np.all(np.diff(values) >= 0)
     assert values[-1] > 1.2 * values[0]
 
@@ -304,32 +309,38 @@ def test_more_torque_never_hurts() -> None:
 def test_mirrored_signals_tell_the_same() -> None:
     # the draw of noise is not mirrored; at 1e-3 rad it finds the same bandwidths for both
     experiment = on_pendulum(angle_noise=1e-3)
-    waves = Waves(experiment)
-    x = np.random.default_rng(1).uniform(size=(6, waves.size))
-    there, back = (moved(experiment, s * waves.torque(x), s * waves.start(x)) for s in (1, -1))
+    space = SignalSpace(experiment)
+    x = np.random.default_rng(1).uniform(size=(6, space.size))
+    there, back = (
+        predict_motions(experiment, s * space.torque(x), s * space.start(x)) for s in (1, -1)
+    )
     assert np.allclose(there.q, -back.q, atol=1e-9)
-    sides = [covariances(expected(experiment, m, 0)) for m in (there, back)]
+    sides = [covariances(expected_information(experiment, m, 0)) for m in (there, back)]
     variances = [np.diagonal(side, axis1=-2, axis2=-1) for side in sides]
     assert np.allclose(*variances, rtol=1e-3)
 
 
 def test_two_recordings_halve_the_variance_of_one() -> None:
     experiment = on_pendulum()
-    waves = Waves(experiment)
-    x = np.random.default_rng(1).uniform(size=(1, waves.size))
-    once = expected(experiment, moved(experiment, waves.torque(x), waves.start(x)), 0)
-    twice = Expected(2 * once.H, 2 * once.V)
+    space = SignalSpace(experiment)
+    x = np.random.default_rng(1).uniform(size=(1, space.size))
+    once = expected_information(
+        experiment, predict_motions(experiment, space.torque(x), space.start(x)), 0
+    )
+    twice = Information(2 * once.H, 2 * once.V)
     assert np.allclose(2 * covariances(twice), covariances(once))
-    assert np.allclose(information(twice, np.ones(4)), 2 * information(once, np.ones(4)))
+    assert np.allclose(e_criterion(twice, np.ones(4)), 2 * e_criterion(once, np.ones(4)))
 
 
 def test_noise_and_standard_errors_are_proportional() -> None:
     experiment = on_pendulum()
-    waves = Waves(experiment)
-    x = np.random.default_rng(1).uniform(size=(1, waves.size))
-    motions = moved(experiment, waves.torque(x), waves.start(x))
+    space = SignalSpace(experiment)
+    x = np.random.default_rng(1).uniform(size=(1, space.size))
+    motions = predict_motions(experiment, space.torque(x), space.start(x))
     loud = replace(experiment, angle_noise=1.02 * experiment.angle_noise)
-    quiet, louder = (standard_errors(expected(e, motions, 0)) for e in (experiment, loud))
+    quiet, louder = (
+        standard_errors(expected_information(e, motions, 0)) for e in (experiment, loud)
+    )
     # but for the rows that noise may or may not count as at rest
     assert np.allclose(louder / quiet, 1.02, rtol=1e-3)
 
@@ -337,28 +348,32 @@ def test_noise_and_standard_errors_are_proportional() -> None:
 def test_a_machine_that_does_not_move_tells_nothing() -> None:
     experiment = on_pendulum()
     still = Motions(np.zeros((181, 1, 1, 1)), np.zeros((181, 1, 1, 1)), np.zeros((180, 1, 1)))
-    sums = expected(experiment, still, 0)
+    sums = expected_information(experiment, still, 0)
     assert np.isinf(np.diagonal(covariances(sums)[0, 0])).all()
-    assert information(sums, np.ones(4)) == 0.0
+    assert e_criterion(sums, np.ones(4)) == 0.0
 
 
 def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal() -> None:
     search = Search(pool=12, generations=2, children=6, seed=5)
-    waves = Waves(on_pendulum(length=1.5))
-    once, again = (advise(waves, search) for _ in range(2))
+    space = SignalSpace(on_pendulum(length=1.5))
+    once, again = (design_signals(space, search) for _ in range(2))
     assert np.all(np.diff(once.values) >= 0)
     assert command_csv(once, 1) == command_csv(again, 1)
     assert described(once) == described(again)
     other = advise(waves, replace(search, generations=0, seed=6))
     assert command_csv(once, 0) != command_csv(other, 0)
+    assert torque_table(once, 1) == torque_table(again, 1)
+    assert describe(once) == describe(again)
+    other = design_signals(space, replace(search, generations=0, seed=6))
+    assert torque_table(once, 0) != torque_table(other, 0)
 
 
 @pytest.mark.parametrize("family", ["multisine", "chirp"])
 def test_only_the_families_asked_for_are_used(family: str) -> None:
-    waves = Waves(on_pendulum(), (family,))
-    x = np.random.default_rng(0).uniform(size=(8, waves.size))
-    assert waves.family(x) == [[family]] * 8
-    assert np.abs(waves.torque(x)).max() == 0.3
+    space = SignalSpace(on_pendulum(), (family,))
+    x = np.random.default_rng(0).uniform(size=(8, space.size))
+    assert space.family(x) == [[family]] * 8
+    assert np.abs(space.torque(x)).max() == 0.3
 
 
 # --- Files -----------------------------------------------------------------------
@@ -367,9 +382,11 @@ def test_only_the_families_asked_for_are_used(family: str) -> None:
 def test_the_table_can_be_played_and_the_picture_is_one() -> None:
     advice = on_acrobot()
     header, *rows = command_csv(advice, 0).splitlines()
+    design = on_acrobot()
+    header, *rows = torque_table(design, 0).splitlines()
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
     assert header == "time,u2"
-    assert np.allclose(table[:, 0], advice.experiment.commands)
-    assert np.array_equal(table[:, 1], advice.torque[:, 0, 1])
+    assert np.allclose(table[:, 0], design.experiment.commands)
+    assert np.array_equal(table[:, 1], design.torque[:, 0, 1])
     assert table[-1, 1] == 0.0
-    assert picture(advice).startswith(b"\x89PNG")
+    assert picture(design).startswith(b"\x89PNG")

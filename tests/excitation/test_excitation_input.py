@@ -1,4 +1,4 @@
-"""Excitation advice refuses what cannot be planned, each mistake in one clear line."""
+"""Experiment design refuses what is impossible, each mistake in one clear line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fixtures.pendulum_experiment import on_pendulum
 
 from frictionid.cli import main
 from frictionid.errors import InputError
-from frictionid.excitation import Search, Waves, guessed, limits_of, mechanism_in
+from frictionid.excitation import Search, SignalSpace, limits_of, load_mechanism, prior_friction_of
 from frictionid.mechanics import acrobot, mechanism_of, pendulum
 
 
@@ -59,13 +59,13 @@ def test_wrong_experiments_are_one_clear_line(changes: dict, rule: str) -> None:
         on_pendulum(**changes)
 
 
-def test_wrong_families_guesses_and_searches_are_refused() -> None:
+def test_wrong_families_priors_and_searches_are_refused() -> None:
     with pytest.raises(InputError, match="family 'sweep' is unknown"):
-        Waves(on_pendulum(), ("sweep",))
+        SignalSpace(on_pendulum(), ("sweep",))
     with pytest.raises(InputError, match="no family"):
-        Waves(on_pendulum(), ())
+        SignalSpace(on_pendulum(), ())
     with pytest.raises(InputError, match="did you mean 'coulomb'"):
-        guessed("coulumb=1", on_pendulum().limits)
+        prior_friction_of("coulumb=1", on_pendulum().limits)
     with pytest.raises(InputError, match="pool = 0"):
         Search(pool=0)
 
@@ -73,15 +73,15 @@ def test_wrong_families_guesses_and_searches_are_refused() -> None:
 def test_mechanism_files_say_what_is_wrong(tmp_path: Path) -> None:
     file = tmp_path / "machine.toml"
     with pytest.raises(InputError, match="cannot be read"):
-        mechanism_in(file)
+        load_mechanism(file)
     file.write_bytes(b"\xff\x00")
     with pytest.raises(InputError, match="no TOML"):
-        mechanism_in(file)
+        load_mechanism(file)
     file.write_text("name = 1")
     with pytest.raises(InputError, match=r"no \[mechanism\] table"):
-        mechanism_in(file)
+        load_mechanism(file)
     file.write_text('[mechanism]\nkind = "pendulum"')
-    assert mechanism_of(mechanism_in(file)).n == 1
+    assert mechanism_of(load_mechanism(file)).n == 1
 
 
 def _run(monkeypatch: pytest.MonkeyPatch, folder: Path, *options: str) -> int:
@@ -125,8 +125,8 @@ def test_the_command_says_in_one_line_what_is_wrong(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert _run(monkeypatch, tmp_path, "--out", str(tmp_path / "t.csv"), *options) == 2
-    told = capsys.readouterr().err.strip().splitlines()
-    assert len(told) == 1 and rule in told[0]
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and rule in lines[0]
     assert not list(tmp_path.glob("*.csv"))
 
 

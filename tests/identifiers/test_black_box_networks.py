@@ -18,7 +18,7 @@ from frictionid.friction.laws import StateLSTM, StateMLP, check_law, members_of
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import BlackBox, Identifier, Network, StateNetwork, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.identifiers.residual import sliding
+from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem
 from frictionid.mechanics import unit_inertia_plant
 
@@ -89,8 +89,8 @@ def test_settings_out_of_range_are_refused(kind: str, settings, message) -> None
 
 
 def test_problems_with_masked_rows_are_refused(kind: str) -> None:
-    problem = sliding(synthetic_problem(1), 1.0)
-    with pytest.raises(InputError, match="rest = 0"):
+    problem = mask_stiction(synthetic_problem(1), 1.0)
+    with pytest.raises(InputError, match="velocity_threshold = 0"):
         box(kind).fit(problem, np.ones((1, len(problem.r))), 0)
 
 

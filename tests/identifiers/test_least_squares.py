@@ -23,7 +23,7 @@ from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.identifiers.initial_guess import best_initial_guess
 from frictionid.identifiers.linearised import Linearised
-from frictionid.identifiers.residual import sliding
+from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
 
@@ -186,7 +186,7 @@ def test_so_is_one_that_only_creeps_where_joints_at_rest_are_left_open(n):
     x, last = problem.nodes.inputs, np.arange(n) == n - 1
     slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))
     with pytest.raises(InputError, match=f"joint {n} slides in 0 rows of fold 0"):
-        fit(Stribeck(), sliding(replace(problem, nodes=slow), 0.2), everything(problem))
+        fit(Stribeck(), mask_stiction(replace(problem, nodes=slow), 0.2), everything(problem))
 
 
 def test_so_is_the_fold_in_which_it_does_not():

@@ -19,7 +19,7 @@ from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import Regressor, check_identifier
 from frictionid.identifiers.estimators import NAMED, estimator_named
 from frictionid.identifiers.regressor import torques
-from frictionid.identifiers.residual import sliding
+from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
@@ -43,7 +43,7 @@ def test_torques_of_rows_are_the_mean_true_torques(n):
 
 
 def test_shares_are_inverse_variances_and_joints_at_rest_have_none():
-    problem = sliding(synthetic_problem(2), 0.5)
+    problem = mask_stiction(synthetic_problem(2), 0.5)
     still = ~problem.G.any(axis=1)
     assert still.any() and not still.all()
     rng = np.random.default_rng(0)

@@ -14,7 +14,12 @@ from frictionid.dynamics.step import State, euler_step
 from frictionid.errors import InputError
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
-from frictionid.identifiers.residual import euler_problem, integral_problem, sliding
+from frictionid.identifiers.residual import (
+    euler_problem,
+    integral_problem,
+    mask_stiction,
+    stiction_mask,
+)
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 
 MACHINE = double_pendulum()
@@ -307,7 +312,7 @@ def test_laws_see_torque_and_bearing_load_at_their_nodes():
 
 
 def slow(rng, build):
-    """A problem in which joints now and then are slow or turn round."""
+    """A problem in which joints now and then are slow or reverse."""
     recording, states = made_up(rng, 60)
     w = 1.0 + rng.random(states.w.shape)
     w *= rng.choice([1.0, 1.0, 1.0, 0.01, -1.0], states.w.shape)
@@ -315,33 +320,36 @@ def slow(rng, build):
     return build(plant_of(1), [recording], [states._replace(q=q, w=w)])
 
 
-def still(problem, rest):
-    w = problem.nodes.inputs.w[problem.stencil]
-    return (np.abs(w) < rest).any(1) | ((w.min(1) < 0) & (w.max(1) > 0))
+def test_the_stiction_mask_marks_joints_that_are_slow_at_a_node_or_reverse(build):
+    problem = slow(np.random.default_rng(17), build)
+    mask = stiction_mask(problem, 0.2)
+    for k, nodes in enumerate(problem.stencil):
+        for j, w in enumerate(problem.nodes.inputs.w[nodes].T):
+            assert mask[k, j] == (np.abs(w).min() < 0.2 or w.min() < 0 < w.max())
 
 
-def test_a_problem_of_sliding_joints_is_blind_to_the_friction_of_the_others(build):
+def test_masked_rows_do_not_depend_on_the_friction_of_masked_joints(build):
     rng = np.random.default_rng(17)
     problem = slow(rng, build)
-    blind, rest = sliding(problem, 0.2), still(problem, 0.2)
-    row = rng.normal(size=rest.shape)
-    change = times(blind.G, np.where(rest, row, 0.0))
+    masked, mask = mask_stiction(problem, 0.2), stiction_mask(problem, 0.2)
+    row = rng.normal(size=mask.shape)
+    change = times(masked.G, np.where(mask, row, 0.0))
     np.testing.assert_allclose(change, 0.0, atol=1e-10)
-    untouched = ~rest.any(axis=1)
-    assert 5 < untouched.sum() < len(rest) - 5
-    np.testing.assert_allclose(blind.r[untouched], problem.r[untouched], rtol=1e-14)
-    np.testing.assert_allclose(blind.G[untouched], problem.G[untouched], rtol=1e-14)
-    both = rest.all(axis=1)
+    untouched = ~mask.any(axis=1)
+    assert 5 < untouched.sum() < len(mask) - 5
+    np.testing.assert_allclose(masked.r[untouched], problem.r[untouched], rtol=1e-14)
+    np.testing.assert_allclose(masked.G[untouched], problem.G[untouched], rtol=1e-14)
+    both = mask.all(axis=1)
     assert both.any()
-    np.testing.assert_allclose(blind.r[both], 0.0, atol=1e-9)
+    np.testing.assert_allclose(masked.r[both], 0.0, atol=1e-9)
 
 
-def test_its_residual_is_the_least_that_any_friction_of_the_others_leaves(build):
+def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leaves(build):
     problem = slow(np.random.default_rng(18), build)
-    blind, rest = sliding(problem, 0.2), still(problem, 0.2)
+    masked, mask = mask_stiction(problem, 0.2), stiction_mask(problem, 0.2)
     torque = along(SHARP, problem.nodes)
-    residual, least = problem.residual(torque), blind.residual(torque)
-    for k in np.flatnonzero(rest.any(axis=1)):
-        free = problem.G[k][:, rest[k]]
+    residual, least = problem.residual(torque), masked.residual(torque)
+    for k in np.flatnonzero(mask.any(axis=1)):
+        free = problem.G[k][:, mask[k]]
         left = residual[k] - free @ np.linalg.lstsq(free, residual[k], rcond=None)[0]
         np.testing.assert_allclose(least[k], left, rtol=0, atol=1e-9)

@@ -20,7 +20,7 @@ from frictionid.friction.laws import StateLibrary, check_law
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import BlackBox, SparseDynamics, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.identifiers.residual import sliding
+from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import Plant, unit_inertia
 from frictionid.shooting import Shooting
@@ -148,8 +148,8 @@ def test_what_has_no_physics_is_not_refined() -> None:
 
 
 def test_rows_that_are_open_at_rest_are_refused() -> None:
-    problem = sliding(synthetic_problem(1), 1.0)
-    with pytest.raises(InputError, match="rest = 0"):
+    problem = mask_stiction(synthetic_problem(1), 1.0)
+    with pytest.raises(InputError, match="velocity_threshold = 0"):
         BOX.fit(problem, np.ones((1, len(problem.r))), 0)
 
 

@@ -195,13 +195,16 @@ def test_a_recipe_says_what_is_free_fixed_and_known_beforehand():
 
 def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
     write_dataset(DATA, tmp_path / "data")
-    slow = '[[recipes]]\nname = "slow"\nscheme = "integral"\nrest = 0.01\nstates = {kind = "rts"}\n'
+    slow = (
+        '[[recipes]]\nname = "slow"\nscheme = "integral"\n'
+        'velocity_threshold = 0.01\nstates = {kind = "rts"}\n'
+    )
     text = SUITE.replace("windows", 'start = "slow"\nstart_velocity = 0.5\nwindows')
     text = text.replace("[[recipes]]", slow + "[[recipes]]", 1)
     file = tmp_path / "s.toml"
     file.write_text(text)
     recipes = {t.recipe.name: t.recipe for t in tasks_of(load_suite(file), file)}
-    assert recipes["ours"].start == recipes["slow"] and recipes["slow"].rest == 0.01
+    assert recipes["ours"].start == recipes["slow"] and recipes["slow"].velocity_threshold == 0.01
     assert recipes["ours"].settings.start_velocity == 0.5
     file.write_text(text.replace('start = "slow"', 'start = "slo"'))
     with pytest.raises(InputError, match="recipe 'slo' is unknown; did you mean 'slow'"):
