@@ -64,7 +64,7 @@ def describe(
     prepared_benchmarks: Mapping[str, PreparedBenchmark],
 ) -> None:
     """Write provenance.json and datasets.json, and remove the tables of an earlier comparison."""
-    _make_room(folder)
+    _remove_reports(folder)
     benchmarks = {t.benchmark.dataset.name: t.benchmark for t in tasks}
     everything = {d.name: d for c in benchmarks.values() for d in (c.dataset, *c.tests)}
     document = {
@@ -85,8 +85,8 @@ def describe(
     write_json(folder / "datasets.json", about, None)
 
 
-def _make_room(folder: Path) -> None:
-    """Remove the tables and pictures of an earlier comparison, and nothing that is not ours."""
+def _remove_reports(folder: Path) -> None:
+    """Remove the tables and pictures of an earlier comparison, and no other file."""
     remove_unfinished(folder)
     for name in ("scores.csv", "timings.csv", "summary.md"):
         (folder / name).unlink(missing_ok=True)
@@ -160,9 +160,9 @@ def _true_parameters(dataset: Dataset) -> dict[str, Any]:
     ]
     out: dict[str, Any] = {"friction": friction}
     if "rig" in table:
-        calibration, told = table["rig"], cast(Any, dataset.mechanism)
-        mechanism = mechanism_of(told)
-        base = mechanism.base(parameters_of(told, calibration.get("parameters", {})))
+        calibration, nominal = table["rig"], cast(Any, dataset.mechanism)
+        mechanism = mechanism_of(nominal)
+        base = mechanism.base(parameters_of(nominal, calibration.get("parameters", {})))
         out |= {"inertia": dict(zip(mechanism.base_names, base.tolist(), strict=True))}
         out |= {
             "delay": calibration.get("torque_delay", 0.0),
@@ -210,7 +210,7 @@ def load_results(folder: Path) -> Results:
     for path, task in documents.items():
         if not _complete(task, datasets):
             raise InputError(
-                f"{path}: is no whole result, or does not fit datasets.json: finish the comparison "
+                f"{path}: is incomplete, or does not fit datasets.json: finish the comparison "
                 "anew with --resume"
             )
     tasks = tuple(documents.values())

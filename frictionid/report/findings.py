@@ -1,4 +1,4 @@
-"""What the scores of a data set support, as facts: each says how sure it is."""
+"""What the scores of a data set support, as facts, with their statistical significance."""
 
 from __future__ import annotations
 

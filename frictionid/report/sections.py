@@ -104,7 +104,7 @@ class Model:
     curves : (F + 1, V, n) [N m], the friction of all data last
     theta : (F, n, P)
     document, settings : the model file's content; constructor calls of identifier and recipe
-    refined : what shooting found, or None
+    refined : result document of shooting, or None
     members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
     loops : friction along sinusoids, where the suite asked for it
     method : scheme of the recipe, and what corrects its data
@@ -136,7 +136,7 @@ class Pair(NamedTuple):
 
     @property
     def clear(self) -> bool | None:
-        """Whether the difference exceeds two standard errors; None where that cannot be told."""
+        """Whether the difference exceeds two standard errors; None if that is not known."""
         if self.folds < FEWEST or not np.isfinite(self.mean):
             return None
         return bool(abs(self.mean) > CLEAR * self.error)

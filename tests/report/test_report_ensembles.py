@@ -1,4 +1,4 @@
-"""Ensembles in the report: the spread of their members is stored, drawn and told as what it is."""
+"""Ensembles in the report: the spread of their members is stored, drawn and described."""
 
 from __future__ import annotations
 

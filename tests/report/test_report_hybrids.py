@@ -1,4 +1,4 @@
-"""The main question in the report: families told apart, answers that follow the numbers."""
+"""The main question in the report: families of models, answers that follow the numbers."""
 
 from __future__ import annotations
 

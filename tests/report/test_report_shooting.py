@@ -40,7 +40,7 @@ DELAY, COULOMB = 0.01, 0.02
 
 
 def pendulums():
-    """Recordings of a pendulum that is heavier than told, with its torque late."""
+    """Recordings of a pendulum that is heavier than its nominal mechanism, with its torque late."""
     runs = (
         Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
         for k in range(4)

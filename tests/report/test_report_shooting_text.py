@@ -52,15 +52,15 @@ def said(refined):
         ),
         (made.parameter("offset", "angle offset", -0.02, 1e-3, joint=0), "lies below the true one"),
         (
-            made.parameter("inertia", "gravity", 1.2, 0.01, told=1.0),
+            made.parameter("inertia", "gravity", 1.2, 0.01, nominal=1.0),
             "1 of 1 differ from the nominal ones: gravity by +20 % (+18 to +22)",
         ),
         (
-            made.parameter("inertia", "gravity", 1.2, 0.2, told=1.0),
+            made.parameter("inertia", "gravity", 1.2, 0.2, nominal=1.0),
             "0 of 1 differ from the nominal ones (95 % intervals)",
         ),
         (
-            made.parameter("actuator", "kt", 0.5, 0.01, told=0.4),
+            made.parameter("actuator", "kt", 0.5, 0.01, nominal=0.4),
             "Kt: 0.50 N m (0.48 to 0.52); nominal 0.4, difference +25 % (+20 to +30)",
         ),
     ],
@@ -72,7 +72,7 @@ def test_a_finding_in_words(entry, expected):
 
 @pytest.mark.parametrize("block", ["delay", "gain", "bias", "offset", "inertia", "actuator"])
 def test_nothing_is_said_of_what_is_not_identified(block):
-    found = results(made.shot([made.parameter(block, "x", 0.1, 1.0, told=1.0)]))
+    found = results(made.shot([made.parameter(block, "x", 0.1, 1.0, nominal=1.0)]))
     assert not found.calibration and not found.differing and not found.nominal
     assert [estimate.name for estimate in found.not_identified] == ["x"]
     assert "Not identified" in said(found.document)

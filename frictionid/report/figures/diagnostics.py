@@ -114,12 +114,12 @@ def _residual(verdict: Verdict) -> Any:
         axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
         axes.axvline(0.0, color=PALE, linewidth=0.6, zorder=0)
         axes.set_xlabel(f"w{j + 1} [{unit}/s]")
-        axes.set_ylabel(f"left to friction [{torque_unit}]")
+        axes.set_ylabel(f"residual torque [{torque_unit}]")
         axes.set_title(f"joint {j + 1}", loc="left")
         if one_way(rows, j).any():
             _friction(axes, verdict, j)
         else:
-            axes.text(0.5, 0.5, "hardly slides", transform=axes.transAxes, ha="center")
+            axes.text(0.5, 0.5, "hardly moves", transform=axes.transAxes, ha="center")
     key_above(
         picture,
         {"nominal mechanism, before any fit": marker(MOVING), "least squares": line(RESTING)},

@@ -14,7 +14,7 @@ from frictionid.report.sections import Model
 
 WIDTH = 7.2  # [inch], both columns of a journal's page
 FORMATS = ("png", "pdf")
-# Okabe and Ito's colours, told apart with any colour vision; without yellow, too pale on white
+# Okabe and Ito's colours, distinct with any colour vision; without yellow, too pale on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = ("-", (0, (5, 1.2)), (0, (3, 1, 1, 1)))  # after the last colour, the next kind of line
 GREY = "#767676"
