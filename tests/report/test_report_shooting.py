@@ -277,7 +277,7 @@ def test_keys_of_earlier_versions_are_read(computed, tmp_path):
         shutil.copytree(computed, tmp_path / name)
         (path,) = (tmp_path / name / "tasks").glob("*.json")
         task = json.loads(path.read_text())
-        task["refined"]["doubts"] = ["The fit is made up."]
+        task["refined"]["warnings"] = ["The fit is made up."]
         path.write_text(json.dumps(renamed(task, names)))
         made.built(tmp_path / name)
     pages = [(tmp_path / name / "summary.md").read_text() for name in ("old", "new")]
