@@ -26,7 +26,7 @@ Given = Frictionless | Published
 
 
 def fitted(
-    name: str, data: Path, which: Sequence[int] | None = None, only: str | None = None
+    name: str, data: Path, names: Sequence[str] | None = None, only: str | None = None
 ) -> dict[str, tuple[Friction, Refined]]:
     """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
     file = COMPARISONS / f"{name}_shooting.toml"
@@ -37,8 +37,9 @@ def fitted(
         if only not in (None, task.name):
             continue
         dataset, apart = task.benchmark.dataset, task.benchmark.protocol.sample_time
-        if which is not None:
-            dataset = replace(dataset, recordings=tuple(dataset.recordings[i] for i in which))
+        if names is not None:
+            chosen = tuple(r for r in dataset.recordings if r.name in names)
+            dataset = replace(dataset, recordings=chosen)
         begins = []
         for recipe in (STUDY, task.recipe.start):
             problem = training_problem(dataset, plant_of(dataset), recipe, apart, 0.15)
@@ -72,7 +73,7 @@ def test_a_string_pendulum_is_slowed_by_drag_and_not_by_coulomb_friction(real_da
 
 def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data):
     """Two of the six recordings of a passive double pendulum."""
-    found = fitted("ibm", real_data / "ibm_double_pendulum_chaotic", (0, 3))
+    found = fitted("ibm", real_data / "ibm_double_pendulum_chaotic", ("0", "3"))
     study, solution = found["coulomb_viscous"]
     viscous = study.law.names.index("viscous")
     assert not study.theta[:, viscous].any()
