@@ -36,7 +36,7 @@ from frictionid.evaluation import (
     trajectory_folds,
     without_physics,
 )
-from frictionid.evaluation.hysteresis import Loop, Loops, loops_of
+from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
@@ -72,7 +72,7 @@ class Result(NamedTuple):
     seconds: Mapping[str, float]
     grid: Array
     refined: Refined | None = None
-    loops: tuple[Loop, ...] = ()
+    loops: tuple[HysteresisLoop, ...] = ()
     members: Array | None = None
 
     def value(
@@ -282,13 +282,13 @@ def _lessons(parts: Sequence[Friction]) -> dict[str, Any]:
     return {"learning": out}
 
 
-def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[Loop, ...]:
+def _loops(fitted: Friction, prepared: Prepared, protocol: Protocol) -> tuple[HysteresisLoop, ...]:
     """Friction along sinusoids: of laws that remember, or of all where the protocol asks."""
     if fitted.mechanism or not (protocol.loops or fitted.law.has_memory):
         return ()
     interval = float(np.median(prepared.euler.dt))
-    settings = protocol.loops or Loops()
-    return tuple(loops_of(fitted, prepared.plant[0], settings, prepared.grid, interval))
+    settings = protocol.loops or HysteresisSettings()
+    return tuple(hysteresis_loops(fitted, prepared.plant[0], settings, prepared.grid, interval))
 
 
 def _problem(identifier: Identifier, recipe: Recipe, shared: PreparedBenchmark) -> Problem:

@@ -12,7 +12,7 @@ from frictionid.comparison.black_box_settings import blackbox_lstm, blackbox_mlp
 from frictionid.comparison.network_settings import lstm, mlp, window_mlp
 from frictionid.data.states import RTS, Backward, Estimator, SavitzkyGolay
 from frictionid.evaluation import Split
-from frictionid.evaluation.hysteresis import Loops
+from frictionid.evaluation.hysteresis import HysteresisSettings
 from frictionid.friction.laws import (
     LSTM,
     MLP,
@@ -262,10 +262,10 @@ def loops(
     amplitude: Annotated[list[Positive], Field(min_length=1)] | None = None,
     frequency: Annotated[list[Positive], Field(min_length=1)] | None = None,
     factors: Annotated[list[Positive], Field(min_length=1)] | None = None,
-) -> Loops:
+) -> HysteresisSettings:
     """Sinusoids on which friction is shown."""
     sizes, rates = (None if v is None else tuple(v) for v in (amplitude, frequency))
-    return Loops(sizes, rates, tuple(factors or Loops.factors))
+    return HysteresisSettings(sizes, rates, tuple(factors or HysteresisSettings.factors))
 
 
 IDENTIFIERS: Mapping[str, Callable[..., Identifier]] = {

@@ -25,7 +25,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_calibration, true_friction
-from frictionid.evaluation.hysteresis import Loops
+from frictionid.evaluation.hysteresis import HysteresisSettings
 from frictionid.friction import Friction
 from frictionid.friction.model_files import load_model, own_law
 from frictionid.identifiers import Identifier, Network, Published
@@ -87,7 +87,7 @@ class Suite(Strict):
     true_initial_states: bool = False
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
-    loops: Annotated[Loops | None, BeforeValidator(_loops)] = None
+    loops: Annotated[HysteresisSettings | None, BeforeValidator(_loops)] = None
     tune: Tuning = Tuning()
     datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
     recipes: Annotated[list[RecipeEntry], Field(min_length=1)] = [RecipeEntry(name="integral")]

@@ -206,14 +206,14 @@ def trajectory_folds(trajectory: Trajectory, folds: Folds) -> Array:
         When no fold holds out any recording as a whole.
     """
     last = np.isfinite(trajectory.measured[..., 0]).sum(axis=0) - 1
-    found = [
+    held = [
         folds.whole(r, trajectory.time[0, r], trajectory.time[k, r]) for r, k in enumerate(last)
     ]
-    if all(fold is None for fold in found):
+    if all(fold is None for fold in held):
         raise InputError(
             'whole = true: no fold holds out a whole recording: set folds.kind = "recordings"'
         )
-    return np.array([-1 if fold is None else fold for fold in found])
+    return np.array([-1 if fold is None else fold for fold in held])
 
 
 def free_run_scores(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[Score]:

@@ -72,20 +72,20 @@ def true_friction(truth: Mapping[str, Any]) -> Friction | None:
     if isinstance(law, AsymmetricLuGre):
         if not (columns > 0)[:, [0, 2]].all():
             raise InputError("[truth] bristle_stiffness and damping_velocity must be positive")
-        # bristles are told by their stiffness, the law by their bend at the mean break-away level
+        # bristles have a stiffness here, in the law a bend at the mean break-away level
         columns[..., 0] = curve.theta[..., :4].sum(-1) / 2 / columns[..., 0]
     return replace(curve, law=law, theta=np.concatenate([curve.theta, columns], axis=-1))
 
 
 def true_calibration(dataset: Dataset) -> Calibration | None:
-    """True base parameters, gain and delay of simulated data; None where the told ones are true."""
+    """True base parameters, gain and delay of simulated data; None where the nominal are true."""
     table: Any = (dataset.truth or {}).get("rig")
     if not isinstance(table, Mapping):
         return None
-    told: Any = dataset.mechanism
-    mechanism, parameters = mechanism_of(told), table.get("parameters") or {}
+    nominal: Any = dataset.mechanism
+    mechanism, parameters = mechanism_of(nominal), table.get("parameters") or {}
     gain, delay = float(table.get("torque_gain", 1.0)), float(table.get("torque_delay", 0.0))
     if not parameters and gain == 1.0 and delay == 0.0:
         return None
-    ideal = Calibration.ideal(mechanism.n, mechanism.base(parameters_of(told, parameters)))
+    ideal = Calibration.ideal(mechanism.n, mechanism.base(parameters_of(nominal, parameters)))
     return replace(ideal, gain=gain * ideal.gain, delay=np.array(delay))

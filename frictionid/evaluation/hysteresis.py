@@ -29,7 +29,7 @@ _TRIALS = 2048
 
 
 @dataclass(frozen=True)
-class Loops:
+class HysteresisSettings:
     """Sinusoids on which friction is shown.
 
     amplitude : [rad/s] of each joint; None takes 0.8 of the speed that 95 % of its motion is below
@@ -58,7 +58,7 @@ class Loops:
                 )
 
 
-class Loop(NamedTuple):
+class HysteresisLoop(NamedTuple):
     """One joint's friction over one period: velocity (T,) [rad/s], torque (F, T) [N m].
 
     width (F,) [N m]: the torque at rising less that at falling speed, mean over the speeds; where
@@ -79,9 +79,9 @@ class Loop(NamedTuple):
         return self._asdict()
 
 
-def loops_of(
-    friction: Friction, plant: Plant, settings: Loops, grid: Array, interval: float
-) -> list[Loop]:
+def hysteresis_loops(
+    friction: Friction, plant: Plant, settings: HysteresisSettings, grid: Array, interval: float
+) -> list[HysteresisLoop]:
     """Loops of a batch of frictions (F, n, P), each joint's on all kinds of motion.
 
     plant : of one recording, without batch axes; grid (V, n): velocities of the curves, see
@@ -98,17 +98,29 @@ def loops_of(
     out = []
     for kind in KINDS:
         for factor in settings.factors:
-            out += _loops(friction, plant, kind, amplitude, factor * frequency, interval)
+            usual = min(_FINE, 1.0 / (_POINTS * float((factor * frequency).max())))
+            dt = usual if friction.law.sample_time is None else interval
+            motion = _sinusoids(kind, amplitude, factor * frequency, dt)
+            out += _loops_along(friction, plant, motion)
     return sorted(out, key=lambda loop: loop.joint)
 
 
-def _loops(
-    friction: Friction, plant: Plant, kind: str, amplitude: Array, frequency: Array, interval: float
-) -> list[Loop]:
-    dt = friction.law.sample_time or min(_FINE, 1.0 / (_POINTS * float(frequency.max())))
-    if friction.law.sample_time is not None:
-        dt = interval
-    # whole numbers of steps in each period
+class _Sinusoids(NamedTuple):
+    """Sinusoids of all joints, sampled each dt [s]: time (T,), q and w (T, n); steps (n,) a period.
+
+    w = A (c + s sin(2 pi f t)),    q = A (c t - s (cos(2 pi f t) - 1)/(2 pi f))
+    """
+
+    kind: str
+    dt: float
+    steps: Array
+    time: Array
+    q: Array
+    w: Array
+
+
+def _sinusoids(kind: str, amplitude: Array, frequency: Array, dt: float) -> _Sinusoids:
+    """A second or more, then a period of the slowest joint; each period is a number of steps."""
     steps = np.maximum(np.round(1.0 / (frequency * dt)).astype(int), 8)
     longest = int(steps.max())
     count = (math.ceil(_SETTLE / (dt * longest)) + 1) * longest
@@ -118,15 +130,20 @@ def _loops(
     w = amplitude * (CENTRE[kind] + SWING[kind] * np.sin(phase))
     q = CENTRE[kind] * amplitude * time[:, None]
     q = q - SWING[kind] * amplitude / rate * (np.cos(phase) - 1.0)
-    zero = np.zeros_like(w)
-    nodes = Nodes(Inputs(q, w, zero, plant.load(q, w, zero)), time, np.array([0, count]))
-    torque = np.asarray(along(friction, nodes))
+    return _Sinusoids(kind, dt, steps, time, q, w)
+
+
+def _loops_along(friction: Friction, plant: Plant, motion: _Sinusoids) -> list[HysteresisLoop]:
+    """Each joint's loop over its last whole period."""
+    q, w, zero, count = motion.q, motion.w, np.zeros_like(motion.w), len(motion.time)
+    x = Inputs(q, w, zero, plant.load(q, w, zero))
+    torque = np.asarray(along(friction, Nodes(x, motion.time, np.array([0, count]))))
     out = []
-    for j, size in enumerate(steps):
+    for j, size in enumerate(motion.steps):
         last = (count // size - 1) * size + np.arange(size)
-        own = torque[:, last, j]
-        measured = loop_width(w[last, j], own), loop_lag(own, size * dt)
-        out.append(Loop(j, kind, float(1.0 / (size * dt)), w[last, j], own, *measured))
+        own, period = torque[:, last, j], size * motion.dt
+        measured = loop_width(w[last, j], own), loop_lag(own, period)
+        out.append(HysteresisLoop(j, motion.kind, float(1.0 / period), w[last, j], own, *measured))
     return out
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from frictionid.errors import InputError
-from frictionid.evaluation.hysteresis import Loops
+from frictionid.evaluation.hysteresis import HysteresisSettings
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Protocol:
     whole: bool = False
     initial_states: str = "filter"
     true_initial_states: bool = False
-    loops: Loops | None = None
+    loops: HysteresisSettings | None = None
 
     def __post_init__(self) -> None:
         if not self.horizons:

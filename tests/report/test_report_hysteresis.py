@@ -10,7 +10,12 @@ from fixtures import tiny_pendulums as tiny
 from frictionid.comparison.suite import load_suite
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
-from frictionid.evaluation.hysteresis import Loops, loop_lag, loop_width, loops_of
+from frictionid.evaluation.hysteresis import (
+    HysteresisSettings,
+    hysteresis_loops,
+    loop_lag,
+    loop_width,
+)
 from frictionid.friction import Friction, Law, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.mechanics import plant_of
@@ -77,14 +82,16 @@ def test_the_width_is_the_area_over_the_range_and_turns_with_the_loop():
 
 def test_friction_of_the_velocity_alone_has_no_loop():
     theta = np.array([[[0.05, 0.03, 2.0, 0.004]], [[0.02, 0.0, 1.0, 0.001]]])
-    for loop in loops_of(Friction(Stribeck(), theta), PLANT, Loops(), GRID, 1 / 60):
+    for loop in hysteresis_loops(
+        Friction(Stribeck(), theta), PLANT, HysteresisSettings(), GRID, 1 / 60
+    ):
         assert np.abs(loop.width).max() < 1e-9 and loop.torque.shape == (2, len(loop.velocity))
 
 
 @pytest.mark.parametrize("lag", [0.005, 0.02])
 def test_a_film_that_lags_is_late_by_its_time_constant_where_motion_never_reverses(lag):
-    settings = Loops((5.0,), (0.5,), (1.0,))
-    found = {loop.kind: loop for loop in loops_of(film(lag), PLANT, settings, GRID, 1 / 60)}
+    settings = HysteresisSettings((5.0,), (0.5,), (1.0,))
+    found = {loop.kind: loop for loop in hysteresis_loops(film(lag), PLANT, settings, GRID, 1 / 60)}
     assert found["offset"].lag[0] == pytest.approx(lag, rel=0.1)
     assert found["offset"].width[0] > 0  # friction is higher while speed rises
     assert found["offset"].velocity.min() > 0 > found["reversing"].velocity.min()
@@ -95,7 +102,9 @@ def test_a_film_that_lags_is_late_by_its_time_constant_where_motion_never_revers
 def test_loops_grow_with_frequency_as_the_lag_does():
     widths = [
         loop.width[0]
-        for loop in loops_of(film(0.01), PLANT, Loops((5.0,), (1.0,)), GRID, 1 / 60)
+        for loop in hysteresis_loops(
+            film(0.01), PLANT, HysteresisSettings((5.0,), (1.0,)), GRID, 1 / 60
+        )
         if loop.kind == "offset"
     ]
     assert widths[1] / widths[0] == pytest.approx(2.0, rel=0.05)
@@ -103,30 +112,32 @@ def test_loops_grow_with_frequency_as_the_lag_does():
 
 
 def test_memories_of_samples_advance_with_the_samples_of_the_data():
-    settings = Loops((5.0,), (1.0,), (1.0,))
+    settings = HysteresisSettings((5.0,), (1.0,), (1.0,))
     for interval in (1 / 60, 1 / 100):
         friction = Friction(Echo(), DIP)
         (loop,) = [
-            x for x in loops_of(friction, PLANT, settings, GRID, interval) if x.kind == "offset"
+            x
+            for x in hysteresis_loops(friction, PLANT, settings, GRID, interval)
+            if x.kind == "offset"
         ]
         assert loop.lag[0] == pytest.approx(Echo.samples * interval, rel=0.02)
 
 
 def test_each_joint_and_each_friction_of_a_batch_is_as_it_is_alone():
     theta = np.concatenate([DIP, 2 * DIP])
-    settings = Loops((5.0,), (1.0,), (1.0,))
-    both = loops_of(film(0.01, theta), PLANT, settings, GRID, 1 / 60)
+    settings = HysteresisSettings((5.0,), (1.0,), (1.0,))
+    both = hysteresis_loops(film(0.01, theta), PLANT, settings, GRID, 1 / 60)
     for i in range(2):
-        alone = loops_of(film(0.01, theta[i : i + 1]), PLANT, settings, GRID, 1 / 60)
+        alone = hysteresis_loops(film(0.01, theta[i : i + 1]), PLANT, settings, GRID, 1 / 60)
         for a, b in zip(alone, both, strict=True):
             np.testing.assert_allclose(a.torque[0], b.torque[i], rtol=1e-12)
 
 
 def test_settings_are_those_of_the_joints():
     with pytest.raises(InputError, match="amplitude has 2 entries, the mechanism has 1 joints"):
-        loops_of(film(0.01), PLANT, Loops((5.0, 10.0)), GRID, 1 / 60)
+        hysteresis_loops(film(0.01), PLANT, HysteresisSettings((5.0, 10.0)), GRID, 1 / 60)
     with pytest.raises(InputError, match="loops: factors = .* must be positive"):
-        Loops(factors=(0.0,))
+        HysteresisSettings(factors=(0.0,))
 
 
 # --- Comparisons and pages ------------------------------------------------------------------------
@@ -148,7 +159,7 @@ def compared(tmp_path_factory):
 
 def test_what_a_suite_asks_for_is_shown_and_told(compared):
     file, folder = compared
-    assert load_suite(file).loops == Loops(frequency=(2.0,))
+    assert load_suite(file).loops == HysteresisSettings(frequency=(2.0,))
     section = made.section(folder)
     assert [model.identifier for model in with_memory(section)] == ["film_lag"]
     names = {path.name for path in (folder / "figures").glob("*.png")}
@@ -237,6 +248,6 @@ def test_learning_curves_are_drawn_where_a_model_has_them(tmp_path):
 
 def test_a_curve_of_the_velocity_alone_is_read_by_the_loop_as_the_curve():
     friction = Friction(CoulombViscous(), np.array([[[0.05, 0.01]]]))
-    for loop in loops_of(friction, PLANT, Loops((5.0,)), GRID, 1 / 60):
+    for loop in hysteresis_loops(friction, PLANT, HysteresisSettings((5.0,)), GRID, 1 / 60):
         expected = friction[0].curve(loop.velocity)[:, 0]
         np.testing.assert_allclose(loop.torque[0], expected, atol=1e-12)
