@@ -7,15 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
-from frictionid.dynamics.step import (
-    State,
-    StepSize,
-    adaptive_step,
-    euler_step,
-    inputs,
-    semi_implicit_step,
-    step_size_of,
-)
+from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.step import adaptive_step, euler_step, semi_implicit_step
+from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant

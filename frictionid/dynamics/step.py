@@ -3,7 +3,8 @@
     M(q) dw/dt = h(q, w) + B u - Tf
 
 integrated by RK4 on the friction law, in substeps that its slope needs, and finely where a joint
-comes near rest; what friction does there is in `contact`.
+comes near rest. Around w = 0 friction is set-valued: `stiction` says which joints stick,
+`zero_crossing` which stop, `break_away` which begin to move.
 """
 
 from __future__ import annotations
@@ -11,39 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from frictionid.arrays import Array, namespace, solve
-from frictionid.dynamics.step_size import StepSize, step_size_of, stiffness, substeps
-from frictionid.dynamics.stiction import (
-    SLOW,
-    State,
-    Stiction,
-    constrained,
-    driven,
-    friction_torque,
-    inputs,
-    rows,
-    stiction,
-)
-from frictionid.dynamics.zero_crossing import Crossing, beyond, crossing, release, released
+from frictionid.dynamics.break_away import after_break_away, break_away
+from frictionid.dynamics.sliding_friction import SLOW, Stiction, friction_torque
+from frictionid.dynamics.state import Instant, State, driven, inputs, rows_of
+from frictionid.dynamics.step_size import StepSize
+from frictionid.dynamics.stiction import stiction
+from frictionid.dynamics.torque_balance import constrained
+from frictionid.dynamics.zero_crossing import Crossing, Substep, after_crossing, crossing
 from frictionid.friction import Friction, Memory
 from frictionid.mechanics import Plant
-
-__all__ = [
-    "Crossing",
-    "Stiction",
-    "StepSize",
-    "State",
-    "acceleration",
-    "euler_step",
-    "inputs",
-    "near_rest",
-    "step_size_of",
-    "semi_implicit_step",
-    "step",
-    "stiffness",
-    "adaptive_step",
-    "substep",
-    "substeps",
-]
 
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 
@@ -91,8 +68,9 @@ def adaptive_step(
         elif bool(near.all()):
             state = step(plant, friction, state, u, part, step_size.fine)
         else:
-            fine = step(*rows(near, plant, friction, state, u, part), step_size.fine)
-            coarse = substep(*rows(~near, plant, friction, state, u, part))[0]
+            now = Instant(plant, friction, state, u)
+            fine = step(*now.rows(near), rows_of(part, near, 1), step_size.fine)
+            coarse = substep(*now.rows(~near), rows_of(part, ~near, 1))[0]
             state = _joined(near, fine, coarse, state)
     return state
 
@@ -110,21 +88,21 @@ def _joined(which: Array, yes: State, no: State, like: State) -> State:
 
 
 def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
-    """Rows (...) in which a joint is slow, or will be within dt, unless it is held all the time."""
+    """Rows (...) in which a joint is slow, or will be within dt, unless it sticks all the time."""
     xp = namespace(state.w)
-    held = stiction(plant, friction, state, u)
+    held = stiction(Instant(plant, friction, state, u))
     a = acceleration(plant, friction, state, u, held)
     speed = xp.abs(state.w)
-    minimum = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + SLOW)
-    near = minimum | (speed <= SLOW)
+    braked = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + SLOW)
+    near = braked | (speed <= SLOW)
     return (near if held.firm is None else near & ~held.firm).any(-1)
 
 
 def substep(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array
 ) -> tuple[State, Stiction, Crossing | None]:
-    """State after one substep, the stiction of friction in it, and what joints crossed w = 0."""
-    held = stiction(plant, friction, state, u)
+    """State after one substep, the stiction in it, and what joints crossed w = 0."""
+    held = stiction(Instant(plant, friction, state, u))
     memory = advanced(plant, friction, state, u, dt / 2)
 
     def accelerate(q: Array, w: Array) -> Array:
@@ -133,10 +111,13 @@ def substep(
     q, w = rk4(accelerate, state.q, state.w, dt)
     memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
     after = State(q, w, memory)
-    crossed = crossing(plant, friction, state, after, u, held, dt)
-    after = after if crossed is None else beyond(crossed, state, after, dt)
-    freed = release(plant, friction, after, u, held, crossed, dt)
-    return after if freed is None else released(freed, after), held, crossed
+    part = Substep(state, Instant(plant, friction, after, u), held, dt)
+    if (crossed := crossing(part)) is not None:
+        after = after_crossing(crossed, part)
+        part = part._replace(end=part.end._replace(state=after))
+    if (broken := break_away(part, crossed)) is not None:
+        after = after_break_away(broken, after)
+    return after, held, crossed
 
 
 def rk4(
@@ -160,9 +141,9 @@ def acceleration(
     M, h = plant.dynamics(state.q, state.w)
     f = h + driven(plant, u)
     Tf = friction_torque(friction, inputs(plant, friction, state, u), state.memory, stiction)
-    if stiction is None or stiction.held is None:
+    if stiction is None or stiction.sticking is None:
         return solve(M, f - Tf)
-    return constrained(M, f - Tf, stiction.held)
+    return constrained(M, f - Tf, stiction.sticking)
 
 
 def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:

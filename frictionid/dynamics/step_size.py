@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, inverse, namespace, plain
-from frictionid.dynamics.stiction import SLOW, holds
+from frictionid.dynamics.sliding_friction import SLOW
+from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.mechanics import Plant
@@ -30,9 +31,8 @@ def step_size_of(
 ) -> StepSize:
     """Pieces of a step of dt [s], and their substeps near rest.
 
-    Where friction can hold a joint, its slope through w = 0 is no matter of stability: a joint
-    under too little load is gripped there, one under more passes through. It is for laws with a
-    bristle, whose break-away level is zero.
+    The slope of friction through w = 0 limits the substeps of laws with bristles, whose break-away
+    level is zero. Other laws hold a joint there, or let it pass, whatever their slope.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def step_size_of(
     substeps(plant, friction, dt)
     away = stiffness(plant, friction, SLOW)
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
-    near = away if holds(friction) else stiffness(plant, friction)
+    near = away if has_break_away(friction) else stiffness(plant, friction)
     part = dt / pieces
     return StepSize(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
 

@@ -1,6 +1,8 @@
-"""What happens within a substep: joints stop or pass through w = 0, or break away from rest.
+"""Joints whose velocity crosses zero within a substep: they stop there, or slide on.
 
-Each event is located to first order, and what friction then does differently is made up for.
+A joint under a load below break-away stops; the others keep their momentum, so that a stop never
+adds energy. A joint under more load passes through w = 0, where its friction changes side at once.
+The crossing is located to first order, and what friction does since is made up for.
 """
 
 from __future__ import annotations
@@ -8,120 +10,144 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace, times
-from frictionid.dynamics.stiction import (
-    State,
-    Stiction,
-    balance,
-    constrained,
-    divisible,
-    friction_torque,
-    holding,
-    inputs,
-    rows,
-    within,
-)
-from frictionid.friction import Friction
-from frictionid.mechanics import Plant
+from frictionid.dynamics.sliding_friction import Stiction, friction_torque
+from frictionid.dynamics.state import Instant, State, rows_of
+from frictionid.dynamics.torque_balance import Balance, balance, constrained, sticking_torque
+
+
+class Substep(NamedTuple):
+    """A substep of dt (..., 1) [s] under the stiction at its start, w = 0 not yet looked at.
+
+    before : state at its start; end : the instant that RK4 gives
+    """
+
+    before: State
+    end: Instant
+    stiction: Stiction
+    dt: Array
+
+    def rows(self, which: Array) -> Substep:
+        """That of some rows; the substep itself where there are none to choose from, or all."""
+        if not self.end.has_rows or bool(which.all()):
+            return self
+        before = State(self.before.q[which], self.before.w[which])
+        dt = rows_of(self.dt, which, 1)
+        return Substep(before, self.end.rows(which), self.stiction.rows(which), dt)
 
 
 class Crossing(NamedTuple):
     """Joints that crossed w = 0 in a substep, of the k rows (...) that are true in `rows`.
 
-    stops, passes (k, n): those that come to rest there, and those that slide on to the other side;
-    still (k, n): all at rest then. share (k, n): of the substep, before the crossing. kick (k, n)
-    [rad/s^2]: by how much accelerations differ since, as friction changed its side or a joint that
-    was at rest has broken away. M (k, n, n); w (k, n):
-    velocities as if nothing had happened.
+    stops, passes : (k, n), those that come to rest there, and those that slide on
+    sticking : (k, n), all joints at rest then
+    share : (k, n), of the substep, before the crossing
+    jump : (k, n) [rad/s^2], change of the accelerations since, as friction changed its side or a
+        joint that was at rest has broken away
+    M : (k, n, n); w : (k, n), velocities as if nothing had happened
     """
 
     rows: Array
     stops: Array
     passes: Array
-    still: Array
+    sticking: Array
     share: Array
-    kick: Array
+    jump: Array
     M: Array
     w: Array
 
 
-def crossing(
-    plant: Plant,
-    friction: Friction,
-    before: State,
-    after: State,
-    u: Array,
-    held: Stiction,
-    dt: Array,
-) -> Crossing | None:
-    """Joints that crossed w = 0 within dt; under a load below break-away they come to rest."""
-    if held.side is None:
+def crossing(substep: Substep) -> Crossing | None:
+    """Joints whose velocity changed its sign; None where there is none."""
+    direction, w = substep.stiction.direction, substep.end.state.w
+    if direction is None:
         return None
-    xp = namespace(after.w)
-    crossed = held.side * after.w < 0.0
+    crossed = direction * w < 0.0
     some = crossed.any(-1)
     if not bool(some.any()):
         return None
-    if divisible(plant, friction, after, u) and not bool(some.all()):
-        old, part, at = State(before.q[some], before.w[some]), held.take(some), crossed[some]
-        plant, friction, after, u, dt = rows(some, plant, friction, after, u, dt)
-        return _crossed(plant, friction, old, after, u, part, at, dt)._replace(rows=some)
-    return _crossed(plant, friction, before, after, u, held, crossed, dt)._replace(
-        rows=xp.zeros_like(some) == xp.zeros_like(some)
+    part = substep.rows(some)
+    if part is substep:
+        some = namespace(some).ones_like(some)
+        return _crossing(substep, crossed)._replace(rows=some)
+    return _crossing(part, crossed[some])._replace(rows=some)
+
+
+def _crossing(substep: Substep, crossed: Array) -> Crossing:
+    """Crossings of rows that all have one: which joints stop, which pass, and what that changes."""
+    now = balance(substep.end, substep.stiction)
+    resting = substep.stiction.sticking
+    resting = namespace(crossed).zeros_like(crossed) if resting is None else resting
+    stops = crossed & now.below_break_away(sticking_torque(now, crossed | resting))
+    found = _located(substep, now, stops, crossed & ~stops)
+    found = found._replace(sticking=stops | resting)
+    since = _with_other_side(substep, now, found.passes)
+    turned = _turned(substep, since, found)
+    found = _stopped_too(found, turned)
+    return found._replace(jump=_jump(now, since, found.sticking, resting | turned))
+
+
+def _located(substep: Substep, now: Balance, stops: Array, passes: Array) -> Crossing:
+    """Crossing at the share w0 / (w0 - w1) of the substep, for a velocity from w0 to w1."""
+    w0, w1 = substep.before.w, substep.end.state.w
+    share = w0 / namespace(w0).where(stops | passes, w0 - w1, 1.0)
+    return Crossing(stops, stops, passes, stops, share, 0.0 * share, now.M, w1)
+
+
+def _with_other_side(substep: Substep, now: Balance, passes: Array) -> Balance:
+    """Torques since the crossing: friction of joints that pass is that of the other side."""
+    friction, memory = substep.end.friction, substep.end.state.memory
+    other = Stiction(-substep.stiction.direction)  # type: ignore[operator]
+    Tf = friction_torque(friction, substep.end.inputs, memory, other)
+    return now._replace(friction=namespace(Tf).where(passes, Tf, now.friction))
+
+
+def _turned(substep: Substep, since: Balance, found: Crossing) -> Array:
+    """Joints that stop too, as a joint that stops no longer pulls at them."""
+    w, _ = _velocity_after(found, substep.dt)
+    turned = (substep.stiction.direction * w < 0.0) & ~found.sticking & ~found.passes
+    if not bool(turned.any()):
+        return turned
+    return turned & since.below_break_away(sticking_torque(since, found.sticking | turned))
+
+
+def _stopped_too(found: Crossing, turned: Array) -> Crossing:
+    """The crossing with joints that stop when the first of the others does."""
+    xp = namespace(turned)
+    first = xp.min(xp.where(found.stops, found.share, 0.0 * found.share + 1.0), axis=-1)
+    return found._replace(
+        stops=found.stops | turned,
+        sticking=found.sticking | turned,
+        share=xp.where(turned, first[..., None], found.share),
     )
 
 
-def _crossed(
-    plant: Plant,
-    friction: Friction,
-    before: State,
-    after: State,
-    u: Array,
-    held: Stiction,
-    crossed: Array,
-    dt: Array,
-) -> Crossing:
-    xp = namespace(after.w)
-    now = balance(plant, friction, after, u, held)
-    resting = xp.zeros_like(crossed) if held.held is None else held.held
-    stops = crossed & within(holding(now, crossed | resting), now)
-    passes = crossed & ~stops
-    x = inputs(plant, friction, after, u)
-    other = friction_torque(friction, x, after.memory, Stiction(-held.side))  # type: ignore[operator]
-    then = now._replace(sliding=xp.where(passes, other, now.sliding))
-    share = before.w / xp.where(crossed, before.w - after.w, 1.0)
-    still = stops | resting
-    out = Crossing(crossed, stops, passes, still, share, 0.0 * share, now.M, after.w)
-    # a joint that stops no longer pulls at others, which may stop with it
-    turned = held.side * _beyond(out, dt)[0] < 0.0
-    turned = turned & ~still & ~passes
-    if bool(turned.any()):
-        turned = turned & within(holding(then, still | turned), then)
-        first = xp.min(xp.where(stops, share, 0.0 * share + 1.0), axis=-1)[..., None]
-        stops, still = stops | turned, still | turned
-        share = xp.where(turned, first, share)
-    kick = constrained(now.M, now.sliding - then.sliding, still)
-    if bool((resting | turned).any()):
-        # the jump of friction, or of an acceleration that ends, may free a joint at rest
-        Tf = holding(then, still)
-        broken = still & ~within(Tf, then)
-        Tf = xp.where(broken, Tf, then.sliding)
-        freed = constrained(now.M, now.f - Tf, still & ~broken)
-        kick = freed - constrained(now.M, now.f - now.sliding, still)
-    return Crossing(crossed, stops, passes, still, share, kick, now.M, after.w)
+def _jump(now: Balance, since: Balance, sticking: Array, at_stake: Array) -> Array:
+    """Change of the accelerations (k, n) since the crossing.
+
+    It may free a joint that is `at_stake`: at rest before, or as a joint no longer pulls at it.
+    """
+    if not bool(at_stake.any()):
+        return constrained(now.M, now.friction - since.friction, sticking)
+    Tf = sticking_torque(since, sticking)
+    freed = sticking & ~since.below_break_away(Tf)
+    Tf = namespace(Tf).where(freed, Tf, since.friction)
+    a = constrained(now.M, now.f - Tf, sticking & ~freed)
+    return a - constrained(now.M, now.f - now.friction, sticking)
 
 
-def beyond(crossing: Crossing, before: State, after: State, dt: Array) -> State:
-    """State behind a crossing.
+def after_crossing(crossing: Crossing, substep: Substep) -> State:
+    """State after a substep with a crossing.
 
     Joints that stop have w = 0 and the angle of the crossing, behind it friction would have pushed
     them back; they take any impulse, the others keep their momentum. Joints that pass have felt the
     friction of the other side since.
     """
-    xp, at = namespace(after.w), crossing.rows
-    span = xp.broadcast_to(dt, after.w.shape)[at]
-    w, since = _beyond(crossing, span)
-    stopped = before.q[at] + crossing.share * span / 2 * before.w[at]
-    stopped = stopped + crossing.kick * since**2 / 2
+    at, before, after = crossing.rows, substep.before, substep.end.state
+    xp = namespace(after.w)
+    dt = xp.broadcast_to(substep.dt, after.w.shape)[at]
+    w, since = _velocity_after(crossing, dt)
+    stopped = before.q[at] + crossing.share * dt / 2 * before.w[at]
+    stopped = stopped + crossing.jump * since**2 / 2
     slid = after.q[at] + (w - crossing.w) * since / 2
     q_all, w_all = (1.0 * x for x in (after.q, after.w))
     q_all[at] = xp.where(crossing.stops, stopped, slid)
@@ -129,74 +155,15 @@ def beyond(crossing: Crossing, before: State, after: State, dt: Array) -> State:
     return State(q_all, w_all, after.memory)
 
 
-def _beyond(crossing: Crossing, dt: Array) -> tuple[Array, Array]:
-    """Velocities (k, n) behind a crossing, and times (k, 1) since then."""
+def _velocity_after(crossing: Crossing, dt: Array) -> tuple[Array, Array]:
+    """Velocities (k, n) at the end of the substep, and times (k, 1) since the crossing.
+
+    Where a joint stops, M w is kept but for the impulses on sticking joints.
+    """
     xp = namespace(crossing.w)
     since = (1.0 - crossing.share) * dt
     since = xp.where(crossing.passes | crossing.stops, since, 0.0 * since)
     since = xp.max(since, axis=-1)[..., None]
-    kept = constrained(crossing.M, times(crossing.M, crossing.w), crossing.still)
+    kept = constrained(crossing.M, times(crossing.M, crossing.w), crossing.sticking)
     kept = xp.where(crossing.stops.any(-1)[..., None], kept, crossing.w)
-    return kept + crossing.kick * since, since
-
-
-class Release(NamedTuple):
-    """Joints that broke away within a substep, of the rows (...) that are true in `rows`.
-
-    still (k, n): joints that stay at rest; kick (k, n) [rad/s^2]: by how much accelerations have
-    grown at the end, from nothing; since (k, 1) [s]: for how long.
-    """
-
-    rows: Array
-    still: Array
-    kick: Array
-    since: Array
-
-
-def release(
-    plant: Plant,
-    friction: Friction,
-    after: State,
-    u: Array,
-    held: Stiction,
-    crossed: Crossing | None,
-    dt: Array,
-) -> Release | None:
-    """Joints that were held, but under more than their break-away level at the end of dt."""
-    if held.held is None:
-        return None
-    # where nothing moves, loads do not change
-    xp, moves = namespace(after.w), after.w != 0.0
-    some = (held.held & ~moves).any(-1) & moves.any(-1)
-    if crossed is not None:
-        some = some & ~crossed.rows
-    if not bool(some.any()):
-        return None
-    dt = xp.broadcast_to(dt, (*some.shape, 1))
-    if divisible(plant, friction, after, u) and not bool(some.all()):
-        plant, friction, after, u, dt = rows(some, plant, friction, after, u, dt)
-        held = held.take(some)
-    else:
-        some = xp.zeros_like(some) == xp.zeros_like(some)
-    now = balance(plant, friction, after, u, held)
-    Tf = holding(now, held.held)
-    broken = held.held & ~within(Tf, now)
-    if not bool(broken.any()):
-        return None
-    still = held.held & ~broken
-    free = constrained(now.M, now.f - xp.where(broken, Tf, now.sliding), still)
-    kick = free - constrained(now.M, now.f - now.sliding, held.held)
-    n = broken.shape[-1]
-    over = xp.stack([xp.abs(kick[..., j]) * now.M[..., j, j] for j in range(n)], axis=-1)
-    share = over / xp.maximum(over + xp.maximum(held.margin, 0.0 * over), 0.0 * over + 1e-300)
-    since = xp.max(xp.where(broken, share, 0.0 * share), axis=-1)[..., None] * dt
-    return Release(some, still, kick, since)
-
-
-def released(release: Release, after: State) -> State:
-    """State behind a break-away: the load exceeded the level by a sum that grew with time."""
-    at, since = release.rows, release.since
-    q, w = 1.0 * after.q, 1.0 * after.w
-    q[at] = q[at] + release.kick * since**2 / 6
-    w[at] = w[at] + release.kick * since / 2
-    return State(q, w, after.memory)
+    return kept + crossing.jump * since, since

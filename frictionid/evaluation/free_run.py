@@ -21,7 +21,9 @@ from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import sample
 from frictionid.data.states import States
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State, inputs, step, substeps
+from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.step import step
+from frictionid.dynamics.step_size import substeps
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.score_frame import Score

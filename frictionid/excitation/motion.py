@@ -10,7 +10,9 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import averages
 from frictionid.data.signals import Signal
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State, StepSize, adaptive_step
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step import adaptive_step
+from frictionid.dynamics.step_size import StepSize
 from frictionid.excitation.experiment import Experiment
 from frictionid.friction import Friction
 

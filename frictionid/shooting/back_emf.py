@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from frictionid.arrays import Array
-from frictionid.dynamics.stiction import SLOW
+from frictionid.dynamics.sliding_friction import SLOW
 from frictionid.friction import Inputs, Law, Memory
 
 _SHARPER = 0.2  # of the smoothing of the base law

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.step import Crossing
+from frictionid.dynamics.zero_crossing import Crossing
 from frictionid.shooting.tangent import Tangent, inverse_of_free
 
 _GRAZE = 0.01  # [rad/s]
@@ -34,9 +34,9 @@ def cross_tangent(
             part = np.where(crossing.passes[:, j], h / gap, 0.0)
             later += part * (w0[:, j] * end[j] - w1[:, j] * start[j])
         for i in range(n):
-            end[i] = end[i] - crossing.kick[:, i] * later
+            end[i] = end[i] - crossing.jump[:, i] * later
     if crossing.stops.any():
-        free = inverse_of_free(crossing.M, crossing.still)
+        free = inverse_of_free(crossing.M, crossing.sticking)
         kept = (free[..., None] * crossing.M[:, None]).sum(-2)
         kept = np.where(crossing.stops.any(-1)[:, None, None], kept, np.eye(n))
         end = [sum(kept[:, i, j] * end[j] for j in range(n)) for i in range(n)]

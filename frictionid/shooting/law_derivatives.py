@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.stiction import State, Stiction, inputs, sharp, sliding
+from frictionid.dynamics.sliding_friction import Stiction, sharpened, sliding_velocity
+from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.mechanics import Plant
 
@@ -85,8 +86,8 @@ def slopes(
     """Friction torque and its slopes at states (K, n), of joints that slide to their side."""
     theta, memory = friction.theta, state.memory
     x = inputs(plant, friction, state, u)
-    w = sliding(friction, x.w, stiction)
-    law = sharp(friction, stiction).law
+    w = sliding_velocity(friction, x.w, stiction)
+    law = sharpened(friction, stiction).law
     x, moves = x._replace(w=w), (w == x.w)[..., None]
     here = law.torque(theta, x, memory)
     if law.uses_load:

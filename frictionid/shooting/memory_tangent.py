@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from frictionid.arrays import Array
-from frictionid.dynamics.stiction import State, inputs
+from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Memory
 from frictionid.shooting.law_derivatives import SPEED, by_memory, by_theta
 from frictionid.shooting.tangent import MotionModel, Tangent

@@ -10,7 +10,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.signals import sample
-from frictionid.dynamics.step import State, step_size_of
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.mechanics import Plant
 from frictionid.mechanics.calibration import calibrated_dataset, calibrated_plant

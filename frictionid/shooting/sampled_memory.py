@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.stiction import State, inputs
+from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Inputs, Memory
 from frictionid.shooting.law_derivatives import SPEED, by_memory, by_theta
 from frictionid.shooting.sensitivities import EndStates, MotorTorque

@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array, times
 from frictionid.dynamics import step
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.friction import Memory
 from frictionid.shooting.tangent import MotionModel, Tangent, initial_tangent, inverse_of_free
 from frictionid.shooting.variational_equation import advance_tangent

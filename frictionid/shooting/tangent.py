@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, inverse
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 from frictionid.shooting.law_derivatives import FreeTheta, LawReads

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.stiction import State, inputs
+from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.calibration import Calibration, calibrated_plant

@@ -11,8 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array, solve
-from frictionid.dynamics.step import Crossing, State, Stiction
-from frictionid.dynamics.stiction import braked, constrained, driven, inputs
+from frictionid.dynamics.sliding_friction import Stiction, braked
+from frictionid.dynamics.state import State, driven, inputs
+from frictionid.dynamics.torque_balance import constrained
+from frictionid.dynamics.zero_crossing import Crossing
 from frictionid.mechanics import Partials
 from frictionid.shooting.crossing_tangent import cross_tangent
 from frictionid.shooting.law_derivatives import Slopes, by_theta, slopes
@@ -36,7 +38,7 @@ def advance_tangent(
     """
     after, stiction, crossing = substep
     h, n = dt[:, 0], len(tangent.q)
-    held = None if stiction.held is None or not stiction.held.any() else stiction.held
+    held = None if stiction.sticking is None or not stiction.sticking.any() else stiction.sticking
     if held is not None:
         for j in range(n):
             tangent.w[j] *= ~held[:, j]
@@ -75,10 +77,10 @@ def _linearised(
     """M, the slopes of friction, and those of the torques M a - h - B u + Tf in q, w and p."""
     M, h = model.plant.dynamics(middle.q, middle.w)
     of = slopes(model.plant, model.friction, middle, u, model.free, model.reads, stiction)
-    if stiction.minimum is not None:
+    if stiction.braking is not None:
         of = _at_break_away(model, middle, u, stiction, of)
     force = h + driven(model.plant, u) - of.torque
-    a = solve(M, force) if stiction.held is None else constrained(M, force, stiction.held)
+    a = solve(M, force) if stiction.sticking is None else constrained(M, force, stiction.sticking)
     by_q, by_w, by_p = model.plant.mechanism.partials(model.plant.p, middle.q, middle.w, a)
     return M, of, Partials(by_q if of.by_q is None else by_q + of.by_q, by_w + of.by_w, by_p)
 
@@ -122,7 +124,7 @@ def _at_break_away(
     plant = model.plant
     some = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
     x = inputs(plant, model.friction, some, u[rows])
-    minimum = stiction.minimum[rows]  # type: ignore[index]
+    minimum = stiction.braking[rows]  # type: ignore[index]
     x = x._replace(w=np.where(level[rows], minimum, 1.0))
     law, theta, memory = model.friction.law, model.friction.theta, some.memory
     sign, zero = np.sign(minimum), 0.0 * x.w

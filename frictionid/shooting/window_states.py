@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Plant

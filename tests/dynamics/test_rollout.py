@@ -9,7 +9,9 @@ from scipy.integrate import solve_ivp
 from frictionid.data.signals import Signal
 from frictionid.data.states import Backward
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State, adaptive_step, step_size_of
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step import adaptive_step
+from frictionid.dynamics.step_size import step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
 from frictionid.friction.laws import (

@@ -8,14 +8,9 @@ import torch
 from fixtures.memory_laws import Sampled
 from scipy.integrate import solve_ivp
 
-from frictionid.dynamics.step import (
-    State,
-    euler_step,
-    semi_implicit_step,
-    step,
-    stiffness,
-    substeps,
-)
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step import euler_step, semi_implicit_step, step
+from frictionid.dynamics.step_size import stiffness, substeps
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck

@@ -16,7 +16,7 @@ from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import Signal
 from frictionid.data.states import KalmanFilter, States
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     Protocol,

@@ -9,7 +9,7 @@ from fixtures import tiny_pendulums as tiny
 from fixtures.paths import ROOT
 
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import Quadratic as BuiltIn
 from frictionid.identifiers import LeastSquares

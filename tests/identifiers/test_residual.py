@@ -10,7 +10,8 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.data.states import States
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State, euler_step
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step import euler_step
 from frictionid.errors import InputError
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck

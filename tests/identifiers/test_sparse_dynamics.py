@@ -12,7 +12,7 @@ from frictionid.comparison.cross_validate import check_refinable, compare, view_
 from frictionid.comparison.registry import IDENTIFIERS, LAWS
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared_for, score_model
 from frictionid.friction import Friction, Inputs

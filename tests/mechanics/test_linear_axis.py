@@ -5,7 +5,7 @@ import pytest
 
 from frictionid.comparison.registry import LAWS
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.friction import Friction, units_of
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck

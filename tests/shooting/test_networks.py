@@ -12,7 +12,7 @@ from fixtures.learned_laws import Film, Recurrent, Static
 
 from frictionid.data.integrals import averages
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.evaluation.curves import curve_error, curves, velocity_grid
 from frictionid.evaluation.ground_truth import steady_state
 from frictionid.friction import Friction, Inputs

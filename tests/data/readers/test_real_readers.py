@@ -12,7 +12,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.public_collections import check_file, collections
 from frictionid.data.readers.reader_names import READERS
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.identifiers import LeastSquares

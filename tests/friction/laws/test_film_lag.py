@@ -5,7 +5,7 @@ import pytest
 from fixtures.exact_problems import everything, explained_by
 
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State
+from frictionid.dynamics.state import State
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricStribeck, FilmLag, Stribeck
 from frictionid.identifiers import LeastSquares

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
 
-from frictionid.dynamics.step import State, acceleration, inputs
+from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.step import acceleration
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws import CoulombViscous, LoadDependent, LoadDependentStribeck, Stribeck
 from frictionid.identifiers import LeastSquares

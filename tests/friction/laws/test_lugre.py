@@ -5,7 +5,9 @@ import pytest
 from fixtures.exact_problems import everything, explained_by
 
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.step import State, step, substeps
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step import step
+from frictionid.dynamics.step_size import substeps
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import (
     AsymmetricLuGre,

@@ -1,0 +1,73 @@
+"""Joints that break away from rest within a substep, as their load grows beyond the level."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from frictionid.arrays import Array, namespace
+from frictionid.dynamics.state import State
+from frictionid.dynamics.torque_balance import Balance, balance, constrained, sticking_torque
+from frictionid.dynamics.zero_crossing import Crossing, Substep
+
+
+class BreakAway(NamedTuple):
+    """Joints that broke away within a substep, of the k rows (...) that are true in `rows`.
+
+    jump : (k, n) [rad/s^2], by how much accelerations have grown at the end, from nothing
+    since : (k, 1) [s], for how long
+    """
+
+    rows: Array
+    jump: Array
+    since: Array
+
+
+def break_away(substep: Substep, crossed: Crossing | None) -> BreakAway | None:
+    """Joints that stuck, but whose load is above their level at the end; without a crossing."""
+    sticking, w = substep.stiction.sticking, substep.end.state.w
+    if sticking is None:
+        return None
+    xp, moves = namespace(w), w != 0.0
+    some = (sticking & ~moves).any(-1) & moves.any(-1)  # where nothing moves, no load changes
+    if crossed is not None:
+        some = some & ~crossed.rows
+    if not bool(some.any()):
+        return None
+    substep = substep._replace(dt=xp.broadcast_to(substep.dt, (*some.shape, 1)))
+    part = substep.rows(some)
+    now = balance(part.end, part.stiction)
+    Tf = sticking_torque(now, part.stiction.sticking)
+    broken = part.stiction.sticking & ~now.below_break_away(Tf)
+    if not bool(broken.any()):
+        return None
+    jump = _jump(now, Tf, part.stiction.sticking, broken)
+    since = _since(now, jump, part.stiction.margin, broken) * part.dt
+    return BreakAway(xp.ones_like(some) if part is substep else some, jump, since)
+
+
+def _jump(now: Balance, Tf: Array, sticking: Array, broken: Array) -> Array:
+    """Change of the accelerations (k, n) where joints slide that stuck."""
+    free = namespace(Tf).where(broken, Tf, now.friction)
+    a = constrained(now.M, now.f - free, sticking & ~broken)
+    return a - constrained(now.M, now.f - now.friction, sticking)
+
+
+def _since(now: Balance, jump: Array, margin: Array | None, broken: Array) -> Array:
+    """Share (k, 1) of the substep after the load, growing evenly, has passed the level.
+
+    It lacked `margin` of the level at the start, and exceeds it by M_jj jump_j at the end.
+    """
+    xp, n = namespace(jump), jump.shape[-1]
+    excess = xp.stack([xp.abs(jump[..., j]) * now.M[..., j, j] for j in range(n)], axis=-1)
+    zero = 0.0 * excess
+    share = excess / xp.maximum(excess + xp.maximum(margin, zero), zero + 1e-300)
+    return xp.max(xp.where(broken, share, 0.0 * share), axis=-1)[..., None]
+
+
+def after_break_away(broken: BreakAway, after: State) -> State:
+    """State after a substep: accelerations grew evenly, from nothing, since the break-away."""
+    at, since = broken.rows, broken.since
+    q, w = 1.0 * after.q, 1.0 * after.w
+    q[at] = q[at] + broken.jump * since**2 / 6
+    w[at] = w[at] + broken.jump * since / 2
+    return State(q, w, after.memory)

@@ -1,0 +1,79 @@
+"""The state of a machine, and what acts on it at one instant."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array, namespace
+from frictionid.friction import Friction, Inputs, Memory
+from frictionid.mechanics import Plant
+
+
+class State(NamedTuple):
+    """State of a machine: q (..., n) [rad], w (..., n) [rad/s] and the friction's memory."""
+
+    q: Array
+    w: Array
+    memory: Memory = ()
+
+
+class Instant(NamedTuple):
+    """What determines accelerations: plant, friction, state, and motor torques u (..., n) [N m].
+
+    All batch axes broadcast against each other.
+    """
+
+    plant: Plant
+    friction: Friction
+    state: State
+    u: Array
+
+    @property
+    def inputs(self) -> Inputs:
+        """What friction may depend on."""
+        return inputs(*self)
+
+    @property
+    def has_rows(self) -> bool:
+        """Whether there are rows to choose from: the state has all batch axes."""
+        batch = tuple(self.state.q.shape[:-1])
+        axes = (self.plant.p.shape[:-1], self.friction.theta.shape[:-2], self.u.shape[:-1])
+        return bool(batch) and np.broadcast_shapes(batch, *axes) == batch
+
+    def rows(self, which: Array) -> Instant:
+        """The instant of some rows, which (...) true or false."""
+        physical = self.plant.parameters
+        if self.friction.law.uses_load:  # only bearing loads need them
+            xp = namespace(self.state.q)
+            physical = {k: rows_of(xp.asarray(v), which, 0) for k, v in physical.items()}
+        q, w, memory = self.state
+        return Instant(
+            replace(self.plant, parameters=physical, p=rows_of(self.plant.p, which, 1)),
+            replace(self.friction, theta=rows_of(self.friction.theta, which, 2)),
+            State(q[which], w[which], tuple(rows_of(z, which, 1) for z in memory)),
+            rows_of(self.u, which, 1),
+        )
+
+
+def rows_of(x: Array, which: Array, axes: int) -> Array:
+    """Some rows of an array whose last axes are no batch; the array itself where it has one row."""
+    xp, batch = namespace(which), tuple(x.shape[: x.ndim - axes])
+    own = tuple(x.shape[x.ndim - axes :])
+    if not batch or set(batch) == {1}:
+        return xp.reshape(x, own)
+    return xp.broadcast_to(x, (*which.shape, *own))[which]
+
+
+def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
+    """What friction may depend on at a state; the bearing load only for laws that use it."""
+    load = plant.load(state.q, state.w, u) if friction.law.uses_load else 0.0 * state.w
+    return Inputs(state.q, state.w, u, load)
+
+
+def driven(plant: Plant, u: Array) -> Array:
+    """Torques B u (..., n) [N m]: those of joints that have a motor."""
+    driven = [float(d) for d in plant.mechanism.description.driven]
+    return u * namespace(u).asarray(driven, dtype=u.dtype)
