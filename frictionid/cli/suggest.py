@@ -68,22 +68,16 @@ def suggest(
     _write(design, places, figure)
 
 
-def _write(advice: Any, places: list[Path], figure: Path | None) -> None:
 def _write(design: Any, places: list[Path], figure: Path | None) -> None:
-    from frictionid import excitation
     from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import command_csv, described
     from frictionid.report.figures.experiment_design import picture
 
     for number, path in enumerate(places):
-        write_text(path, command_csv(advice, number))
+        write_text(path, command_csv(design, number))
     if figure is not None:
-        write_bytes(figure, picture(advice))
-    print(described(advice))
-        write_text(path, excitation.torque_table(design, number))
-    if figure is not None:
-        write_bytes(figure, excitation.picture(design))
-    print(excitation.describe(design))
+        write_bytes(figure, picture(design))
+    print(described(design))
     print(f"written to {', '.join(map(str, places))}")
 
 

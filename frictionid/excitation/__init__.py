@@ -9,18 +9,11 @@ from frictionid.excitation.information import (
     standard_errors,
 )
 from frictionid.excitation.limits import Limits, limits_of
-from frictionid.excitation.monte_carlo import Repeated, repeated
-from frictionid.excitation.motion import Motions, moved
-from frictionid.excitation.prior_friction import guessed
-from frictionid.excitation.search import Search, best
-from frictionid.excitation.signals import Waves
 from frictionid.excitation.monte_carlo import MonteCarlo, monte_carlo
 from frictionid.excitation.motion import Motions, predict_motions
-from frictionid.excitation.picture import picture
 from frictionid.excitation.prior_friction import prior_friction_of
 from frictionid.excitation.search import Search, search_signals
 from frictionid.excitation.signals import SignalSpace
-from frictionid.excitation.summary import describe, torque_table
 
 __all__ = [
     "Design",
@@ -32,22 +25,13 @@ __all__ = [
     "Search",
     "SignalSpace",
     "covariances",
-    "expected",
-    "guessed",
-    "limits_of",
-    "mechanism_in",
-    "moved",
-    "repeated",
-    "describe",
     "design_signals",
     "expected_information",
     "limits_of",
     "load_mechanism",
     "monte_carlo",
-    "picture",
     "predict_motions",
     "prior_friction_of",
     "search_signals",
     "standard_errors",
-    "torque_table",
 ]

@@ -23,21 +23,13 @@ from frictionid.excitation import (
     Search,
     SignalSpace,
     covariances,
-    expected,
-    guessed,
-    limits_of,
-    moved,
-    repeated,
-    describe,
     design_signals,
     expected_information,
     limits_of,
     monte_carlo,
-    picture,
     predict_motions,
     prior_friction_of,
     standard_errors,
-    torque_table,
 )
 from frictionid.excitation.information import Concatenated, base_jacobian, friction_jacobian
 from frictionid.excitation.search import e_criterion, exchange, simulated
@@ -278,8 +270,7 @@ def test_a_tight_angle_limit_is_kept_by_weaker_signals() -> None:
     design = design_signals(SignalSpace(tight), Search(pool=96, generations=1, children=16))
     q, _ = really(tight, design.torque, design.start)
     assert np.abs(q).max() <= 0.4
-    assert "angle     joint 1" in described(advice)
-    assert "angle    joint 1" in describe(design)
+    assert "angle     joint 1" in described(design)
 
 
 def test_impossible_limits_are_one_clear_line() -> None:
@@ -360,12 +351,8 @@ def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal() -> Non
     assert np.all(np.diff(once.values) >= 0)
     assert command_csv(once, 1) == command_csv(again, 1)
     assert described(once) == described(again)
-    other = advise(waves, replace(search, generations=0, seed=6))
-    assert command_csv(once, 0) != command_csv(other, 0)
-    assert torque_table(once, 1) == torque_table(again, 1)
-    assert describe(once) == describe(again)
     other = design_signals(space, replace(search, generations=0, seed=6))
-    assert torque_table(once, 0) != torque_table(other, 0)
+    assert command_csv(once, 0) != command_csv(other, 0)
 
 
 @pytest.mark.parametrize("family", ["multisine", "chirp"])
@@ -380,10 +367,8 @@ def test_only_the_families_asked_for_are_used(family: str) -> None:
 
 
 def test_the_table_can_be_played_and_the_picture_is_one() -> None:
-    advice = on_acrobot()
-    header, *rows = command_csv(advice, 0).splitlines()
     design = on_acrobot()
-    header, *rows = torque_table(design, 0).splitlines()
+    header, *rows = command_csv(design, 0).splitlines()
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
     assert header == "time,u2"
     assert np.allclose(table[:, 0], design.experiment.commands)

@@ -1,4 +1,4 @@
-"""Picture of a suggested experiment: torque and expected motion over time, with the limits."""
+"""Picture of a designed experiment: torque and expected motion over time, with the limits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.excitation.advice import Advice
+from frictionid.excitation.design import Design
 from frictionid.report.figures.style import (
     COLOURS,
     GRID,
@@ -19,14 +19,14 @@ from frictionid.report.figures.style import (
 )
 
 
-def picture(advice: Advice) -> bytes:
+def picture(design: Design) -> bytes:
     """PNG of torque, angles and velocities, one column for each recording."""
-    e = advice.experiment
+    e = design.experiment
     d = e.plant.mechanism.description
     rows = {
-        f"torque [{d.torque_unit}]": (e.commands, advice.torque, e.limits.torque),
-        f"angle [{d.angle_unit}]": (e.images, advice.motions.q[:, 0], e.limits.angle),
-        f"velocity [{d.angle_unit}/s]": (e.images, advice.motions.w[:, 0], e.limits.velocity),
+        f"torque [{d.torque_unit}]": (e.commands, design.torque, e.limits.torque),
+        f"angle [{d.angle_unit}]": (e.images, design.motions.q[:, 0], e.limits.angle),
+        f"velocity [{d.angle_unit}/s]": (e.images, design.motions.w[:, 0], e.limits.velocity),
     }
     with drawing():
         shown = figure(6.5, 1.5 + 4.2 * e.recordings)
