@@ -10,6 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from frictionid.acquire.camera.angles import Angles
+    from frictionid.acquire.camera.source import Source
 
 
 class Method(StrEnum):
@@ -22,59 +23,55 @@ class Method(StrEnum):
 def track(
     video: Annotated[str, typer.Argument(help="Video, folder of pictures, or a camera's number.")],
     rig: Annotated[
-        Path, typer.Option(help="Markers, links and camera; written by --setup.")
+        Path, typer.Option(help="Settings with markers, links and camera; written by --setup.")
     ] = Path("rig.toml"),
     out: Annotated[Path | None, typer.Option(help="Table of angles to write (CSV).")] = None,
     setup: Annotated[
         bool, typer.Option("--setup", help="Propose dots, pivot and links; write them to --rig.")
     ] = False,
-    method: Annotated[Method, typer.Option(help="study: thresholds of whole pictures.")] = (
-        Method.follow
-    ),
-    overlay: Annotated[Path | None, typer.Option(help="Video of what was found (.mp4).")] = None,
+    method: Annotated[
+        Method, typer.Option(help="study: thresholds in the whole picture, for comparison.")
+    ] = Method.follow,
+    overlay: Annotated[
+        Path | None, typer.Option(help="Video with markers and angles drawn over it (.mp4).")
+    ] = None,
     sheet: Annotated[Path | None, typer.Option(help="Contact sheet of it (.png).")] = None,
 ) -> None:
-    """Track coloured dots in a video and write joint angles with their accuracy."""
-    from frictionid.acquire.camera.source import open_source
+    """Track coloured dots in a video; write joint angles with their standard deviations."""
     from frictionid.errors import InputError
 
     if setup:
-        return _setup(video, rig)
+        return _propose(video, rig)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
     from frictionid.acquire.camera.angles import angles_csv
     from frictionid.acquire.camera.marker_setup import load_marker_setup
-    from frictionid.files import write_bytes
+    from frictionid.acquire.camera.source import open_source
+    from frictionid.acquire.camera.track import track as tracked
+    from frictionid.cli.progress import counted
+    from frictionid.files import write_text
 
     _check_places(video, rig, out, sheet, overlay)
     markers = load_marker_setup(rig)
     source = open_source(video, markers.camera.rate)
     if source.kind == "live" and (overlay or sheet):
         raise InputError("--overlay and --sheet need a video: a live camera shows its frames once")
-    angles = _tracked(source, markers, method.value)
-    _written(out, lambda: write_bytes(out, angles_csv(angles).encode()))
-    _say(angles, out)
+    with counted(source.count or 0, source.name) as count:
+        angles = tracked(source, markers, method.value, lambda _: count(""))
+    write_text(out, angles_csv(angles))
+    _print_summary(angles)
+    print(f"written to {out}")
     if sheet is not None:
-        import cv2
-
-        from frictionid.acquire.camera.overlay import contact_sheet
-
-        picture = cv2.imencode(".png", contact_sheet(source.frames(), angles, source.size))[
-            1
-        ].tobytes()
-        _written(sheet, lambda: write_bytes(sheet, picture))
+        _write_sheet(source, angles, sheet)
         print(f"contact sheet in {sheet}")
     if overlay is not None:
-        from frictionid.acquire.camera.overlay import write_overlay
-
-        _written(overlay, lambda: overlay.parent.mkdir(parents=True, exist_ok=True))
-        write_overlay(source, angles, overlay)
-        print(f"video of what was found in {overlay}")
+        _write_overlay(source, angles, overlay)
+        print(f"overlay in {overlay}")
     return None
 
 
 def _check_places(video: str, rig: Path, *places: Path | None) -> None:
-    """Complain now about what would be lost or could not be written after the film was followed."""
+    """Check that no output overwrites the film, the rig's file or another output."""
     from frictionid.errors import InputError
 
     taken = {Path(video).resolve(): "the film itself", rig.resolve(): "the rig's file"}
@@ -89,67 +86,62 @@ def _check_places(video: str, rig: Path, *places: Path | None) -> None:
         taken[whole] = "written already by another option"
 
 
-def _setup(video: str, rig: Path) -> None:
+def _propose(video: str, rig: Path) -> None:
     from frictionid.acquire.camera.marker_setup import marker_setup_text
     from frictionid.acquire.camera.propose import propose
     from frictionid.acquire.camera.source import open_source
     from frictionid.errors import InputError
-    from frictionid.files import write_bytes
+    from frictionid.files import write_text
 
     if rig.exists():
         raise InputError(f"{rig} is there already; name another --rig, or delete it")
     markers = propose(open_source(video))
     notes = [
         f"proposed from {Path(video).name}; check it with frictionid track ... --sheet",
-        "give links.lengths [m] where you know them: they check the order and sharpen the view",
+        "give links.lengths [m] where you know them: they check the order and calibrate the view",
     ]
-    _written(rig, lambda: write_bytes(rig, marker_setup_text(markers, notes).encode()))
+    write_text(rig, marker_setup_text(markers, notes))
     for marker in markers.markers:
+        dot = f"hue {marker.hue or 0:.0f} deg, radius {marker.radius:.1f} px"
         place = f"at {marker.at[0]:.1f}, {marker.at[1]:.1f}" if marker.at else ""
-        dot = (
-            f"hue {marker.hue:.0f} deg, radius {marker.radius:.1f} px"
-            if marker.hue is not None
-            else ""
-        )
-        print(f"{marker.name}: {dot or place}")
+        print(f"{marker.name}: {place if marker.hue is None else dot}")
     lengths = ", ".join(f"{p:.1f}" for p in markers.links.pixels or ())
     print(f"links: {lengths} px\nwritten to {rig}")
 
 
-def _tracked(source: object, markers: object, method: str) -> Angles:
-    from frictionid.acquire.camera.source import Source
-    from frictionid.acquire.camera.track import MarkerSetup, track
-    from frictionid.cli.progress import counted
+def _write_sheet(source: Source, angles: Angles, sheet: Path) -> None:
+    import cv2
 
-    assert isinstance(source, Source) and isinstance(markers, MarkerSetup)
-    with counted(source.count or 0, source.name) as tell:
-        return track(
-            source, markers, "study" if method == "study" else "follow", lambda _: tell("")
-        )
+    from frictionid.acquire.camera.overlay import contact_sheet
+    from frictionid.files import write_bytes
+
+    picture = contact_sheet(source.frames(), angles, source.size)
+    write_bytes(sheet, cv2.imencode(".png", picture)[1].tobytes())
 
 
-def _written(path: Path, write: object) -> None:
+def _write_overlay(source: Source, angles: Angles, overlay: Path) -> None:
+    from frictionid.acquire.camera.overlay import write_overlay
     from frictionid.errors import InputError
 
-    assert callable(write)
     try:
-        write()
+        overlay.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{path} cannot be written ({error.strerror}); name another") from None
+        raise InputError(f"{overlay} cannot be written ({error.strerror}); name another") from None
+    write_overlay(source, angles, overlay)
 
 
-def _say(angles: Angles, out: Path) -> None:
+def _print_summary(angles: Angles) -> None:
     import numpy as np
 
     counts = {s: angles.state.count(s) for s in ("found", "predicted", "lost")}
-    told = ", ".join(f"{c} {s}" for s, c in counts.items() if c or s == "found")
-    print(f"{len(angles.state)} frames: {told}")
+    states = ", ".join(f"{c} {s}" for s, c in counts.items() if c or s == "found")
+    print(f"{len(angles.state)} frames: {states}")
     for j, sigma in enumerate(np.nanmedian(angles.sigma, axis=0), start=1):
-        print(f"q{j}: standard deviation {np.degrees(sigma):.3f} deg in the median")
-    stretch, diagonal, right, down, bulge = angles.calibration.plane.shape
-    if any((stretch, diagonal, right, down, bulge)):
+        print(f"q{j}: median standard deviation {np.degrees(sigma):.3f} deg")
+    shape = angles.calibration.plane.shape
+    if any(shape):
+        _, _, right, down, bulge = shape
         print(f"camera: slant {right:+.3f}, {down:+.3f}, lens {bulge:+.3f} per half diagonal")
     if angles.sync_led is not None:
         name, brightness = angles.sync_led
         print(f"{name}: brightness {brightness.min():.3f} to {brightness.max():.3f}")
-    print(f"written to {out}")

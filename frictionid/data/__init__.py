@@ -1,1 +1,1 @@
-"""What was measured: signals, recordings and data sets, states estimated from them; readers."""
+"""Measured data: signals, recordings, data sets and their readers, and estimated states."""

@@ -1,8 +1,8 @@
-"""Geometry of pictures: from where markers are seen to the angles of the joints between them.
+"""Geometry of pictures: joint angles from the pixels of markers.
 
-Pixels count to the right and downwards, as cameras and most tables do. Angles are those of the
-mechanisms: 0 hangs down, counter-clockwise as seen in the picture is positive, the first joint's is
-absolute and every other one is relative to the link before.
+Pixels count to the right and downwards. Angles are those of the mechanisms: 0 hangs down,
+counter-clockwise in the picture is positive; the first is absolute, each other one relative to the
+link before.
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ from frictionid.data.signals import Array
 
 
 def link_angles(markers: Array) -> Array:
-    """Joint angles of a chain of links whose ends are seen, shape (T, n) [rad], without jumps.
+    """Joint angles of a chain of links by their ends, shape (T, n) [rad], unwrapped.
 
     theta_i = atan2(x_i+1 - x_i, y_i+1 - y_i),  q_1 = theta_1,  q_i = theta_i - theta_i-1
 
-    Each begins within (-pi, pi] and is unwrapped over time, so that neighbouring frames differ by
-    less than half a turn.
+    Each starts within (-pi, pi] and changes by less than half a turn between frames.
 
     Parameters
     ----------
@@ -50,7 +49,7 @@ def link_lengths(markers: Array) -> Array:
 
 
 def hold_pivot(markers: Array) -> Array:
-    """The markers (T, n + 1, 2) with their pivot at its median over time: one that cannot move.
+    """The markers (T, n + 1, 2) with the pivot at its median over time, for a fixed one.
 
     >>> seen = np.array([[[0.0, 1.0], [2.0, 9.0]], [[4.0, 1.0], [3.0, 9.0]]])
     >>> hold_pivot(seen)[:, 0]
@@ -63,7 +62,7 @@ def hold_pivot(markers: Array) -> Array:
 
 
 def mirror(markers: Array) -> Array:
-    """The markers as seen from the other side: left and right change places.
+    """The markers as seen from the other side, left and right exchanged.
 
     >>> mirror(np.array([[[2.0, 3.0]]]))
     array([[[-2.,  3.]]])
@@ -81,11 +80,11 @@ def turn_up(markers: Array) -> Array:
 
 
 class Plane(NamedTuple):
-    """How a picture's points lie in the plane of motion, for `flattened`.
+    """Map from a picture to the plane of motion, for `flattened`.
 
     size : width and height of the picture [px]
     shape : stretch along x against y and along the diagonal, slant to the right and downwards
-        (perspective), bulge of the lens; all relative, about the middle, per half diagonal
+        (perspective), bulge (lens distortion); relative to the half diagonal, about the middle
     """
 
     size: tuple[int, int]

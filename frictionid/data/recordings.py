@@ -1,4 +1,4 @@
-"""Recordings and data sets: the measured input of everything, checked where it enters."""
+"""Recordings and data sets, checked when they are made."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -43,14 +43,14 @@ class Recording:
     velocity : Signal, n columns [rad/s], or None
         Measured velocity, where there is one.
     parameters : mapping of str to float
-        Parameters of the mechanism that differ in this recording (an exchangeable mass).
+        Parameters of the mechanism that differ in this recording (such as an exchangeable mass).
     covariates : mapping of str to Signal
         Other measured quantities, in the unit of the file (temperature, voltage).
     truth : TrueMotion or None
         The noise-free motion, for simulated recordings.
     servo : Servo or None
-        What makes the torque of the motion, where that is known; `torque` is then what follows for
-        the recorded motion.
+        Controller and motors that make the torque, where known; `torque` then follows from the
+        recorded motion.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class Recording:
         return f"Recording({self.name!r}: {joints} joints, {samples} samples, {span:g} s)"
 
     def _motions(self) -> Iterator[tuple[str, Signal]]:
-        """The signals with one column per joint, under the names that errors call them."""
+        """Signals with one column per joint, with their names in errors."""
         yield "angle", self.angle
         yield "torque", self.torque
         if self.velocity is not None:
@@ -112,21 +112,21 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Recordings of one mechanism, with all that is known about where they come from.
+    """Recordings of one mechanism, and their origin.
 
     Attributes
     ----------
     name : str
     mechanism : mapping
-        The [mechanism] table as it stands: kind, parameters and the options of the kind.
+        The [mechanism] table: kind, parameters and options of the kind.
     recordings : tuple of Recording
         At least one, with different names and equally many joints.
     hashes : mapping of str to str
         SHA-256 of each file that was read, under its name.
     origin : mapping of str to str
-        What is stated of description, origin, licence and citation.
+        Description, origin, licence and citation.
     truth : mapping or None
-        The [truth] table as it stands, for simulated recordings.
+        The [truth] table, for simulated recordings.
     """
 
     name: str
@@ -158,7 +158,7 @@ class Dataset:
 def first_fault(
     time: ArrayLike, value: ArrayLike, names: tuple[str, ...]
 ) -> tuple[int, str] | None:
-    """Index of the first sample that cannot stand and the reason, or None where all can.
+    """Index of the first invalid sample and the reason, or None.
 
     Parameters
     ----------
@@ -173,9 +173,9 @@ def first_fault(
     """
     cells = np.column_stack([np.asarray(time, float), np.asarray(value, float)])
     broken = ~np.isfinite(cells)
-    stuck = np.zeros(len(cells), dtype=bool)
-    stuck[1:] = cells[1:, 0] <= cells[:-1, 0]
-    faulty = broken.any(axis=1) | stuck
+    back = np.zeros(len(cells), dtype=bool)
+    back[1:] = cells[1:, 0] <= cells[:-1, 0]
+    faulty = broken.any(axis=1) | back
     if not faulty.any():
         return None
     at = int(np.argmax(faulty))
@@ -217,15 +217,15 @@ def _check_sigma(where: str, sigma: Array, shape: tuple[int, ...]) -> None:
         raise InputError(f"{where}{at}: sigma must be positive and finite, not {sigma[wrong][0]:g}")
 
 
-# A torque may begin late or end early by some gaps of its own, and by this share of the motion: a
-# clock that is half a second off is found by a check, where this would only be in its way.
+# A torque may begin late or end early by some of its own gaps, or by this share of the motion; the
+# checks find a clock that is off by less.
 _GAPS, _SHARE = 5.0, 0.2
 
 
 def _check_clocks(where: str, angle: Signal, torque: Signal) -> None:
-    """A torque must be known while the joints move; beyond its samples nothing is made up.
+    """The torque must cover the motion; it is not extrapolated.
 
-    A held torque may be logged only where it changes: what is missing is judged by its own gaps.
+    A held torque may be logged only where it changes: its own gaps are the measure.
     """
     late = torque.time[0] > angle.time[-1]
     early = torque.hold == "linear" and torque.time[-1] < angle.time[0]

@@ -1,13 +1,9 @@
-"""Actuators: torque that nobody measured, because it follows from a voltage.
+"""Servos: unmeasured torque that follows from the voltage of a DC motor.
 
-The motor of a servo turns the voltage V at its terminals into torque, less what its own motion
-induces against it:
+    u = kt (V - kt w)/R = (kt/R) V - (kt^2/R) w,    exactly zero while the motor is disconnected
 
-    u = kt (V - kt w)/R = (kt/R) V - (kt^2/R) w,    exactly zero while it is disconnected
-
-so kt/R is the gain of the voltage, and kt^2/R acts like viscous friction for as long as the motor
-is connected. A recorded V is an input like a recorded torque; u is not: in a prediction it depends
-on the predicted w.
+kt/R is the gain of the voltage V, and kt^2/R acts like viscous friction while the motor is
+connected (back-EMF). In a prediction the recorded V is an input; u depends on the predicted w.
 """
 
 from __future__ import annotations
@@ -50,7 +46,7 @@ class Servo:
     R: float
 
     def voltage(self, time: Array, q: Array) -> Array:
-        """Voltage (K, n) [V] of the controller at times (K,) that finds the joints at q (K, n)."""
+        """Voltage (K, n) [V] of the controller at times (K,) with the joints at q (K, n)."""
         duty = self.gain * (sample(self.goal, time) - q)
         return self.supply * np.clip(duty, -self.limit, self.limit)
 
@@ -81,7 +77,7 @@ def terminal_voltage(servo: Servo, angle: Signal) -> Signal:
 def servo_torque(servo: Servo, angle: Signal, delay: float = 0.0) -> Signal:
     """Torque [N m] along recorded angles, with velocities by central differences.
 
-    delay : [s], how much later than by the clock of the angles the voltage acts
+    delay : [s] by which the voltage acts later than by the clock of the angles
     """
     time = angle.time
     then = time - delay
@@ -91,9 +87,9 @@ def servo_torque(servo: Servo, angle: Signal, delay: float = 0.0) -> Signal:
 
 
 def applied_voltage(servo: Servo, angle: Signal) -> Signal:
-    """Voltage [V] along recorded angles that falls, and rises, at once where motors are switched.
+    """Voltage [V] along recorded angles, with steps where motors are switched.
 
-    Samples just before those of the switch hold what acted until then.
+    A sample is inserted just before each switch, with the voltage until then.
     """
     time, on = angle.time, servo.connected(angle.time)
     volts = servo.voltage(time, angle.value)

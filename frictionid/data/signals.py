@@ -20,8 +20,8 @@ class Signal(NamedTuple):
     value : array, shape (T, n)
         One column per joint, in the SI unit of the quantity.
     hold : str
-        What happens between two samples: "linear" joins them by a line, "previous" keeps the
-        earlier one (a drive that holds its command).
+        Between two samples: "linear" interpolates, "previous" keeps the earlier one (a drive that
+        holds its command).
     sigma : array, shape (n,) or (T, n), or None
         Standard deviation of the noise of each column, or of each sample; None where it is unknown.
     """
@@ -84,7 +84,7 @@ def cut(signal: Signal, start: float, stop: float) -> Signal:
 
 
 def taken(signal: Signal, rows: ArrayLike) -> Signal:
-    """Signal with only some of its samples, by a mask (T,) or by increasing indices.
+    """Signal with some of its samples, by a mask (T,) or by increasing indices.
 
     >>> taken(Signal(np.arange(3.0), np.ones((3, 1))), np.array([0, 2])).time
     array([0., 2.])

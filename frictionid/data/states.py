@@ -1,7 +1,7 @@
-"""Velocities from measured angles: backward differences, local polynomials, Kalman/RTS smoothing.
+"""State estimation: velocities by backward differences, local polynomials, or Kalman/RTS smoothing.
 
-Every estimator takes the angle signals of some recordings and returns one `States` for each, on the
-signals' own time stamps; nothing is carried from one recording to another.
+An estimator takes the angle signals of some recordings and returns one `States` for each, on its
+own time stamps. Recordings are independent of each other.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class States(NamedTuple):
 
 
 class Estimator(Protocol):
-    """Estimates states; `support` [samples] is how far to either side a sample reaches."""
+    """Estimates states; each depends on `support` samples to either side."""
 
     @property
     def support(self) -> int: ...
@@ -84,7 +84,7 @@ class SavitzkyGolay:
 
     @property
     def support(self) -> int:
-        """Samples to either side that a value depends on."""
+        """Samples to either side that a state depends on."""
         return self.window // 2
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
@@ -108,7 +108,7 @@ class RTS:
     """Kinematic Kalman/RTS smoother driven by white jerk [RauchTungStriebel1965].
 
     The ratio of jerk intensity to measurement noise maximises the innovation likelihood of each
-    recording and joint, so no window has to be chosen; uneven sampling and gaps are exact.
+    recording and joint: there is no window to choose. Uneven sampling and gaps are exact.
 
     >>> t = np.linspace(0.0, 2.0, 121)
     >>> s = RTS()([Signal(t, np.sin(3 * t)[:, None])])[0]
@@ -125,9 +125,9 @@ class RTS:
 
 @dataclass(frozen=True)
 class KalmanFilter:
-    """The filter of `RTS`: each state depends on samples up to its own time only.
+    """Causal Kalman filter: each state depends on samples up to its own time only.
 
-    So does the noise ratio it is filtered with, the likeliest so far. Rollouts start from it.
+    So does its ratio of jerk to noise, the likeliest so far. Rollouts start from these states.
     """
 
     support: int = 0

@@ -1,4 +1,4 @@
-"""Equations of motion: mechanisms described by their bodies, compiled to fast scalar code."""
+"""Equations of motion of mechanisms, derived from their bodies and compiled to scalar code."""
 
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.description import Base, Body, Description, Parameter

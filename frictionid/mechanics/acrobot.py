@@ -50,15 +50,15 @@ SHAPES = {
 
 @cache
 def acrobot(inertias: str = "printed", link2_rate: str = "absolute") -> Mechanism:
-    """Acrobot from the study's parts.
+    """Acrobot with the parts of [DeMeester2020].
 
     Parameters
     ----------
     inertias : "printed" or "shapes"
-        The study's printed moments of inertia are parameters, or they follow from its shape
-        formulas (the bush's printed value differs from its formula by 1 %).
+        Moments of inertia as printed, or by the shapes of the parts (the printed one of the bush
+        differs by 1 %).
     link2_rate : "absolute" or "relative"
-        Link 2 turns at w1 + w2; the study's printed energy has the relative rate w2.
+        Link 2 turns at w1 + w2; the printed energy has the relative rate w2.
 
     The rotor sits on link 1 and turns against its joint, at w1 - gear w2.
 

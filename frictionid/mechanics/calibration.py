@@ -1,10 +1,10 @@
-"""What a fit found about the machine and its sensors, beside friction.
+"""Calibration of the machine and its sensors, as shooting estimates it beside friction.
 
-A recorded torque u and angle q belong to the true ones by
+The true torque and angle follow from the recorded u and q:
 
-u_true(t) = gain u(t - delay) + bias,    q_true = q - offset.
+    u_true(t) = gain u(t - delay) + bias,    q_true = q - offset
 
-Where a servo drives, kt and R of its motors may be found, too: then u follows from its voltage.
+Where a servo drives, kt and R of its motors may be calibrated; u then follows from its voltage.
 """
 
 from __future__ import annotations
@@ -23,11 +23,17 @@ from frictionid.mechanics import Plant, mechanism_of, parameters_of, plant_of
 
 @dataclass(frozen=True)
 class Calibration:
-    """Base parameters of the machine, and what its sensors do; leading axes are batches.
+    """Base parameters of the machine and parameters of its sensors; leading axes are batches.
 
-    base (..., nb), or None where the data set's hold; gain (..., n); delay (...) [s], positive
-    where the torque acts later than it was logged; bias (..., n) [N m]; offset (..., n) [rad];
-    motor (..., 2), kt [N m/A] and R [Ohm] of servos, or None where those of the recordings hold.
+    Attributes
+    ----------
+    base : array, shape (..., nb), or None for those of the data set
+    gain : array, shape (..., n) [1]
+    delay : array, shape (...) [s], positive where the torque acts later than it was logged
+    bias : array, shape (..., n) [N m]
+    offset : array, shape (..., n) [rad]
+    motor : array, shape (..., 2), kt [N m/A] and R [Ohm] of servos, or None for those of the
+        recordings
 
     >>> calibration = Calibration.ideal(2)
     >>> calibration.gain, float(calibration.delay)
@@ -47,7 +53,7 @@ class Calibration:
         return Calibration(base, np.ones(n), np.zeros(()), np.zeros(n), np.zeros(n))
 
     def __getitem__(self, index: Any) -> Calibration:
-        """Rig at an index into the batch axes."""
+        """Calibration at an index into the batch axes."""
         base, motor = (None if x is None else x[index] for x in (self.base, self.motor))
         gain, delay, bias, offset = (getattr(self, name)[index] for name in _SENSORS)
         return Calibration(base, gain, delay, bias, offset, motor)
@@ -70,9 +76,10 @@ _SENSORS = ("gain", "delay", "bias", "offset")
 
 
 def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
-    """Plant of a data set, one entry for each recording, with the rig's base parameters.
+    """Plant of a data set with calibrated base parameters, one entry for each recording.
 
-    What a recording changes (an exchangeable mass) adds to them what it adds to the table's.
+    Parameters of a recording (such as an exchangeable mass) change the base parameters as they
+    change those of the table.
 
     Raises
     ------
@@ -83,25 +90,25 @@ def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
     if calibration.base is None:
         return plant
     table: Any = dataset.mechanism
-    usual = mechanism_of(table).base(parameters_of(table, {}))
-    if np.shape(calibration.base)[-1] != len(usual):
+    nominal = mechanism_of(table).base(parameters_of(table, {}))
+    if np.shape(calibration.base)[-1] != len(nominal):
         names = ", ".join(plant.mechanism.base_names)
         raise InputError(
             f"data set {dataset.name!r}: the model's calibration has "
-            f"{np.shape(calibration.base)[-1]} base parameters, this mechanism has {len(usual)} "
+            f"{np.shape(calibration.base)[-1]} base parameters, this mechanism has {len(nominal)} "
             f"({names})"
         )
-    return replace(plant, p=plant.p + (calibration.base - usual))
+    return replace(plant, p=plant.p + (calibration.base - nominal))
 
 
 def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
-    """The data set as ideal sensors would have recorded it."""
+    """The data set with gain, delay, bias and offset removed, as ideal sensors would record it."""
     driven = np.array(mechanism_of(dataset.mechanism).description.driven, dtype=float)
-    recordings = tuple(_corrected(r, calibration, driven) for r in dataset.recordings)
+    recordings = tuple(_calibrated(r, calibration, driven) for r in dataset.recordings)
     return replace(dataset, recordings=recordings)
 
 
-def _corrected(recording: Recording, calibration: Calibration, driven: Array) -> Recording:
+def _calibrated(recording: Recording, calibration: Calibration, driven: Array) -> Recording:
     angle, torque, servo = recording.angle, recording.torque, recording.servo
     angle = angle._replace(value=angle.value - calibration.offset)
     if servo is not None:
@@ -113,5 +120,5 @@ def _corrected(recording: Recording, calibration: Calibration, driven: Array) ->
         torque = servo_torque(servo, angle, float(calibration.delay))
     else:
         torque = torque._replace(time=torque.time + calibration.delay)
-    felt = (calibration.gain * torque.value + calibration.bias) * driven
-    return replace(recording, angle=angle, torque=torque._replace(value=felt), servo=servo)
+    true = (calibration.gain * torque.value + calibration.bias) * driven
+    return replace(recording, angle=angle, torque=torque._replace(value=true), servo=servo)

@@ -1,4 +1,4 @@
-"""From a description of bodies to the symbolic equations of motion, by the Lagrangian L = T - V."""
+"""Symbolic equations of motion from a description of bodies, by the Lagrangian L = T - V."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _rate(z: sp.Expr, q: Sequence[sp.Symbol], w: Sequence[sp.Symbol]) -> sp.Expr
 
 
 def _polynomial(e: sp.Expr, q: Sequence[sp.Symbol]) -> sp.Expr:
-    # sin^2 = 1 - cos^2 makes rotated squares cancel as polynomials: 16 times faster than trigsimp
+    # with sin^2 = 1 - cos^2 rotated squares cancel as polynomials: 16 times faster than trigsimp
     e = sp.expand(sp.expand_trig(sp.expand(e)))
     for qi in q:
         e = sp.expand(e.subs(sp.sin(qi) ** 2, 1 - sp.cos(qi) ** 2))
@@ -48,7 +48,7 @@ def _polynomial(e: sp.Expr, q: Sequence[sp.Symbol]) -> sp.Expr:
 
 
 def _in_base(e: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
-    """Rewrite an energy, linear in the base parameters, with a symbol for each of them."""
+    """An energy that is linear in the base parameters, with a symbol for each of them."""
     state = {*d.q, *d.w}
     coefficients: dict[sp.Expr, sp.Expr] = {}
     for term in sp.Add.make_args(e):

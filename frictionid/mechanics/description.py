@@ -1,4 +1,4 @@
-"""What a mechanism consists of: its bodies, joints and parameters, in symbols."""
+"""Description of a mechanism in symbols: its bodies, joints and parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Parameter(NamedTuple):
 
 
 class Base(NamedTuple):
-    """A base parameter: its name, its expression in the physical ones, and its unit."""
+    """A base parameter: name, expression in physical parameters, and unit."""
 
     name: str
     expression: sp.Expr
@@ -38,10 +38,16 @@ class Body(NamedTuple):
 
 @dataclass(frozen=True)
 class Description:
-    """What a mechanism consists of; `Mechanism` turns it into numbers.
+    """A mechanism in symbols; `Mechanism` evaluates its equations of motion.
 
-    `q` and `w` are the joints' symbols, `gravity` that of g, `rotors` pairs (inertia, rate),
-    `driven` says which joints have a motor, `joints` names them.
+    Attributes
+    ----------
+    kind, joints : names of the mechanism and of its joints
+    q, w, gravity : symbols of angles, velocities and g
+    parameters, bodies, base : see `Parameter`, `Body` and `Base`
+    rotors : pairs (inertia, angular rate)
+    driven : which joints have a motor
+    angle_unit, torque_unit : "m" and "N" for prismatic joints
     """
 
     kind: str

@@ -1,11 +1,10 @@
-"""From a description of bodies to fast equations of motion.
+"""Equations of motion of a mechanism as compiled code.
 
-M(q) dw/dt = h(q, w) + B u - Tf
+    M(q) dw/dt = h(q, w) + B u - Tf
 
 SymPy derives them once from the Lagrangian L = T - V and writes them as flat scalar code, which
-runs unchanged on NumPy arrays and torch tensors. The code's parameters are the *base* parameters,
-the combinations of masses, lengths and inertias in which L is linear: nothing else of them can be
-seen in the motion [Gautier1990].
+runs on NumPy arrays and torch tensors. Its parameters are the *base* parameters, the combinations
+of masses, lengths and inertias in which L is linear: motion identifies nothing else [Gautier1990].
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ from frictionid.mechanics.description import Description
 class Terms(NamedTuple):
     """Terms of the equations of motion at states with batch shape (...).
 
-    M (..., n, n) [kg m^2]; h (..., n) [N m], all that moves the joints apart from motors and
-    friction; momentum = M w (..., n) [N m s]; dLdq (..., n) [N m]; B (n, n), one where a motor
-    drives the joint; energy (...) [J].
+    M (..., n, n) [kg m^2]; h (..., n) [N m], all torques but those of motors and friction;
+    momentum = M w (..., n) [N m s]; dLdq (..., n) [N m]; B (n, n), one where a motor drives the
+    joint; energy (...) [J].
     """
 
     M: Array
@@ -42,7 +41,7 @@ class Terms(NamedTuple):
 
 
 class Partials(NamedTuple):
-    """How the torques M a - h of a motion change with state and base parameters.
+    """Partial derivatives of the torques M a - h of a motion by state and base parameters.
 
     by_q, by_w (..., n, n) [N m/rad, N m s/rad]; by_p (..., n, nb), the regressor: M a - h is linear
     in the base parameters and equals by_p p.
@@ -61,10 +60,10 @@ class _Printer(StrPrinter):
 def flat_code(
     arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]
 ) -> Callable[..., tuple[Array, ...]]:
-    """Return a function f(xp, *arguments) -> tuple of scalars, common subexpressions shared.
+    """Function f(xp, *arguments) -> tuple of scalars; common subexpressions are computed once.
 
-    `xp` supplies sin, cos, ...; constants are evaluated to floats beforehand, because
-    sympy.lambdify's torch code fails on integer powers of integers, square roots and constants.
+    `xp` supplies sin, cos, ...; constants are evaluated to floats beforehand, because the torch
+    code of sympy.lambdify fails on integer powers of integers, square roots and constants.
 
     >>> import numpy as np, sympy as sp
     >>> x = sp.Symbol("x")
@@ -150,7 +149,7 @@ class Mechanism:
         return xp.stack(xp.broadcast_arrays(*out), axis=-1)
 
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
-        """M (..., n, n) and h (..., n): all that a step needs."""
+        """M (..., n, n) and h (..., n), the terms that a step needs."""
         xp, flat = self._evaluate(self._dynamics_code, p, q, w)
         return self._symmetric(xp, flat[: -self.n]), xp.stack(flat[-self.n :], axis=-1)
 
@@ -170,7 +169,7 @@ class Mechanism:
         return Terms(M, h, times(M, w), dLdq, B, flat[-1])
 
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
-        """Partial derivatives of the torques M a - h that a motion needs, see `Partials`."""
+        """Partial derivatives of M a - h, see `Partials`."""
         n, nb = self.n, len(self.base_names)
         xp = namespace(q, p)
         state = [x[..., j] for x in (q, w, a) for j in range(n)]
@@ -190,9 +189,8 @@ class Mechanism:
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         """Bearing force of each joint in friction-free motion, shape (..., n) [N].
 
-        The force that the joint transmits to all bodies beyond it, sum m (a - g): what a
-        load-dependent friction law multiplies by its coefficient. Physical parameters are needed,
-        base parameters do not determine it.
+        The force that the joint transmits to all bodies beyond it, sum m (a - g), as load-dependent
+        friction laws need it. It depends on physical parameters, not on base parameters alone.
         """
         values = self._complete(parameters)
         p = self.base(values)

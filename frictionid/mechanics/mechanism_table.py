@@ -1,13 +1,13 @@
-"""From the [mechanism] table of a data set to a mechanism and its parameters."""
+"""Mechanism and parameters of the [mechanism] table of a data set."""
 
 from __future__ import annotations
 
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from typing import Any
 
+from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.double_pendulum import double_pendulum
@@ -24,7 +24,7 @@ _KINDS: Mapping[str, Callable[..., Mechanism]] = {
 
 
 def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
-    """Mechanism that a [mechanism] table describes: its `kind`, and that kind's options.
+    """Mechanism of a [mechanism] table: its `kind`, with the options of that kind.
 
     Raises
     ------
@@ -36,13 +36,13 @@ def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
     """
     kind = str(table.get("kind", ""))
     if kind not in _KINDS:
-        raise InputError(f"[mechanism] kind = {kind!r} is unknown{_nearest(kind, _KINDS)}")
+        raise InputError(f"[mechanism] kind = {kind!r} is unknown; {nearest(kind, _KINDS)}")
     build = _KINDS[kind]
     options = {k: _frozen(k, v) for k, v in table.items() if k not in ("kind", "parameters")}
     known = inspect.signature(build).parameters
     for name in options:
         if name not in known:
-            raise InputError(f"[mechanism] {kind} has no option {name!r}{_nearest(name, known)}")
+            raise InputError(f"[mechanism] {kind} has no option {name!r}; {nearest(name, known)}")
     try:
         mechanism = build(**options)
     except ValueError as error:
@@ -69,16 +69,12 @@ def _check(parameters: Any, mechanism: Mechanism) -> None:
         known = mechanism.defaults
         kind = mechanism.description.kind
         if name not in known:
-            raise InputError(f"[mechanism] {kind} has no parameter {name!r}{_nearest(name, known)}")
+            raise InputError(
+                f"[mechanism] {kind} has no parameter {name!r}; {nearest(name, known)}"
+            )
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (number and math.isfinite(value)):
             raise InputError(f"[mechanism] {kind}: {name} = {value!r} must be a finite number")
-
-
-def _nearest(name: str, known: Mapping[str, Any]) -> str:
-    near = get_close_matches(name, list(known), n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ";"
-    return f"{hint} known are {', '.join(known)}"
 
 
 def _frozen(name: str, value: Any) -> Any:

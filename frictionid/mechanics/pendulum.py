@@ -22,7 +22,7 @@ def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
     (m l^2 + J + N^2 Jr) dw/dt = -m g l sin q + u - Tf
 
     With `motor`, the constants kt and R of a DC motor are parameters, too: torques of recordings
-    that tell its voltage follow from them. At zero the recordings' own constants hold.
+    with its voltage follow from them. At zero those of the recordings are used.
 
     Raises
     ------

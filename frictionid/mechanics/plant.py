@@ -1,4 +1,4 @@
-"""A mechanism together with its parameters: what the physics step needs to know of a machine."""
+"""A mechanism with its parameters, as the physics step needs it."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from frictionid.mechanics.unit_inertia import unit_inertia
 
 @dataclass(frozen=True)
 class Plant:
-    """A mechanism with its physical parameters and the base parameters p that follow from them.
+    """A mechanism with physical parameters and the base parameters p that follow from them.
 
     `parameters` are arrays of one batch shape (...), often one entry per recording or row; p has
-    shape (..., nb). Index a plant to pick from the batch.
+    shape (..., nb). An index into a plant picks from the batch.
 
     >>> from frictionid.mechanics import pendulum
     >>> Plant.from_parameters(pendulum(), {"mass": np.array([0.5, 1.0])})[1].p
@@ -72,8 +72,8 @@ class Plant:
 def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) -> Plant:
     """Plant of a data set with one batch entry for each recording, shape (R,).
 
-    `parameters` replace the table's (a published model's own inertias); what a recording overrides
-    (an exchangeable mass) stays with the recording.
+    `parameters` replace those of the table (such as a published model's inertias); parameters of a
+    recording (such as an exchangeable mass) take precedence.
     """
     table: Mapping[str, Any] = dataset.mechanism
     mechanism = mechanism_of(table)

@@ -1,8 +1,8 @@
-"""No machine at all: joints of unit inertia, on which nothing else acts.
+"""Joints of unit inertia on which nothing but friction acts, for models without physics.
 
-dw/dt = -Tf
+    dw/dt = -Tf
 
-so that the friction of this mechanism is what a model without physics says of the acceleration.
+The friction of this mechanism is the negative acceleration that such a model predicts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from frictionid.mechanics.lagrange import Mechanism
 def unit_inertia(joints: int = 1, angle_unit: str = "rad") -> Mechanism:
     """M = I, h = 0 and B = 0: friction is a negative acceleration [rad/s^2], or [m/s^2].
 
-    It has the inertia of one as its only base parameter.
+    Its only base parameter is the inertia, 1.
 
     >>> import numpy as np
     >>> machine = unit_inertia(2)

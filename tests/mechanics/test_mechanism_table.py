@@ -44,14 +44,17 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({}, r"kind = '' is unknown; known are acrobot, double_pendulum, linear_axis, pendulum"),
+        (
+            {},
+            r"kind = '' is unknown; known: 'acrobot', 'double_pendulum', 'linear_axis', 'pendulum'",
+        ),
         ({"kind": "acrobott"}, r"kind = 'acrobott' is unknown; did you mean 'acrobot'\?"),
         ({"kind": 3}, r"kind = '3' is unknown"),
         (
             {"kind": "acrobot", "inertia": "printed"},
             r"no option 'inertia'; did you mean 'inertias'",
         ),
-        ({"kind": "pendulum", "colour": "red"}, r"no option 'colour'; known are driven"),
+        ({"kind": "pendulum", "colour": "red"}, r"no option 'colour'; known: 'driven'"),
         ({"kind": "acrobot", "inertias": "cad"}, r"option 'cad' must be one of printed, shapes"),
         ({"kind": "acrobot", "link2_rate": ""}, r"option '' must be one of absolute, relative"),
         ({"kind": "acrobot", "inertias": {"J": 1}}, r"inertias = .* a value or a list of values"),
@@ -63,7 +66,7 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
         ({"kind": "acrobot", "parameters": 3}, r"parameters = 3 must be a table: name = number"),
         (
             {"kind": "pendulum", "parameters": {"lenght": 1.0}},
-            r"pendulum has no parameter 'lenght'; did you mean 'length'\? known are mass, length",
+            r"pendulum has no parameter 'lenght'; did you mean 'length'",
         ),
         ({"kind": "pendulum", "parameters": {"mass": "1"}}, r"mass = '1' must be a finite number"),
         ({"kind": "pendulum", "parameters": {"mass": True}}, r"mass = True must be a finite num"),
