@@ -18,7 +18,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from frictionid.comparison.suite import load_suite, tasks_of
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task
 from frictionid.identifiers.formulation import training_problem
 from frictionid.mechanics import plant_of

@@ -1,11 +1,12 @@
-"""Tables that people write: no unknown keys, no converted types, and mistakes told in one line."""
+"""TOML files and their tables: no unknown keys, no converted types, each mistake in one line."""
 
 import difflib
 import importlib
-import inspect
+import re
 import reprlib
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -18,7 +19,6 @@ from pydantic import (
     ValidationError,
     create_model,
     model_validator,
-    validate_call,
 )
 
 from frictionid.errors import InputError
@@ -29,6 +29,36 @@ Checked = TypeVar("Checked", bound=BaseModel)
 # "10" is no number, 1 is no truth value, and nothing is infinite.
 STRICT = ConfigDict(strict=True, allow_inf_nan=False)
 _TABLES = ("model_type", "dataclass_type", "dataclass_exact_type")
+
+
+def read_toml(path: Path, advice: str = "check it") -> dict[str, Any]:
+    """Tables of a TOML file.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read, with the advice, or is no TOML.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
+    return parse_toml(content, str(path))
+
+
+def parse_toml(text: str | bytes, where: str) -> dict[str, Any]:
+    """Tables of a TOML text, which stands `where` the message says.
+
+    Raises
+    ------
+    InputError
+        Where it is no TOML.
+    """
+    try:
+        return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
+    # ValueError: no UTF-8, no TOML, or an integer with thousands of digits
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where} is no TOML ({error}); correct it") from None
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -72,21 +102,44 @@ class Strict(BaseModel):
     """A table of a TOML file: no other keys, no conversion of types, no infinite numbers.
 
     renamed : keys of older files, and what they are called now
+    settings : keys beside the fields, which a model that allows other keys takes
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, **STRICT)
     renamed: ClassVar[Mapping[str, str]] = {}
+    settings: ClassVar[tuple[str, ...]] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, table: Any) -> Any:
-        if isinstance(table, dict):
-            table = {cls.renamed.get(key, key): value for key, value in table.items()}
-        strict = cls.model_config.get("extra") == "forbid"
-        for key in table if strict and isinstance(table, dict) else ():
-            if key not in cls.model_fields:
-                raise ValueError(f"unknown key {key!r}; {nearest(key, cls.model_fields)}")
+        if not isinstance(table, dict):
+            return table
+        table = with_new_names(table, cls.renamed)
+        known = [*cls.model_fields, *cls.settings]
+        strict = cls.settings or cls.model_config.get("extra") == "forbid"
+        for key in table if strict else ():
+            if key not in known:
+                raise ValueError(f"unknown key {key!r}; {nearest(key, known)}")
         return table
+
+
+def with_new_names(table: Mapping[str, Any], renamed: Mapping[str, str]) -> dict[str, Any]:
+    """The table with the keys of older files under their names of today.
+
+    Raises
+    ------
+    InputError
+        Where a key stands there under both names.
+
+    Examples
+    --------
+    >>> with_new_names({"rest": 0.1, "name": "mine"}, {"rest": "velocity_threshold"})
+    {'velocity_threshold': 0.1, 'name': 'mine'}
+    """
+    for old, new in renamed.items():
+        if old in table and new in table:
+            raise InputError(f"{old!r} is the old name of {new!r}: give one of them")
+    return {renamed.get(key, key): value for key, value in table.items()}
 
 
 def mistake(invalid: ValidationError) -> str:
@@ -99,6 +152,7 @@ def mistake(invalid: ValidationError) -> str:
     if error["type"].startswith("missing"):
         return f"the key {place[1:]!r} is missing; add it"
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
+    reason = re.sub("valid (tuple|array)", "valid list", reason)
     if error["type"] in _TABLES:  # pydantic's words name our classes
         reason = "it should be one table of keys and values"
     if error["type"] == "value_error" and reason.startswith(f"{place[1:]}: "):
@@ -122,34 +176,6 @@ def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Ch
         raise InputError(f"{where}: {mistake(invalid)}") from None
 
 
-def built(table: Mapping[str, Any], known: Mapping[str, Callable[..., Any]], where: str) -> Any:
-    """What the function that `kind` names makes of the other keys of a table.
-
-    Raises
-    ------
-    InputError
-        For a kind or setting that is unknown, or a value that does not fit.
-    """
-    if not isinstance(table.get("kind"), str):
-        raise InputError(f"{where}: the key 'kind' is missing; {nearest('', known)}")
-    kind = table["kind"]
-    if kind not in known:
-        raise InputError(f"{where}: kind = {kind!r} is unknown; {nearest(kind, known)}")
-    return called(known[kind], {k: v for k, v in table.items() if k != "kind"}, where)
-
-
-def called(make: Callable[..., Any], settings: Mapping[str, Any], where: str) -> Any:
-    """What a function makes of settings whose names and types are checked first."""
-    known = inspect.signature(make).parameters
-    for key in settings:
-        if key not in known:
-            raise InputError(f"{where}: {unknown(key, known)}")
-    try:
-        return validate_call(config=STRICT)(make)(**settings)
-    except ValidationError as error:
-        raise InputError(f"{where}: {mistake(error)}") from None
-
-
 def unknown(setting: str, known: Iterable[str]) -> str:
     """Complaint about a setting that is none of the known ones.
 
@@ -161,7 +187,7 @@ def unknown(setting: str, known: Iterable[str]) -> str:
 
 
 def distinct(names: Sequence[str], what: str) -> None:
-    """Nothing, where all names differ.
+    """Check that all names differ.
 
     Raises
     ------

@@ -23,7 +23,7 @@ def check(
     """
     from frictionid.check import LEVELS
     from frictionid.check import check as judged
-    from frictionid.comparison.suite import friction_of
+    from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.report.diagnostics import as_json, show_verdict
 

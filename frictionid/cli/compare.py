@@ -32,7 +32,8 @@ def compare(
     from frictionid.cli.progress import counted
     from frictionid.comparison.registry import LAWS
     from frictionid.comparison.results import describe, load_results
-    from frictionid.comparison.suite import load_suite, tasks_of
+    from frictionid.comparison.suite import load_suite
+    from frictionid.comparison.suite_tasks import tasks_of
     from frictionid.comparison.tasks import Task, lock, prepare_benchmarks, run_tasks
     from frictionid.report import build, show
 
@@ -46,7 +47,7 @@ def compare(
             def done(task: Task) -> None:
                 count(f"{task.benchmark.dataset.name}: {task.name}, {task.recipe.name}")
 
-            settings = table.model_dump(mode="json") | ({"device": device.value} if device else {})
+            settings = table.document() | ({"device": device.value} if device else {})
             describe(folder, table.name, table.title, settings, tasks, prepared_benchmarks)
             run_tasks(
                 tasks,

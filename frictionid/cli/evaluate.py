@@ -28,8 +28,8 @@ def evaluate(
 ) -> None:
     """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
     from frictionid.cli.progress import counted
+    from frictionid.comparison.registry import friction_of
     from frictionid.comparison.results import model_scores
-    from frictionid.comparison.suite import friction_of
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
     from frictionid.evaluation import Protocol, prepare, prepared_for, score_model

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
+    from frictionid.comparison.methods import Method
     from frictionid.friction import Friction
-    from frictionid.identifiers.formulation import Recipe
-    from frictionid.shooting import Shooting
 
 
 def fit(
@@ -37,51 +35,26 @@ def fit(
     ] = None,
 ) -> None:
     """Fit friction to all recordings of a data set."""
-    import numpy as np
-
-    from frictionid.comparison import cross_validate as compare
-    from frictionid.comparison.equations import equations
+    from frictionid.comparison.fit_model import fit_model
     from frictionid.comparison.registry import LAWS
-    from frictionid.comparison.suite import identifier_named
+    from frictionid.comparison.suite_identifiers import identifier_named
     from frictionid.data.readers.dataset import load_dataset
-    from frictionid.evaluation import Protocol, velocity_grid
+    from frictionid.evaluation import Protocol
     from frictionid.friction.model_files import save_model
-    from frictionid.identifiers.formulation import training_problem
-    from frictionid.shooting import Shooting, document_of, refine
 
     chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
-    made = _recipe(recipe, by, free, fixed or [])
-    compare.check_refinable(chosen, made)
-    history = Protocol(sample_time=sample_time).history
-    recordings = load_dataset(dataset, data)
-    plant, step = compare.view_of(chosen, recordings, compare.first_step(made))
-    problem = training_problem(recordings, plant, step, sample_time, history)
-    everything = np.ones((1, len(problem.r)))
-    friction = compare.fit(
-        chosen, problem, everything, seed, plant.mechanism.description.angle_unit
-    )[0]
-    source: dict[str, Any] = {
-        "dataset": recordings.name,
-        "data": dict(recordings.hashes),
-        "identifier": repr(chosen),
-        "recipe": repr(made),
-        "sample_time": sample_time,
-        "seed": seed,
-        **friction.provenance,  # what the identifier tells of its work; shooting begins anew
-    }
-    found = None
-    if isinstance(made, Shooting):
-        found = refine(friction, recordings, made.blocks, made.settings, sample_time=sample_time)
-        friction = found.friction
-        source["refined"] = document_of(found, recordings, velocity_grid(problem.nodes.inputs.w))
-    source |= equations(friction, problem, everything[0], found)
-    save_model(compare.with_provenance(friction, source), out, LAWS)
-    _show(friction, source, out)
+    method = _recipe(recipe, by, free, fixed or [])
+    method.check(chosen)
+    protocol = Protocol(sample_time=sample_time)
+    friction = fit_model(load_dataset(dataset, data), chosen, method, protocol, seed)
+    save_model(friction, out, LAWS)
+    _show(friction, out)
 
 
-def _show(friction: Friction, source: Mapping[str, Any], out: Path) -> None:
+def _show(friction: Friction, out: Path) -> None:
     from frictionid.report import show_refined
 
+    source = friction.provenance
     show_refined(source["refined"]) if "refined" in source else print(friction)
     if "equation" in source:
         print("\n  ".join(["with 95 % intervals:", *source["equation"]]))
@@ -90,9 +63,9 @@ def _show(friction: Friction, source: Mapping[str, Any], out: Path) -> None:
     print(f"written to {out}")
 
 
-def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Recipe | Shooting:
+def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Method:
     """Recipe that the options name."""
-    from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, shooting_of
+    from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
     from frictionid.errors import InputError
 
     if by is None:
@@ -103,22 +76,21 @@ def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Recipe | 
         raise InputError(f"--by {by!r} is unknown; known is shooting")
     blocks = [part.strip() for part in free.split(",")]
     start = "integral" if name == "shooting" else name
-    entry = RecipeEntry(name="shooting", by="shooting", free=blocks, fixed=fixed, start=start)
-    return shooting_of(entry, "--by shooting")
+    return recipe_of(
+        RecipeEntry(name="shooting", by="shooting", free=blocks, fixed=fixed, start=start)
+    )
 
 
 def _setting(text: str) -> tuple[str, Any]:
     """Key and value of a setting, the value read as TOML where it is, else as text."""
-    import tomllib
-
+    from frictionid.config import parse_toml
     from frictionid.errors import InputError
 
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise InputError(f"--set {text!r} must be key=value, e.g. --set symmetric=false")
     try:
-        read = tomllib.loads(f"x = {value}")
-    # ValueError: no TOML, or an integer with thousands of digits
-    except (ValueError, RecursionError):
+        read = parse_toml(f"x = {value}", "--set")
+    except InputError:
         read = {}
     return key.strip(), read["x"] if set(read) == {"x"} else value

@@ -35,22 +35,22 @@ def tune(
     tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
     folder = out or Path("report") / f"{table.name}-tune"
     try:
-        units = tuning_tasks(table, suite, data)
-        total = tuning.trials * len(study_specs(units, tuning))
+        tasks = tuning_tasks(table, suite, data)
+        total = tuning.trials * len(study_specs(tasks, tuning))
         with (
             lock(folder, "journal.log", "tuning"),
             counted(total, f"tuning ({table.name})") as done,
         ):
-            found = search(
-                units, tuning, folder, resume=resume, jobs=jobs or cpu_count(), done=done
+            results = search(
+                tasks, tuning, folder, resume=resume, jobs=jobs or cpu_count(), done=done
             )
-            page = write_outcome(folder, found, tuning.objective, suite)
+            page = write_outcome(folder, results, tuning.objective, suite)
     except KeyboardInterrupt:
         typer.echo(
             f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",
             err=True,
         )
         raise typer.Exit(130) from None
-    for shown in (score_table(found, tuning.objective), *settings_tables(found)):
+    for shown in (score_table(results, tuning.objective), *settings_tables(results)):
         show_table(shown)
     print(f"written to {page.resolve()}")

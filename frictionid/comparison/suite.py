@@ -1,39 +1,34 @@
 """Suites: a comparison written as TOML.
 
-A suite is the constructor calls of its parts: every key of a table is an argument of the class or
-function that the table's `kind` names.
+A suite is the constructor calls of its parts: every key of a table is a field of the dataclass that
+the table's `kind` names.
 """
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from frictionid.comparison.cross_validate import Benchmark, Method, check_refinable
-from frictionid.comparison.registry import IDENTIFIERS, LAWS, folds, loops
+from frictionid.comparison.kinds import Kind
+from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Search, Tuning
-from frictionid.comparison.suite_recipes import Name, Positive, RecipeEntry, recipes_of
-from frictionid.comparison.tasks import Task
-from frictionid.config import STRICT, Strict, built, called, distinct, imported, mistake, nearest
-from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.recordings import Dataset
+from frictionid.comparison.suite_recipes import Name, RecipeEntry
+from frictionid.config import STRICT, Strict, mistake, read_toml, with_new_names
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds, true_calibration, true_friction
+from frictionid.evaluation import Protocol, Split
 from frictionid.evaluation.hysteresis import HysteresisSettings
-from frictionid.friction import Friction
-from frictionid.friction.model_files import load_model, own_law
-from frictionid.identifiers import Identifier, Network, Published
-from frictionid.mechanics import plant_of
+
+SPLIT, LOOPS = Kind((Split,)), Kind((HysteresisSettings,))
+PROTOCOL = Kind((Protocol,), internal=frozenset({"loops"}))
 
 
 def _split(table: Any) -> Any:
-    return called(folds, table, "folds") if isinstance(table, dict) else table
+    return SPLIT.build(table, "folds") if isinstance(table, dict) else table
 
 
 class DatasetEntry(Strict):
@@ -63,35 +58,74 @@ class IdentifierEntry(Strict):
     recipes: Annotated[list[str], Field(min_length=1)] | None = None
     search: Search | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _new_names(cls, table: Any) -> Any:
+        """The table with older names of settings replaced, also those to search."""
+        kind = IDENTIFIERS.get(str(table.get("kind"))) if isinstance(table, dict) else None
+        if kind is None:
+            return table
+        table = with_new_names(table, kind.renamed)
+        if isinstance(table.get("search"), dict):
+            table["search"] = with_new_names(table["search"], kind.renamed)
+        return table
 
-def _loops(table: Any) -> Any:
-    return called(loops, table, "loops") if isinstance(table, dict) else table
+    @property
+    def given(self) -> dict[str, Any]:
+        """Settings of the identifier."""
+        return dict(self.model_extra or {})
+
+    @property
+    def label(self) -> str:
+        """Name of the identifier in tables."""
+        return self.name or self.kind.rpartition(":")[2]
+
+    def with_settings(self, settings: Mapping[str, Any]) -> IdentifierEntry:
+        """The entry with more or other settings, and nothing to search."""
+        keys = {key: getattr(self, key) for key in ("kind", "name", "recipes")}
+        own = {key: value for key, value in keys.items() if value is not None}
+        return IdentifierEntry(**{**self.given, **settings, **own})
 
 
 class Suite(Strict):
-    """A suite's tables as they are written."""
+    """A suite's tables; its file has the keys of the `protocol` beside the others."""
 
-    renamed: ClassVar[Mapping[str, str]] = {
-        "starts": "initial_states",
-        "true_starts": "true_initial_states",
-    }
-
+    settings: ClassVar[tuple[str, ...]] = (*PROTOCOL.settings, "loops")
+    renamed: ClassVar[Mapping[str, str]] = PROTOCOL.renamed
     name: Name
     title: str = ""
-    horizons: Annotated[list[Positive], Field(min_length=1)] = list(Protocol.horizons)
-    every: Positive = Protocol.every
-    history: Annotated[float, Field(ge=0)] = Protocol.history
-    sample_time: Positive | None = None
-    whole: bool = False
-    initial_states: Literal["filter", "model"] = "filter"
-    true_initial_states: bool = False
+    protocol: Protocol = Protocol()
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
-    loops: Annotated[HysteresisSettings | None, BeforeValidator(_loops)] = None
     tune: Tuning = Tuning()
     datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
     recipes: Annotated[list[RecipeEntry], Field(min_length=1)] = [RecipeEntry(name="integral")]
     identifiers: Annotated[list[IdentifierEntry], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _protocol(cls, table: Any) -> Any:
+        """The table with the keys of the protocol in one object."""
+        if not isinstance(table, dict) or "protocol" in table:
+            return table
+        table = with_new_names(table, cls.renamed)
+        keys = {key: table.pop(key) for key in PROTOCOL.settings if key in table}
+        protocol: Protocol = PROTOCOL.build(keys, "")
+        if "loops" in table:
+            protocol = replace(protocol, loops=_loops(table.pop("loops")))
+        return {**table, "protocol": protocol}
+
+    def document(self) -> dict[str, Any]:
+        """The tables with all defaults, as their file would have them."""
+        tables = self.model_dump(mode="json")
+        return {**tables.pop("protocol"), **tables}
+
+
+def _loops(table: Any) -> HysteresisSettings:
+    if not isinstance(table, dict):
+        raise InputError(f"loops: it should be one table of keys and values, not {table!r}")
+    loops: HysteresisSettings = LOOPS.build(table, "loops")
+    return loops
 
 
 def load_suite(path: Path) -> Suite:
@@ -102,225 +136,12 @@ def load_suite(path: Path) -> Suite:
     InputError
         With the file, the key and the nearest known one.
     """
+    if not path.exists():
+        raise InputError(f"{path}: no such suite{_nearest_suite(path)}")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such suite{_nearest_suite(path)}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    # ValueError: no UTF-8, no TOML, or an integer with thousands of digits
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is no TOML ({error})") from None
-    try:
-        return Suite.model_validate(table)
+        return Suite.model_validate(read_toml(path))
     except ValidationError as error:
         raise InputError(f"{path}: {mistake(error)}") from None
-
-
-def tasks_of(
-    suite: Suite, file: Path, data: Path | None = None, device: str | None = None
-) -> list[Task]:
-    """Tasks of the suite of a file; `data` is the folder with the tables of its one data set.
-
-    The truth of simulated data stands beside the identifiers. `device` is where networks are
-    trained, whatever the suite says.
-
-    Raises
-    ------
-    InputError
-        For unknown names, settings that do not fit, data that cannot be read.
-    """
-    try:
-        return _tasks(suite, file.parent, data, device)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
-
-
-def _tasks(suite: Suite, folder: Path, data: Path | None, device: str | None) -> list[Task]:
-    if data is not None and len(suite.datasets) > 1:
-        names = ", ".join(entry.path for entry in suite.datasets)
-        raise InputError(
-            f"--data names the folder of one data set, suite {suite.name!r} has several ({names}): "
-            "set FRICTIONID_DATA to the folder that holds their collections"
-        )
-    recipes = recipes_of(suite.recipes)
-    chosen = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
-    if device is not None:
-        chosen = [(name, on_device(own, device), only) for name, own, only in chosen]
-    distinct([recipe.name for recipe in recipes], "recipes")
-    distinct(list(map(str, suite.seeds)), "seeds")
-    benchmarks = [benchmark_of(suite, entry, folder, data) for entry in suite.datasets]
-    distinct([d.name for c in benchmarks for d in (c.dataset, *c.tests)], "data sets")
-    tasks: list[Task] = []
-    for benchmark, told in zip(benchmarks, suite.datasets, strict=True):
-        entries = [*chosen, *truth_of(benchmark)]
-        distinct([name for name, _, _ in entries], "identifiers")
-        for name, identifier, _ in entries:
-            _check_given(name, identifier, (benchmark.dataset, *benchmark.tests))
-        for recipe in used_of(told, recipes):
-            for name, identifier, only in entries:
-                if only is None or recipe.name in only:
-                    _check_refinable(name, identifier, recipe)
-                    tasks += [Task(benchmark, name, identifier, recipe, s) for s in suite.seeds]
-    distinct([task.file.lower() for task in tasks], "results")
-    return tasks
-
-
-def on_device(identifier: Any, device: Any) -> Any:
-    """An identifier, the networks in it trained by gradients on a device; others are as they were.
-
-    Raises
-    ------
-    InputError
-        For a device that is not there.
-    """
-    if isinstance(identifier, Network):
-        return replace(identifier, device=device)
-    if not is_dataclass(identifier) or isinstance(identifier, type):
-        return identifier
-    parts = {f.name: getattr(identifier, f.name) for f in fields(identifier) if f.init}
-    moved = {name: on_device(part, device) for name, part in parts.items()}
-    other = {name: part for name, part in moved.items() if part is not parts[name]}
-    return replace(identifier, **other) if other else identifier
-
-
-def used_of(entry: DatasetEntry, recipes: Sequence[Method]) -> list[Method]:
-    """Recipes that are used on a data set."""
-    known = [recipe.name for recipe in recipes]
-    for name in entry.recipes or ():
-        if name not in known:
-            raise InputError(
-                f"data set {entry.name or entry.path!r}: the suite has no recipe {name!r}; "
-                f"{nearest(name, known)}"
-            )
-    return [recipe for recipe in recipes if entry.recipes is None or recipe.name in entry.recipes]
-
-
-def benchmark_of(suite: Suite, entry: DatasetEntry, folder: Path, data: Path | None) -> Benchmark:
-    """Data, folds and protocol of one data set of a suite."""
-    dataset = load_dataset(folder / entry.path, data)
-    dataset = dataset if entry.name is None else replace(dataset, name=entry.name)
-    tests = tuple(load_dataset(folder / test, data) for test in entry.tests)
-    protocol = Protocol(
-        tuple(suite.horizons),
-        suite.every,
-        suite.history,
-        suite.sample_time,
-        suite.whole,
-        suite.initial_states,
-        suite.true_initial_states,
-        suite.loops,
-    )
-    return Benchmark(
-        dataset, make_folds(dataset.recordings, entry.folds or suite.folds), protocol, tests
-    )
-
-
-def truth_of(benchmark: Benchmark) -> list[tuple[str, Identifier, None]]:
-    """The true friction and calibration as an identifier named `truth`, where they are known."""
-    truth = benchmark.dataset.truth
-    friction = None if truth is None else true_friction(truth)
-    if friction is None:
-        return []
-    return [
-        (
-            "truth",
-            Published(replace(friction, calibration=true_calibration(benchmark.dataset))),
-            None,
-        )
-    ]
-
-
-def _check_refinable(name: str, identifier: Identifier, recipe: Method) -> None:
-    try:
-        check_refinable(identifier, recipe)
-    except InputError as error:
-        raise InputError(f"identifier {name!r}: {error}") from None
-
-
-def _check_given(name: str, identifier: Identifier, datasets: Sequence[Dataset]) -> None:
-    """Complain about a given friction that is not one of these mechanisms."""
-    if not isinstance(identifier, Published):
-        return
-    for dataset in datasets:
-        try:
-            plant = plant_of(dataset, identifier.friction.parameters)
-        except InputError as error:
-            raise InputError(f"identifier {name!r} on {dataset.name!r}: {error}") from None
-        shape = tuple(identifier.friction.theta.shape)
-        if shape[:-1] != (plant.n,):
-            raise InputError(
-                f"identifier {name!r}: its theta has shape {shape}, data set {dataset.name!r} "
-                f"has {plant.n} joints: give one friction with as many joints"
-            )
-
-
-def identifier_of(
-    entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]
-) -> tuple[str, Identifier, tuple[str, ...] | None]:
-    """Name, identifier and (where it is limited to some) recipes of a suite's identifier table.
-
-    `kind` is one of ours, or `package.module:Class`, found beside the suite or installed.
-    """
-    name = entry.name or entry.kind.rpartition(":")[2]
-    where = f"identifier {name!r}"
-    known = [recipe.name for recipe in recipes]
-    for recipe in entry.recipes or ():
-        if recipe not in known:
-            raise InputError(
-                f"{where}: the suite has no recipe {recipe!r}; {nearest(recipe, known)}"
-            )
-    settings = dict(entry.model_extra or {})
-    if entry.kind == "published" and isinstance(settings.get("file"), str):
-        settings["file"] = str(folder / settings["file"])
-    if ":" in entry.kind:
-        identifier = _own(entry.kind, settings, folder, where)
-    else:
-        identifier = _ours({"kind": entry.kind, **settings}, where)
-    return name, identifier, tuple(entry.recipes) if entry.recipes else None
-
-
-def _ours(table: Mapping[str, Any], where: str) -> Identifier:
-    try:
-        made: Identifier = built(table, IDENTIFIERS, where)
-    except InputError as error:  # of a class that does not know what it is part of
-        told = str(error)
-        raise InputError(told if told.startswith(where) else f"{where}: {told}") from None
-    return made
-
-
-def with_settings(entry: IdentifierEntry, settings: Mapping[str, Any]) -> IdentifierEntry:
-    """An identifier's table with other settings, and nothing to search."""
-    own = {key: getattr(entry, key) for key in ("kind", "name", "recipes")}
-    given = {key: value for key, value in own.items() if value is not None}
-    return IdentifierEntry(**{**(entry.model_extra or {}), **settings, **given})
-
-
-def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
-    """Identifier by its kind and settings, as the command line gives them."""
-    for key in settings:
-        if key in IdentifierEntry.model_fields:
-            raise InputError(f"--set {key}: is no setting of an identifier")
-    return identifier_of(IdentifierEntry(kind=kind, **settings), Path(), [])[1]
-
-
-def friction_of(path: Path, own_laws: Sequence[str] = ()) -> Friction:
-    """Friction of a model file, whose law is built in or one of `module:Class`."""
-    own = {law.__name__: law for law in map(own_law, own_laws)}
-    return load_model(path, {**LAWS, **own})
-
-
-def _own(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Identifier:
-    try:
-        made = imported(kind, folder, where)(**settings)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{where}: {error}") from None
-    if not isinstance(made, Identifier):
-        raise InputError(
-            f"{where}: {kind!r} is no identifier: derive it from "
-            "frictionid.identifiers.Identifier, with a method fit(problem, weights, seed)"
-        )
-    return made
 
 
 def _nearest_suite(path: Path) -> str:

@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
-from frictionid.comparison.cross_validate import Method
+from frictionid.comparison.kinds import Kind, built
+from frictionid.comparison.methods import Method
 from frictionid.comparison.registry import BLOCKS, ESTIMATORS, IDENTIFIERS, RECIPES
-from frictionid.config import Strict, built, distinct, nearest
+from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.shooting.calibrated_recipe import PARTS
 from frictionid.shooting.parameters import ParameterBlock
 
-Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
+
+ONE_STEP = Kind((Recipe,), internal=frozenset({"name", "states"}))
+SHOOTING = Kind((Settings,))
+_SHOOTING = Shooting()
+_NAMES = (*RECIPES, _SHOOTING.name)
+_BLOCK_KEYS = ("free", "fixed", "priors", "start")  # what only shooting has beside its settings
 
 
 class CalibrationEntry(Strict):
-    """What corrects the data of a recipe: found by shooting, beside friction of a kind.
+    """Calibration that corrects the data of a recipe, estimated by shooting beside friction.
 
-    free : blocks that are free; use : those of them that correct, all but friction by default;
+    friction : kind of identifier
+    free : blocks that are free
+    use : those of them that correct the data, all but friction by default
     fixed : parameters that stay
     """
 
@@ -35,18 +42,19 @@ class CalibrationEntry(Strict):
 
 
 class RecipeEntry(Strict):
-    """A recipe: "study" or "integral" as they stand, or states, scheme and threshold of one's own.
+    """A recipe: "study" or "integral", or one of the suite's own.
 
-    `velocity_threshold` [rad/s] is that of the stiction mask, 0 for none.
+    A one-step recipe has `states`, a table of a state estimator, and the settings of `Recipe`.
 
-    With a `calibration` the data are corrected by what shooting finds, and fitted by the one-step
-    recipe that `like` names.
+    With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed`
+    parameters that stay, `priors` standard deviations of blocks; `start` is the one-step recipe
+    that it begins with; its other keys are those of the `Settings` of shooting.
 
-    With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed` the
-    parameters of them that stay, `priors` their standard deviations; `start` is the one-step recipe
-    it begins with, of the suite or as it stands; `windows`, `iterations` and `start_velocity` are
-    its settings.
+    With a `calibration` the data are corrected by it, and fitted by the one-step recipe that `like`
+    names.
     """
+
+    model_config = ConfigDict(extra="allow", frozen=True, **STRICT)
 
     name: Name
     by: Literal["shooting"] | None = None
@@ -54,94 +62,111 @@ class RecipeEntry(Strict):
     fixed: list[str] | None = None
     priors: dict[str, Positive] | None = None
     start: str | None = None
-    windows: Annotated[list[Positive], Field(min_length=1)] | None = None
-    iterations: Annotated[int, Field(ge=1)] | None = None
-    start_velocity: Positive | None = None
     states: dict[str, Any] | None = None
-    scheme: Literal["euler", "integral"] | None = None
-    velocity_threshold: Annotated[float, Field(ge=0)] | None = None
     like: str | None = None
     calibration: CalibrationEntry | None = None
     renamed: ClassVar[Mapping[str, str]] = {
-        "rig": "calibration",
-        "rest": "velocity_threshold",
+        **{"rig": "calibration"},
+        **ONE_STEP.renamed,
+        **SHOOTING.renamed,
     }
+    settings: ClassVar[tuple[str, ...]] = (*ONE_STEP.settings, *SHOOTING.settings)
+
+    @property
+    def is_one_step(self) -> bool:
+        """Whether it is neither a calibrated recipe nor one of shooting."""
+        other = self.by, self.calibration, self.like
+        own_shooting = self.name == _SHOOTING.name and self.states is None
+        return other == (None, None, None) and not own_shooting
+
+    @property
+    def where(self) -> str:
+        """What complaints about the recipe begin with."""
+        return f"recipe {self.name!r}"
+
+    def keys(self, kind: Kind, *others: str) -> dict[str, Any]:
+        """The keys that the table has of the settings of a kind, and of others."""
+        table = {key: getattr(self, key) for key in others} | (self.model_extra or {})
+        known = (*kind.settings, *others)
+        return {k: v for k, v in table.items() if k in known and v is not None}
 
 
 def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
     """Recipes of their tables; shooting may begin with a one-step recipe that stands beside it."""
-    own = [recipe_of(entry) for entry in entries if entry.by is None and entry.calibration is None]
-    steps = {recipe.name: recipe for recipe in own if isinstance(recipe, Recipe)}
+    steps = {entry.name: one_step_of(entry) for entry in entries if entry.is_one_step}
     return [recipe_of(entry, steps) for entry in entries]
 
 
 def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Method:
-    """Recipe of its table; `own` are one-step recipes that it may name as its start."""
-    where = f"recipe {entry.name!r}"
-    steps = [
-        key for key in ("states", "scheme", "velocity_threshold") if getattr(entry, key) is not None
-    ]
-    shots = [key for key in _SHOTS if getattr(entry, key) is not None]
+    """Recipe of its table; `own` are one-step recipes that it may name as its start.
+
+    Raises
+    ------
+    InputError
+        For keys of different recipes in one table, unknown names, and values that do not fit.
+    """
+    if entry.is_one_step:
+        return one_step_of(entry)
+    steps = list(entry.keys(ONE_STEP, "states"))
     if entry.calibration is not None or entry.like is not None:
-        if steps or shots or entry.by:
-            other = [*steps, *shots, "by"][0]
+        shots = list(entry.keys(SHOOTING, *_BLOCK_KEYS, "by"))
+        if steps or shots:
             raise InputError(
-                f"{where}: {other} does not go with calibration: name a recipe by like"
+                f"{entry.where}: {[*steps, *shots][0]} does not go with calibration: "
+                "name a recipe by like"
             )
-        return calibrated_recipe_of(entry, where, own)
-    if entry.by == "shooting" or (entry.name == "shooting" and not steps):
-        if steps:
-            raise InputError(f"{where}: {steps[0]} belongs to one-step recipes, name one as start")
-        return shooting_of(entry, where, own)
-    if shots:
-        raise InputError(f'{where}: {shots[0]} needs by = "shooting"')
-    if entry.name in RECIPES:
-        if steps:
-            raise InputError(f"{where} has its own {steps[0]}: give yours another name")
-        return RECIPES[entry.name]
-    if entry.states is None or entry.scheme is None:
+        return _calibrated(entry, own)
+    if steps:
         raise InputError(
-            f"{where} is unknown; {nearest(entry.name, RECIPES)}; one's own needs states and scheme"
+            f"{entry.where}: {steps[0]} belongs to one-step recipes, name one as start"
         )
-    states = built(entry.states, ESTIMATORS, f"{where}, states")
-    return Recipe(entry.name, states, entry.scheme, entry.velocity_threshold or 0.0)
+    return shooting_of(entry, own)
 
 
-_SHOTS = ("free", "fixed", "priors", "start", "windows", "iterations", "start_velocity")
+def one_step_of(entry: RecipeEntry) -> Recipe:
+    """One-step recipe of its table: the study's or ours by name, or one's own."""
+    given = entry.keys(ONE_STEP, "states")
+    if shots := list(entry.keys(SHOOTING, *_BLOCK_KEYS)):
+        raise InputError(f'{entry.where}: {shots[0]} needs by = "shooting"')
+    if entry.name in RECIPES:
+        if given:
+            first = next(iter(given))
+            raise InputError(f"{entry.where} has its own {first}: give yours another name")
+        return RECIPES[entry.name]
+    if "states" not in given or "scheme" not in given:
+        raise InputError(
+            f"{entry.where} is unknown; {nearest(entry.name, _NAMES)}; "
+            "one's own needs states and scheme"
+        )
+    states = built(given.pop("states"), ESTIMATORS, f"{entry.where}, states")
+    try:
+        return Recipe(entry.name, states, **ONE_STEP.values(given))
+    except InputError as error:
+        text = str(error).removeprefix(f"{entry.where}: ")
+        raise InputError(f"{entry.where}: {text}") from None
 
 
-def shooting_of(
-    entry: RecipeEntry, where: str, own: Mapping[str, Recipe] | None = None
-) -> Shooting:
+def shooting_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Shooting:
     """Shooting with the blocks and settings of its table."""
-    start = recipe_named(entry.start or INTEGRAL.name, own)
-    if isinstance(start, Shooting):
-        raise InputError(f"{where}: start = {entry.start!r} must be a one-step recipe")
-    blocks = blocks_of(entry.free or ["friction"], entry.fixed or [], entry.priors or {}, where)
-    usual = Settings()
-    settings = replace(
-        usual,
-        windows=tuple(entry.windows or usual.windows),
-        iterations=entry.iterations or usual.iterations,
-        start_velocity=entry.start_velocity or usual.start_velocity,
-    )
+    start = one_step_named(entry.start or INTEGRAL.name, own, f"{entry.where}: start")
+    free, fixed = entry.free or ["friction"], entry.fixed or []
+    blocks = blocks_of(free, fixed, entry.priors or {}, entry.where)
+    settings = SHOOTING.build(entry.keys(SHOOTING), entry.where)
     return Shooting(entry.name, blocks, settings, start)
 
 
-def calibrated_recipe_of(
-    entry: RecipeEntry, where: str, own: Mapping[str, Recipe] | None = None
-) -> CalibratedRecipe:
+def _calibrated(entry: RecipeEntry, own: Mapping[str, Recipe] | None) -> CalibratedRecipe:
     """The recipe that `like` names, on data corrected by the calibration of its table."""
-    if entry.calibration is None or entry.like is None:
-        lost = "calibration" if entry.calibration is None else "like"
-        raise InputError(f"{where}: the key {lost!r} is missing; calibration and like go together")
-    step = recipe_named(entry.like, own)
-    if isinstance(step, Shooting):
-        raise InputError(f"{where}: like = {entry.like!r} must be a one-step recipe")
-    calibration = entry.calibration
-    blocks = blocks_of(calibration.free, calibration.fixed, {}, f"{where}, calibration")
+    calibration, like, where = entry.calibration, entry.like, f"{entry.where}, calibration"
+    if calibration is None or like is None:
+        lost = "calibration" if calibration is None else "like"
+        raise InputError(
+            f"{entry.where}: the key {lost!r} is missing; calibration and like go together"
+        )
+    step = one_step_named(like, own, f"{entry.where}: like")
+    blocks = blocks_of(calibration.free, calibration.fixed, {}, where)
     use = calibration.use or [name for name in calibration.free if name in PARTS]
-    friction = built({"kind": calibration.friction}, IDENTIFIERS, f"{where}, calibration")
+    friction = built({"kind": calibration.friction}, IDENTIFIERS, where)
     return CalibratedRecipe(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
 
 
@@ -167,7 +192,7 @@ def blocks_of(
 
 
 def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, tuple[str, ...]]:
-    """Parameters that stay, told as "inertia.x", "friction.x" or "actuator.x", of each block."""
+    """Fixed parameters of each block, from names such as "inertia.x" or "friction.x"."""
     parts: dict[str, list[str]] = {"inertia": [], "friction": [], "actuator": []}
     for name in fixed:
         block, _, parameter = name.partition(".")
@@ -180,9 +205,18 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
     return {block: tuple(names) for block, names in parts.items()}
 
 
-def recipe_named(name: str, own: Mapping[str, Recipe] | None = None) -> Recipe | Shooting:
-    """Recipe that stands as it is, or one of a suite's own, by its name."""
+def one_step_named(name: str, own: Mapping[str, Recipe] | None, where: str) -> Recipe:
+    """One-step recipe of a name: the study's or ours, or one of a suite's own."""
     known = {**RECIPES, **(own or {})}
+    if name == _SHOOTING.name:
+        raise InputError(f"{where} = {name!r} must be a one-step recipe")
     if name not in known:
         raise InputError(f"recipe {name!r} is unknown; {nearest(name, known)}")
     return known[name]
+
+
+def recipe_named(name: str) -> Method:
+    """Recipe that needs no settings: "study", "integral" or "shooting"."""
+    if name not in _NAMES:
+        raise InputError(f"recipe {name!r} is unknown; {nearest(name, _NAMES)}")
+    return RECIPES.get(name, _SHOOTING)

@@ -6,45 +6,33 @@ that an interrupted comparison is finished by running what is missing.
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
-import signal
-import sys
-import threading
-import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import fields, is_dataclass
-from functools import cache
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from importlib.metadata import version
-from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-import numpy as np
 from filelock import FileLock, Timeout
-from joblib import Parallel, cpu_count, delayed, parallel_config
-from threadpoolctl import threadpool_limits
+from joblib import cpu_count
 
 from frictionid.comparison.cross_validate import (
     Benchmark,
-    Method,
     PreparedBenchmark,
     Result,
-    first_step,
     prepare_benchmark,
     run,
 )
+from frictionid.comparison.digests import digest_of, foreign_source, package_digest
+from frictionid.comparison.methods import Method
+from frictionid.comparison.processes import side_by_side
 from frictionid.errors import InputError
 from frictionid.files import read_json, remove_unfinished, write_json
 from frictionid.friction.model_files import model_document
 from frictionid.identifiers import Identifier
-from frictionid.shooting import CalibratedRecipe, Shooting, document_of
+from frictionid.shooting import document_of
 
 FORMAT = 1  # of the result files
-Found = TypeVar("Found")
 
 
 class Task(NamedTuple):
@@ -64,14 +52,11 @@ class Task(NamedTuple):
     @property
     def digest(self) -> str:
         """SHA-256 of everything that the result depends on."""
-        c = self.benchmark
-        data = [(d.name, d.mechanism, d.recordings, d.truth) for d in (c.dataset, *c.tests)]
-        made_by = FORMAT, _package(), version("numpy"), _own_code(self.identifier)
-        settings = self.identifier, self.recipe, c.protocol, self.seed
-        digest = hashlib.sha256()
-        for part in _parts((data, c.folds.hash, settings, made_by)):
-            digest.update(part)
-        return digest.hexdigest()
+        b = self.benchmark
+        data = [(d.name, d.mechanism, d.recordings, d.truth) for d in (b.dataset, *b.tests)]
+        code = FORMAT, package_digest(), version("numpy"), foreign_source(self.identifier)
+        settings = self.identifier, self.recipe, b.protocol, self.seed
+        return digest_of((data, b.folds.hash, settings, code))
 
 
 def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:
@@ -82,51 +67,6 @@ def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:
     """
     parts = dataset, identifier, recipe, f"seed{seed}"
     return "--".join(re.sub(r"[^A-Za-z0-9_.+-]+", "-", part) for part in parts) + ".json"
-
-
-def _parts(value: Any) -> Iterator[bytes]:
-    """Bytes that are equal for equal values, in this process and the next."""
-    if isinstance(value, np.ndarray):
-        yield f"array {value.dtype.str} {value.shape}".encode()
-        yield np.ascontiguousarray(value).tobytes()
-    elif isinstance(value, Mapping):
-        yield f"map {len(value)}".encode()
-        for key in sorted(value, key=repr):
-            yield from _parts((key, value[key]))
-    elif isinstance(value, list | tuple):
-        yield f"list {len(value)}".encode()
-        for entry in value:
-            yield from _parts(entry)
-    elif value is None or isinstance(value, str | bytes | bool | int | float | np.generic):
-        yield f"{type(value).__name__} {value!r};".encode()
-    else:
-        kind = type(value) if not hasattr(value, "__qualname__") else value
-        yield f"{kind.__module__}.{kind.__qualname__}".encode()
-        names = (
-            [f.name for f in fields(value)]
-            if is_dataclass(value)
-            else getattr(value, "__dict__", ())
-        )
-        yield from _parts({} if kind is value else {name: getattr(value, name) for name in names})
-
-
-@cache
-def _package() -> str:
-    """SHA-256 of this package's sources: another version may find other numbers."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-def _own_code(part: Any) -> bytes:
-    """Source of an identifier, and of its law, from outside this package: results depend on it."""
-    name = type(part).__module__
-    place = getattr(sys.modules.get(name), "__file__", None)
-    foreign = place is not None and name.partition(".")[0] not in ("frictionid", "builtins")
-    own = Path(place).read_bytes() if foreign and place else b""
-    inner = (getattr(part, f.name) for f in fields(part)) if is_dataclass(part) else ()
-    return own + b"".join(_own_code(value) for value in inner if is_dataclass(value))
 
 
 def lock(
@@ -171,8 +111,8 @@ def prepare_benchmarks(tasks: Sequence[Task]) -> dict[str, PreparedBenchmark]:
     for task in tasks:
         recipes[task.benchmark.dataset.name][task.recipe.name] = task.recipe
     return {
-        name: prepare_benchmark(benchmarks[name], list(own.values()))
-        for name, own in recipes.items()
+        name: prepare_benchmark(benchmark, list(recipes[name].values()))
+        for name, benchmark in benchmarks.items()
     }
 
 
@@ -200,24 +140,18 @@ def run_tasks(
         Where a task fails, with its name.
     """
     _clear(tasks, folder, resume)
-    tell = done or _nobody
-    missing = []
+    report = done or (lambda _: None)
+    finished = {task.file for task in tasks if _finished(task, folder / task.file)}
     for task in tasks:
-        if _finished(task, folder / task.file):
-            tell(task)
-        else:
-            missing.append(task)
-    groups = _alike(missing)
-    for i, result in _results(
-        [group[0] for group in groups], prepared_benchmarks, jobs or cpu_count()
-    ):
+        if task.file in finished:
+            report(task)
+    groups = _alike([task for task in tasks if task.file not in finished])
+    firsts = [group[0] for group in groups]
+    calls = [(task, prepared_benchmarks[task.benchmark.dataset.name]) for task in firsts]
+    for i, result in side_by_side(_run, calls, jobs or cpu_count()):
         for task in groups[i]:
             write_json(folder / task.file, document(task, result, laws), None)
-            tell(task)
-
-
-def _nobody(_: Task) -> None:
-    """Nobody to tell."""
+            report(task)
 
 
 def _clear(tasks: Sequence[Task], folder: Path, resume: bool) -> None:
@@ -236,9 +170,10 @@ def _finished(task: Task, path: Path) -> bool:
 
 
 def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
-    """Tasks in groups of one result: no recipe and no seed changes numbers that are given.
+    """Tasks in groups of one result.
 
-    Nor does a seed change what is found by an identifier that draws nothing.
+    No recipe and no seed changes friction that is fixed, no seed the fit of an identifier that
+    draws no random numbers.
     """
     groups: dict[Any, list[Task]] = {}
     for task in tasks:
@@ -250,91 +185,12 @@ def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
     return list(groups.values())
 
 
-def _results(
-    tasks: Sequence[Task], prepared_benchmarks: Mapping[str, PreparedBenchmark], jobs: int
-) -> Iterator[tuple[int, Result]]:
-    """Numbers of the tasks and their results, as they are finished."""
-    return side_by_side(
-        _ran, [(t, prepared_benchmarks[t.benchmark.dataset.name]) for t in tasks], jobs
-    )
-
-
-def _ran(task: Task, shared: PreparedBenchmark) -> Result:
+def _run(task: Task, shared: PreparedBenchmark) -> Result:
     try:
         return run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
     except InputError as error:
         where = f"{task.benchmark.dataset.name}, {task.name} by {task.recipe.name}"
         raise InputError(f"{where}: {error}") from None
-
-
-def side_by_side(
-    work: Callable[..., Found], calls: Sequence[tuple[Any, ...]], jobs: int
-) -> Iterator[tuple[int, Found]]:
-    """Number of each call of a function and what it gives, as they are finished.
-
-    Each computes on one thread, in one of at most `jobs` processes.
-    """
-    workers = min(jobs, len(calls))
-    if workers < 2:
-        with threadpool_limits(1):
-            _one_torch_thread()
-            yield from ((i, work(*call)) for i, call in enumerate(calls))
-        return
-    # who interrupts a comparison knows that tasks were cancelled
-    warnings.filterwarnings("ignore", r"\d+ tasks .*(not used|cancelled)", UserWarning)
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        # max_nbytes: arrays travel with their task, no files are left behind in shared memory
-        parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)
-        with _blocked(signal.SIGINT):
-            results = parallel(
-                delayed(_in_worker)(os.getpid(), i, work, call) for i, call in enumerate(calls)
-            )
-        yield from results
-
-
-@contextmanager
-def _blocked(number: signal.Signals) -> Iterator[None]:
-    """Put a signal off. Processes started meanwhile never see it: Ctrl-C is the parent's affair."""
-    resource_tracker.ensure_running()  # Python's own start of it would let the signal in
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [number])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _in_worker(
-    parent: int, index: int, work: Callable[..., Found], call: tuple[Any, ...]
-) -> tuple[int, Found]:
-    _end_with(parent)
-    _one_torch_thread()
-    return index, work(*call)
-
-
-def _end_with(parent: int) -> None:
-    """End this worker when the comparison ends: one that was killed cannot tell its workers."""
-    if all(thread.name != "end-with-parent" for thread in threading.enumerate()):
-        threading.Thread(target=_watch, args=(parent,), name="end-with-parent", daemon=True).start()
-
-
-def _watch(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.3)
-    os._exit(1)
-
-
-def _one_torch_thread() -> None:
-    torch = sys.modules.get("torch")
-    if torch is not None:
-        torch.set_num_threads(1)
-
-
-def _way(recipe: Method) -> dict[str, Any]:
-    """The kind of a recipe: its scheme, and what of a calibration corrects its data."""
-    if isinstance(recipe, Shooting):
-        return {"scheme": "shooting", "corrects": []}
-    corrects = list(recipe.use) if isinstance(recipe, CalibratedRecipe) else []
-    return {"scheme": first_step(recipe).scheme, "corrects": corrects}
 
 
 def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
@@ -349,7 +205,7 @@ def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, 
         "fit": task.recipe.name,
         "seed": task.seed,
         "settings": {"identifier": repr(task.identifier), "recipe": repr(task.recipe)},
-        "way": _way(task.recipe),
+        "method": {"scheme": task.recipe.scheme, "corrects": list(task.recipe.corrects)},
         "rows": rows,
         "model": model_document(result.overall, laws),
         "folds": {"theta": result.friction.theta, "shape": list(result.friction.theta.shape)},

@@ -77,9 +77,10 @@ class SavitzkyGolay:
     order: int = 3
 
     def __post_init__(self) -> None:
-        if self.window % 2 == 0 or self.window <= self.order:
+        if self.window % 2 == 0 or not 1 <= self.order < self.window:
             raise InputError(
-                f"savgol: window = {self.window} must be odd and larger than order = {self.order}"
+                f"savgol: window = {self.window} must be odd and larger than order = {self.order}, "
+                "which must be at least 1"
             )
 
     @property

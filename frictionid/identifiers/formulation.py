@@ -5,7 +5,9 @@ STUDY is the recipe of the study [DeMeester2020], INTEGRAL the default.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -14,6 +16,8 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.states import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
+from frictionid.identifiers.identifier import Identifier
+from frictionid.identifiers.one_step_fit import OneStepFit, checked_fit
 from frictionid.identifiers.residual import Problem, euler_problem, integral_problem, mask_stiction
 from frictionid.mechanics import Plant
 
@@ -32,6 +36,10 @@ class Recipe:
     states: Estimator
     scheme: str
     velocity_threshold: float = 0.0
+    needs_intervals: ClassVar[bool] = False
+    calibrator: ClassVar[None] = None
+    corrects: ClassVar[tuple[str, ...]] = ()
+    renamed: ClassVar[Mapping[str, str]] = {"rest": "velocity_threshold"}
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -49,6 +57,53 @@ class Recipe:
                 f"recipe {self.name!r}: backward differences lag half a sample, which makes the "
                 '"integral" scheme worse than "euler": choose the states "rts" or "savgol"'
             )
+
+    @property
+    def first_step(self) -> Recipe:
+        """The one-step recipe that a fit uses, or begins with: itself."""
+        return self
+
+    @property
+    def steps(self) -> tuple[Recipe, ...]:
+        """The one-step recipes whose problems a fit needs."""
+        return (self,)
+
+    def check(self, identifier: Identifier) -> None:
+        """Check that it can fit an identifier: any one can be."""
+
+    def fit(self, identifier: Identifier, data: TrainingData, seed: int) -> OneStepFit:
+        """The identifier's friction of all folds and, last, of all data.
+
+        Raises
+        ------
+        InputError
+            Where the fit fails.
+        """
+        uses = identifier.uses_mechanism
+        problem = data.problems[self.name] if uses else data.without_mechanism(self)
+        weights = data.weights[self.name]
+        friction = checked_fit(identifier, problem, weights, seed)
+        friction = replace(friction, angle_unit=data.angle_unit)
+        return OneStepFit(friction, problem, weights[-1])
+
+
+class TrainingData(Protocol):
+    """What recipes fit: a one-step problem for each, and the weights (F + 1, K) of its rows.
+
+    The rows of the weights are those of the folds' training and, last, of all data. `angle_unit` is
+    that of the mechanism's joints, "rad" or "m".
+    """
+
+    @property
+    def problems(self) -> Mapping[str, Problem]: ...
+    @property
+    def weights(self) -> Mapping[str, Array]: ...
+    @property
+    def angle_unit(self) -> str: ...
+
+    def without_mechanism(self, recipe: Recipe) -> Problem:
+        """The problem for joints of unit inertia on which nothing but friction acts."""
+        ...
 
 
 STUDY = Recipe("study", Backward(), "euler")

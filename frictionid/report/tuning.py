@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from frictionid.comparison.search_space import Objective, text_of
-from frictionid.comparison.tuning.studies import Found
-from frictionid.comparison.tuning.tuned_suite import best_of, by_unit, chosen_suite
+from frictionid.comparison.tuning.studies import StudyResult
+from frictionid.comparison.tuning.tuned_suite import best_of, by_task, chosen_suite
 from frictionid.files import file_names, write_text
 from frictionid.report.figures.style import drawing, write_figure
 from frictionid.report.figures.tuning import progress
@@ -24,7 +24,9 @@ from frictionid.report.tables import Cell, Column, Line, Table, line, words
 SPLIT = "held out"
 
 
-def write_outcome(folder: Path, studies: Sequence[Found], objective: Objective, file: Path) -> Path:
+def write_outcome(
+    folder: Path, studies: Sequence[StudyResult], objective: Objective, file: Path
+) -> Path:
     """Path of the page written, with trials.csv and a suite for each data set beside it."""
     write_text(folder / "trials.csv", trials(studies).to_csv(index=False, float_format="%.9g"))
     datasets = []
@@ -39,13 +41,13 @@ def write_outcome(folder: Path, studies: Sequence[Found], objective: Objective, 
     return folder / "summary.md"
 
 
-def trials(studies: Sequence[Found]) -> pd.DataFrame:
+def trials(studies: Sequence[StudyResult]) -> pd.DataFrame:
     """All trials, one in a line: study, number, score on the inner folds, settings."""
     lines = [
         {
-            "dataset": study.unit.benchmark.dataset.name,
-            "identifier": study.unit.name,
-            "fit": study.unit.recipe.name,
+            "dataset": study.task.benchmark.dataset.name,
+            "identifier": study.task.name,
+            "fit": study.task.recipe.name,
             "sampler": study.sampler,
             "fold": "all" if study.fold is None else study.fold,
             "trial": number,
@@ -59,17 +61,17 @@ def trials(studies: Sequence[Found]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def _by_dataset(studies: Sequence[Found]) -> list[tuple[str, list[Found]]]:
-    names = dict.fromkeys(study.unit.benchmark.dataset.name for study in studies)
-    return [(n, [s for s in studies if s.unit.benchmark.dataset.name == n]) for n in names]
+def _by_dataset(studies: Sequence[StudyResult]) -> list[tuple[str, list[StudyResult]]]:
+    names = dict.fromkeys(study.task.benchmark.dataset.name for study in studies)
+    return [(n, [s for s in studies if s.task.benchmark.dataset.name == n]) for n in names]
 
 
-def score_table(studies: Sequence[Found], objective: Objective) -> Table:
+def score_table(studies: Sequence[StudyResult], objective: Objective) -> Table:
     """Scores of each sampler's choice, on inner folds and on recordings held out from tuning."""
     unit = "rad" if objective.horizon is not None else "rad/s"
     rows = [
         (whole, [s for s in own if s.sampler == whole.sampler and s.fold is not None])
-        for own in by_unit(studies)
+        for own in by_task(studies)
         for whole in own
         if whole.fold is None
     ]
@@ -88,23 +90,23 @@ def score_table(studies: Sequence[Found], objective: Objective) -> Table:
     return Table(caption, "tuning-scores", tuple(columns), lines)
 
 
-def _score_line(whole: Found, nested: Sequence[Found], places: int) -> Line:
+def _score_line(whole: StudyResult, nested: Sequence[StudyResult], places: int) -> Line:
     suite, tuned = (
         np.array([getattr(study, name) for study in nested], dtype=float)
-        for name in ("held_out_own", "held_out")
+        for name in ("held_out_suite", "held_out")
     )
     failed = sum(math.isnan(trial.value) for trial in whole.trials)
     cells = [
-        f"{whole.unit.name} ({whole.unit.recipe.name})",
+        f"{whole.task.name} ({whole.task.recipe.name})",
         whole.sampler,
         f"{len(whole.trials)}" + (f" ({failed} failed)" if failed else ""),
-        fixed(whole.own, places),
+        fixed(whole.suite_value, places),
         fixed(whole.best.value, places),
         mean_sd(suite, places),
         mean_sd(tuned, places),
         _gain(suite - tuned, places + 1),
     ]
-    return line(cells, whole.unit.title)
+    return line(cells, whole.task.title)
 
 
 def _gain(values: Any, places: int) -> str:
@@ -116,17 +118,17 @@ def _gain(values: Any, places: int) -> str:
     return f"{fixed(float(known.mean()), places)} ± {fixed(error, places)}"
 
 
-def settings_tables(studies: Sequence[Found]) -> list[Table]:
+def settings_tables(studies: Sequence[StudyResult]) -> list[Table]:
     """A table of settings for each tuning task."""
-    return [settings_table(own) for own in by_unit(studies)]
+    return [settings_table(own) for own in by_task(studies)]
 
 
-def settings_table(studies: Sequence[Found]) -> Table:
+def settings_table(studies: Sequence[StudyResult]) -> Table:
     """Settings of one tuning task: what was searched, what the suite has, what was chosen."""
-    task, first = studies[0].unit, best_of(studies)
+    task, first = studies[0].task, best_of(studies)
     whole = [study for study in studies if study.fold is None]
     nested = [study for study in studies if study.fold is not None]
-    own = {key: text_of(value) for key, value in task.own.items()}
+    own = {key: text_of(value) for key, value in task.suite_settings.items()}
     columns = [*words("setting", "searched"), Column("suite")]
     columns += [Column(study.sampler, "chosen on all data") for study in whole]
     columns += words("chosen in the training folds") if nested else []

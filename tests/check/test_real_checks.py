@@ -9,7 +9,7 @@ import pytest
 from fixtures.paths import DATA
 
 from frictionid.check import check
-from frictionid.comparison.suite import friction_of
+from frictionid.comparison.registry import friction_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.report.diagnostics import as_json
 

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.cli import main
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import friction_of
+from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
@@ -118,8 +117,8 @@ def complaint(place, monkeypatch, capsys):
 SUITES = {
     "no suite": (("nowhere.toml",), r"nowhere\.toml: no such suite"),
     "nearly": (("suit.toml",), r"suit\.toml: no such suite; did you mean suite\.toml\?"),
-    "a folder": (("tiny",), "tiny: cannot be read"),
-    "a model": (("good.json",), r"good\.json: is no TOML"),
+    "a folder": (("tiny",), "tiny cannot be read"),
+    "a model": (("good.json",), r"good\.json is no TOML"),
     "unknown kind": (("unknown.toml",), r"unknown\.toml: identifier 'nonn': .*mean 'none'\?"),
     "long horizons": (("long.toml",), r"no recording holds 9\.15 s .*: choose other horizons"),
     "short blocks": (("blocks.toml",), r"no fold holds out 0\.3 s .*shorter horizons or fewer"),
@@ -239,7 +238,7 @@ FIT = {
     "unknown setting": (("--set", "symetric=false"), "unknown setting 'symetric'; did you mean"),
     "a word": (("--set", "symmetric=no"), "symmetric: it should be a valid boolean, not 'no'"),
     "a number": (("--set", "symmetric=0"), "symmetric: it should be a valid boolean, not 0"),
-    "no width": (("--set", "width=0"), "width: it should be greater than 0, not 0"),
+    "no width": (("--set", "width=0"), "width = 0.0 rad/s must be positive"),
     "no number": (("--set", "width=nan"), "width: it should be a finite number, not nan"),
     "a huge number": (("--set", "width=" + "9" * 5000), "width: it should be a valid number"),
     "two lines": (("--set", "width=1\ny=2"), "width: it should be a valid number"),

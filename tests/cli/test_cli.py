@@ -12,14 +12,15 @@ from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_dataset, write_suite
 
 from frictionid.cli import main
-from frictionid.comparison.cross_validate import fit
+from frictionid.comparison.registry import friction_of
 from frictionid.comparison.results import COLUMNS
-from frictionid.comparison.suite import friction_of, identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.comparison.tasks import lock
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.files import read_json
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.identifiers.one_step_fit import checked_fit
 from frictionid.mechanics import plant_of
 
 COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
@@ -97,7 +98,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     # the rows of a comparison, so that both find the same model in all data
     problem = training_problem(data, plant_of(data), INTEGRAL, history=Protocol.history)
     weights = np.ones((1, len(problem.r)))
-    expected = fit(identifier_named("stribeck", {}), problem, weights, 0)
+    expected = checked_fit(identifier_named("stribeck", {}), problem, weights, 0)
     found = friction_of(place / "models" / "fitted.json")
     np.testing.assert_array_equal(found.theta, expected.theta[0])
     source = json.loads((place / "models" / "fitted.json").read_text())["provenance"]
@@ -254,12 +255,12 @@ def test_misuse_is_one_line_and_exit_code_2(call, arguments, words):
 
 
 def test_ctrl_c_while_reading_is_130(place, call, monkeypatch):
-    from frictionid.comparison import suite
+    from frictionid.comparison import suite_tasks
 
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(suite, "load_dataset", stop)
+    monkeypatch.setattr(suite_tasks, "load_dataset", stop)
     write_suite(place)
     code, out, err = call("compare", "suite.toml", "--out", "none")
     assert (code, out) == (130, "")

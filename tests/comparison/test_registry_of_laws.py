@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
     AsymmetricCoulombViscous,

@@ -8,9 +8,11 @@ from fixtures.tiny_pendulums import SUITE, TRUTH, suite, write_dataset, write_su
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import friction_of, identifier_named, load_suite, tasks_of
+from frictionid.comparison.registry import LAWS, friction_of
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.states import RTS, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
@@ -112,8 +114,7 @@ def test_defaults_are_those_of_the_parts(place):
     document = {key: SUITE[key] for key in ("name", "datasets", "identifiers")}
     found = load_suite(write_toml(place / "suite.toml", document))
     assert found.folds == Split()
-    protocol = Protocol(tuple(found.horizons), found.every, found.history, found.sample_time)
-    assert protocol == Protocol()
+    assert found.protocol == Protocol()
     assert [recipe.name for recipe in found.recipes] == ["integral"] and found.seeds == [0]
     assert identifier_named("stribeck", {}) == LeastSquares(Stribeck())
     assert identifier_named("coulomb_viscous", {}) == LeastSquares(CoulombViscous())
@@ -204,7 +205,7 @@ def written(place):
 def test_what_is_no_toml_is_refused(tmp_path, text):
     file = tmp_path / "suite.toml"
     file.write_bytes(text)
-    with pytest.raises(InputError, match=r"suite\.toml: is no TOML"):
+    with pytest.raises(InputError, match=r"suite\.toml is no TOML"):
         load_suite(file)
 
 
@@ -212,7 +213,7 @@ def test_a_suite_that_cannot_be_read_is_refused_with_the_nearest(place):
     write_suite(place)
     with pytest.raises(InputError, match=r"suit\.toml: no such suite; did you mean .*suite\.toml"):
         load_suite(place / "suit.toml")
-    with pytest.raises(InputError, match="tiny: cannot be read"):
+    with pytest.raises(InputError, match="tiny cannot be read"):
         load_suite(place / "tiny")
 
 

@@ -25,7 +25,8 @@ SLOW = """
 import os
 from dataclasses import dataclass
 from time import sleep
-from frictionid.comparison.registry import coulomb_viscous
+from frictionid.identifiers import LeastSquares
+from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import Identifier
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Slow(Identifier):
     patient: bool = True
     def fit(self, problem, weights, seed):
         sleep(float(os.environ.get("PATIENCE", 0)) * self.patient)
-        return coulomb_viscous().fit(problem, weights, seed)
+        return LeastSquares(CoulombViscous()).fit(problem, weights, seed)
 
 @dataclass(frozen=True)
 class Counted(Identifier):
@@ -44,7 +45,7 @@ class Counted(Identifier):
     def fit(self, problem, weights, seed):
         with open(os.environ["CALLS"], "a") as file:
             print(seed, file=file)
-        return coulomb_viscous().fit(problem, weights, seed)
+        return LeastSquares(CoulombViscous()).fit(problem, weights, seed)
 """
 SUITE = [
     ("recipes", [{"name": "integral"}]),
@@ -154,7 +155,7 @@ def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, monk
 
 def test_tasks_that_are_given_up_are_not_told_of():
     code = (
-        "import time; from frictionid.comparison.tasks import side_by_side; "
+        "import time; from frictionid.comparison.processes import side_by_side; "
         "found = side_by_side(time.sleep, [(t,) for t in (0, 0.5, 0.5, 0.5)], 2); "
         "next(found); found.close()"
     )

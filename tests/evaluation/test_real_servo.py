@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from frictionid.comparison.suite import friction_of
+from frictionid.comparison.registry import friction_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.states import KalmanFilter
 from frictionid.evaluation import (

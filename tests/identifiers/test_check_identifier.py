@@ -9,6 +9,7 @@ import pytest
 from fixtures.memory_laws import Sampled
 
 from frictionid.comparison.registry import IDENTIFIERS
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import (
     MLP,
@@ -91,7 +92,7 @@ def test_every_identifier_of_the_suites_keeps_to_it(name):
         check_identifier(Published(true_friction(2)), joints=(2,))
         assert Published(true_friction(1)) not in OURS
     else:
-        made = IDENTIFIERS[name](**SETTINGS.get(name, {}))
+        made = identifier_named(name, SETTINGS.get(name, {}))
         check_identifier(made, joints=(1,))
 
 

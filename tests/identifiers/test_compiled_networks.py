@@ -12,7 +12,7 @@ import torch
 from fixtures import tiny_pendulums as tiny
 
 from frictionid.cli import main
-from frictionid.comparison.suite import identifier_named, on_device
+from frictionid.comparison.suite_identifiers import identifier_named, on_device
 from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import MLP

@@ -5,7 +5,7 @@ import pytest
 from fixtures.exact_problems import everything, explained_by
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, NoFriction

@@ -7,7 +7,7 @@ import pytest
 from fixtures.exact_problems import cost, everything, explained_by, stationarity
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck, Table

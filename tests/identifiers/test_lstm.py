@@ -8,7 +8,7 @@ import torch
 from fixtures.exact_problems import cost, everything, explained_by
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law

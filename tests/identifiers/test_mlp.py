@@ -9,7 +9,7 @@ import torch
 from fixtures.exact_problems import cost, everything, explained_by
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.evaluation import curve_error
 from frictionid.friction import Friction, along, at_rest

@@ -13,7 +13,9 @@ from fixtures.paths import ROOT
 
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite, tasks_of
+from frictionid.comparison.suite import IdentifierEntry, load_suite
+from frictionid.comparison.suite_identifiers import identifier_of
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import prepare_benchmarks, run_tasks
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, Split, make_folds

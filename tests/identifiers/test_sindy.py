@@ -12,9 +12,9 @@ from pysindy import FourierLibrary, PolynomialLibrary
 
 from frictionid import simulate as simulated
 from frictionid.cli import main
-from frictionid.comparison.equations import equations
+from frictionid.comparison.equations import with_equations
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.files import read_json
@@ -24,13 +24,14 @@ from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares, Linear, SINDy, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.ols_covariance import half_widths
+from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting
 from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import FrictionBlock
 from frictionid.shooting.parameters.friction import on_support
-from frictionid.shooting.recipe import refine_folds
+from frictionid.shooting.recipe import ShootingFit, refine_folds
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write
 
 LAW = Library()
@@ -212,7 +213,7 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
     assert [e.name for e in whole.covariance.entries] == ["sign of joint 1"]
     np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
-    (line,) = equations(friction[-1], None, None, whole)["equation"]
+    (line,) = with_equations(ShootingFit(friction, whole)).provenance["equation"]
     assert line.startswith("Tf1 = (0.02") and "+-" in line
 
 
@@ -231,14 +232,15 @@ def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
 
 def test_it_writes_its_equation_with_units_and_intervals():
     problem = made_of(CoulombViscous(), COULOMB, 1e-3)
-    found = fit(problem)[0]
-    lines = equations(found, problem, everything(problem)[0])["equation"]
+    found = fit(problem)
+    own = OneStepFit(found, problem, everything(problem)[0])
+    lines = with_equations(own).provenance["equation"]
     assert len(lines) == 2 and lines[0].startswith("Tf1 = (0.1")
     assert "N m s(w) + (0.0" in lines[0] and lines[1].endswith("N m s/rad w")
     assert lines[0].count("+-") == 2
-    other = replace(found, law=CoulombViscous(), theta=COULOMB)
-    assert equations(other, problem, everything(problem)[0]) == {}
-    assert LAW.equation(0.0 * found.theta)[0] == "Tf1 = 0"
+    other = replace(found, law=CoulombViscous(), theta=COULOMB[None], provenance={})
+    assert with_equations(replace(own, friction=other)).provenance == {}
+    assert LAW.equation(0.0 * found.theta[0])[0] == "Tf1 = 0"
     axis = Library(velocities=()).equation(np.array([[1.0, 0, 0, -2.0, 0, 0]]), None, "m")
     assert axis == ["Tf1 = 1 N s(w) - 2 N s/m w"]
 

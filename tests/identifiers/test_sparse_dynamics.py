@@ -8,8 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from frictionid.comparison.cross_validate import check_refinable, compare, view_of
-from frictionid.comparison.registry import IDENTIFIERS, LAWS
+from frictionid.comparison.cross_validate import compare
+from frictionid.comparison.fit_model import fit_model
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
@@ -19,7 +21,6 @@ from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import StateLibrary, check_law
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import BlackBox, SparseDynamics, check_identifier
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import Plant, unit_inertia
@@ -42,10 +43,7 @@ def pendulum() -> Dataset:
 
 @cache
 def found() -> Friction:
-    dataset = pendulum()
-    plant, recipe = view_of(BOX, dataset, INTEGRAL)
-    problem = training_problem(dataset, plant, recipe)
-    return BOX.fit(problem, np.ones((1, len(problem.r))), 0)[0]
+    return fit_model(pendulum(), BOX, protocol=Protocol(history=0.0))
 
 
 def test_the_equation_of_a_pendulum_is_found_and_nothing_else() -> None:
@@ -137,14 +135,14 @@ def test_monomials_are_products_of_their_variables() -> None:
 )
 def test_settings_that_mean_nothing_are_refused(settings, words) -> None:
     with pytest.raises(InputError, match=words):
-        IDENTIFIERS["sindy_dynamics"](**settings).fit(
+        identifier_named("sindy_dynamics", settings).fit(
             synthetic_problem(2), synthetic_weights(synthetic_problem(2)), 0
         )
 
 
 def test_what_has_no_physics_is_not_refined() -> None:
     with pytest.raises(InputError, match="shooting needs the physics"):
-        check_refinable(BOX, Shooting())
+        Shooting().check(BOX)
 
 
 def test_rows_that_are_open_at_rest_are_refused() -> None:

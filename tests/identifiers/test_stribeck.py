@@ -13,7 +13,7 @@ from fixtures.exact_problems import (
 )
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck

@@ -10,7 +10,7 @@ from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.paths import ROOT
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
 from frictionid.friction.laws import (
@@ -250,7 +250,7 @@ def test_their_settings_choose_the_law():
         ("window_mlp", {"samples": 0}, "samples"),
         ("window_mlp", {"members": 0}, "members"),
         ("window_mlp", {"batch": 0.5}, "batch"),
-        ("mlp", {"inputs": "all", "solver": "levenberg_marquardt"}, 'inputs = "own"'),
+        ("mlp", {"inputs": "all", "solver": "levenberg_marquardt"}, 'needs solver = "adam"'),
         ("mlp", {"inputs": "both"}, "inputs"),
     ],
 )

@@ -159,7 +159,7 @@ def compared(tmp_path_factory):
 
 def test_what_a_suite_asks_for_is_shown_and_told(compared):
     file, folder = compared
-    assert load_suite(file).loops == HysteresisSettings(frequency=(2.0,))
+    assert load_suite(file).protocol.loops == HysteresisSettings(frequency=(2.0,))
     section = made.section(folder)
     assert [model.identifier for model in with_memory(section)] == ["film_lag"]
     names = {path.name for path in (folder / "figures").glob("*.png")}
@@ -181,7 +181,7 @@ def test_speeds_are_those_of_the_recordings(compared):
 
 def test_without_memory_and_unasked_nothing_is_shown(tmp_path, monkeypatch):
     file = tiny.write_suite(tmp_path, [("recipes", [{"name": "integral"}])])
-    assert load_suite(file).loops is None and Protocol().loops is None
+    assert load_suite(file).protocol.loops is None and Protocol().loops is None
     tiny.compare_into(file, tmp_path / "out")
     made.undraw(monkeypatch)
     section = made.section(made.built(tmp_path / "out"))

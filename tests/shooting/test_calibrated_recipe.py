@@ -9,7 +9,8 @@ import pytest
 from fixtures import tiny_pendulums as tiny
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
-from frictionid.comparison.suite import load_suite, tasks_of
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.friction.laws import CoulombViscous
@@ -46,7 +47,7 @@ def results():
 
 def test_the_delay_is_found_in_each_fold_and_corrects_the_data(results):
     _, shared, plain, corrected = results
-    calibration = shared.calibrations["corrected"]
+    calibration = shared.training.calibrations["corrected"]
     assert (
         calibration.delay.shape == (4,) and np.ptp(calibration.delay) > 0
     )  # each fold has its own
@@ -79,7 +80,7 @@ def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
     benchmark = late_contest("shuffled")
     recipe = CalibratedRecipe("corrected", STUDY, BY, RUBS, use=("delay",))
     shared = prepare_benchmark(benchmark, [recipe])
-    assert np.ptp(shared.calibrations["corrected"].delay) == 0.0
+    assert np.ptp(shared.training.calibrations["corrected"].delay) == 0.0
     found = run(benchmark, RUBS, recipe, 0, shared)
     np.testing.assert_allclose(found.friction.calibration.delay, LATE, atol=1e-3)
 
@@ -99,14 +100,14 @@ def test_sindy_may_choose_other_terms_in_each_fold(results):
     terms = [tuple(np.flatnonzero(theta[0])) for theta in found.friction.theta]
     assert len(set(terms)) > 1 and all(terms)
     np.testing.assert_array_equal(
-        found.friction.calibration.delay, shared.calibrations["corrected"].delay[:-1]
+        found.friction.calibration.delay, shared.training.calibrations["corrected"].delay[:-1]
     )
     # each fold is what the identifier finds on its own corrected data, whatever the others have
     for fold in range(len(terms)):
         own = training_of(
             with_calibration(shared.prepared, found.friction[fold].calibration), INTEGRAL
         )
-        weights = shared.weights["integral"][fold : fold + 1]
+        weights = shared.training.weights["integral"][fold : fold + 1]
         np.testing.assert_array_equal(
             found.friction.theta[fold], hasty.fit(own, weights, 0).theta[0]
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from frictionid.comparison.suite import friction_of
+from frictionid.comparison.registry import friction_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.friction.laws import MotorLoad
 from frictionid.identifiers import LeastSquares

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from fixtures.paths import ROOT
 
-from frictionid.comparison.suite import friction_of, load_suite, tasks_of
+from frictionid.comparison.registry import friction_of
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model, score_value, with_parameters
 from frictionid.friction import Friction

@@ -10,8 +10,9 @@ import pytest
 
 from frictionid.cli import main
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
-from frictionid.comparison.suite import load_suite, tasks_of
+from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction.laws import CoulombViscous
@@ -98,7 +99,7 @@ def test_all_data_are_fitted_as_refine_fits_them(result):
 
     shared = prepare_benchmark(BENCHMARK, [BOTH])
     start = LeastSquares(CoulombViscous()).fit(
-        shared.problems["integral"], shared.weights["integral"], 0
+        shared.training.problems["integral"], shared.training.weights["integral"], 0
     )[-1]
     alone = refine(start, DATA, BOTH.blocks, BOTH.settings)
     np.testing.assert_array_equal(alone.friction.theta, result.overall.theta)

@@ -1,4 +1,4 @@
-"""Parts of a data set: what trains a fold, as recordings of their own, and what is held out."""
+"""Nested folds: the recordings that train a fold as a data set, and those that it holds out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from frictionid.evaluation import Split, make_folds
 def training_benchmark(benchmark: Benchmark, fold: int | None, inner: Split) -> Benchmark:
     """A benchmark among the recordings that train a fold, all of them for None; held-out ones test.
 
-    The truth of simulated data stays behind: nothing is tuned to it.
+    The truth of simulated data is left out: nothing is tuned to it.
 
     Raises
     ------
@@ -26,27 +26,27 @@ def training_benchmark(benchmark: Benchmark, fold: int | None, inner: Split) -> 
         For shuffled folds, where every held-out sample has neighbours in the training set.
     """
     dataset = benchmark.dataset
-    whole = replace(dataset, truth=None, recordings=tuple(map(_untold, dataset.recordings)))
+    whole = replace(dataset, truth=None, recordings=tuple(map(_without_truth, dataset.recordings)))
     if fold is None:
-        return _contest(whole, benchmark, inner, ())
+        return _inner_benchmark(whole, benchmark, inner, ())
     if not benchmark.folds.contiguous:
         raise InputError(
             "tuning is nested in the training folds, which shuffled samples do not part: set "
             'folds.kind = "recordings" or "blocks", or tune.nested = false'
         )
     shortest = benchmark.protocol.history + min(benchmark.protocol.horizons)
-    seen = _some(whole, _training(benchmark, fold), shortest)
+    seen = _pieces_in_use(whole, _training(benchmark, fold), shortest)
     if seen is None:
         raise InputError(
             f"data set {dataset.name!r}: fold {fold} leaves no {shortest:g} s of motion in one "
             "piece to tune on: use fewer folds"
         )
-    unseen = _some(whole, _held_out(benchmark, fold), shortest)
+    unseen = _pieces_in_use(whole, _held_out(benchmark, fold), shortest)
     tests = () if unseen is None else (replace(unseen, name=f"{dataset.name}, held out"),)
-    return _contest(seen, benchmark, inner, tests)
+    return _inner_benchmark(seen, benchmark, inner, tests)
 
 
-def _contest(
+def _inner_benchmark(
     dataset: Dataset, benchmark: Benchmark, inner: Split, tests: tuple[Dataset, ...]
 ) -> Benchmark:
     few = len(dataset.recordings) < inner.count
@@ -54,7 +54,7 @@ def _contest(
     return Benchmark(dataset, make_folds(dataset.recordings, split), benchmark.protocol, tests)
 
 
-def _untold(recording: Recording) -> Recording:
+def _without_truth(recording: Recording) -> Recording:
     return replace(recording, truth=None)
 
 
@@ -71,7 +71,7 @@ def _held_out(benchmark: Benchmark, fold: int) -> list[Array]:
     return [label[:-1] == fold for label in benchmark.folds.labels]
 
 
-def _some(dataset: Dataset, use: list[Array], shortest: float) -> Dataset | None:
+def _pieces_in_use(dataset: Dataset, use: list[Array], shortest: float) -> Dataset | None:
     """The pieces of recordings that consist of intervals in use, without those too short."""
     pieces = [
         piece

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective
-from frictionid.comparison.tuning.studies import Found
+from frictionid.comparison.tuning.studies import StudyResult
+from frictionid.config import read_toml, with_new_names
 
 
-def by_unit(found: Sequence[Found]) -> list[list[Found]]:
-    """Studies grouped by what they tune."""
-    return [list(own) for _, own in groupby(found, key=lambda f: f.unit.title)]
+def by_task(results: Sequence[StudyResult]) -> list[list[StudyResult]]:
+    """Results grouped by what they tune."""
+    return [list(own) for _, own in groupby(results, key=lambda r: r.task.title)]
 
 
-def best_of(found: Sequence[Found]) -> Found:
-    """Of the studies of one unit on all data that of the lowest score, the first of equals."""
-    return min((f for f in found if f.fold is None), key=lambda f: f.best.value)
+def best_of(results: Sequence[StudyResult]) -> StudyResult:
+    """Of the studies of one task on all data that of the lowest score, the first of equals."""
+    return min((r for r in results if r.fold is None), key=lambda r: r.best.value)
 
 
 def chosen_suite(
-    file: Path, found: Sequence[Found], place: Path, objective: Objective | None = None
+    file: Path, results: Sequence[StudyResult], place: Path, objective: Objective | None = None
 ) -> str:
     """TOML of the suite of a file on one data set, with the settings chosen on all its data.
 
@@ -32,36 +33,45 @@ def chosen_suite(
     """
     import tomli_w
 
-    document = tomllib.loads(file.read_text(encoding="utf-8"))
-    own = found[0].unit.benchmark.dataset.name
+    document = read_toml(file)
+    name = results[0].task.benchmark.dataset.name
     document["name"] = f"{document['name']}-tuned"
     document.pop("tune", None)
     document["datasets"] = [
-        _moved(entry, file, place) for entry in document["datasets"] if _is(entry, file, own)
+        _moved(entry, file, place) for entry in document["datasets"] if _is(entry, file, name)
     ]
-    units = {(f.unit.name, f.unit.recipe.name): f.unit.title for f in found}
-    by_title = {own[0].unit.title: best_of(own) for own in by_unit(found)}
-    entries: list[dict[str, Any]] = []
-    for entry in document["identifiers"]:
-        name = entry.get("name", str(entry["kind"]).rpartition(":")[2])
-        plain = {key: value for key, value in entry.items() if key != "search"}
-        if entry["kind"] == "published" and "file" in entry:
-            plain["file"] = _from(file.parent / entry["file"], place)
-        recipes = [recipe for own_name, recipe in units if own_name == name]
-        if "search" not in entry or not recipes:
-            entries.append(plain)
-            continue
-        for recipe in recipes:
-            best = by_title[units[name, recipe]].best
-            several = {"name": f"{name}-{recipe}", "recipes": [recipe]} if len(recipes) > 1 else {}
-            entries.append({**plain, **best.settings, **several})
-    document["identifiers"] = entries
+    best = [best_of(own) for own in by_task(results)]
+    document["identifiers"] = [
+        entry for table in document["identifiers"] for entry in _chosen(table, best, file, place)
+    ]
     head = [
-        f"# Settings tuned on {own}: {objective.words if objective else 'see summary.md'}.",
+        f"# Settings tuned on {name}: {objective.words if objective else 'see summary.md'}.",
         "# They were chosen on all recordings: held-out scores of this suite are rather too good;",
         "# scores of tuning nested in the training folds stand in summary.md.",
     ]
     return "\n".join(head) + "\n" + tomli_w.dumps(document)
+
+
+def _chosen(
+    table: Mapping[str, Any], best: Sequence[StudyResult], file: Path, place: Path
+) -> list[dict[str, Any]]:
+    """An identifier's table with the settings chosen, one for each recipe that tuned it."""
+    kind = IDENTIFIERS.get(table["kind"])
+    entry = {key: value for key, value in table.items() if key != "search"}
+    entry = with_new_names(entry, kind.renamed if kind else {})
+    if entry["kind"] == "published" and "file" in entry:
+        entry["file"] = _from(file.parent / entry["file"], place)
+    name = entry.get("name", str(entry["kind"]).rpartition(":")[2])
+    own = [result for result in best if result.task.name == name]
+    if "search" not in table or not own:
+        return [entry]
+    if len(own) == 1:
+        return [{**entry, **own[0].best.settings}]
+    return [
+        {**entry, **r.best.settings, "name": f"{name}-{recipe}", "recipes": [recipe]}
+        for r in own
+        for recipe in [r.task.recipe.name]
+    ]
 
 
 def _is(entry: Mapping[str, Any], file: Path, name: str) -> bool:

@@ -10,16 +10,16 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.comparison.search_space import Objective
-from frictionid.comparison.tuning.studies import Found
+from frictionid.comparison.tuning.studies import StudyResult
 from frictionid.report.figures.panels import panel_grid
 from frictionid.report.figures.style import COLOURS, key_above, line, plain
 
 COLUMNS = 3
 
 
-def progress(studies: Sequence[Found], objective: Objective) -> Any:
+def progress(studies: Sequence[StudyResult], objective: Objective) -> Any:
     """The picture of all studies: on all data thick, in each training fold thin."""
-    tasks = [list(own) for _, own in groupby(studies, key=lambda study: study.unit.title)]
+    tasks = [list(own) for _, own in groupby(studies, key=lambda study: study.task.title)]
     picture, axes = panel_grid(len(tasks), COLUMNS, 1.9, 0.6)
     samplers = list(dict.fromkeys(study.sampler for study in studies))
     colours = dict(zip(samplers, COLOURS, strict=False))
@@ -30,7 +30,7 @@ def progress(studies: Sequence[Found], objective: Objective) -> Any:
             trials = np.arange(1, len(study.trials) + 1)
             style = thick if study.fold is None else thin
             axis.step(trials, _lowest(study), where="post", color=colours[study.sampler], **style)
-        axis.set_title(plain(own[0].unit.title), fontsize=7, loc="left")
+        axis.set_title(plain(own[0].task.title), fontsize=7, loc="left")
         axis.locator_params(axis="x", integer=True, nbins=6)
     unit = "rad" if objective.horizon is not None else "rad/s"
     picture.supxlabel("trials", fontsize=8)
@@ -39,6 +39,6 @@ def progress(studies: Sequence[Found], objective: Objective) -> Any:
     return picture
 
 
-def _lowest(study: Found) -> Array:
+def _lowest(study: StudyResult) -> Array:
     values = np.array([trial.value for trial in study.trials])
     return np.minimum.accumulate(np.where(np.isnan(values), np.inf, values))

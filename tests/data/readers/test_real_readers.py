@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
-from frictionid.comparison.suite import friction_of
+from frictionid.comparison.registry import friction_of
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.public_collections import check_file, collections

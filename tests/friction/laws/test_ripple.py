@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
 
-from frictionid.comparison.suite import LAWS, identifier_named
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Ripple, Stribeck

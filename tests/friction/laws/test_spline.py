@@ -5,7 +5,8 @@ import pytest
 from fixtures.exact_problems import everything, explained_by
 from scipy.interpolate import BSpline
 
-from frictionid.comparison.suite import LAWS, identifier_named
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck

@@ -1,8 +1,7 @@
-"""What is tuned, an identifier by a recipe on one data set, and what a trial of it is."""
+"""Tuning tasks: an identifier by a recipe on one data set, and the score of a trial of it."""
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -12,18 +11,14 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from frictionid.comparison.cross_validate import Benchmark, Method, PreparedBenchmark, run
+from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, run
+from frictionid.comparison.methods import Method
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space
-from frictionid.comparison.suite import (
-    IdentifierEntry,
-    Suite,
-    benchmark_of,
-    identifier_of,
-    recipes_of,
-    used_of,
-    with_settings,
-)
+from frictionid.comparison.suite import IdentifierEntry, Suite
+from frictionid.comparison.suite_identifiers import identifier_of
+from frictionid.comparison.suite_recipes import recipes_of
+from frictionid.comparison.suite_tasks import benchmarks_of, used_recipes
 from frictionid.comparison.tasks import Task
 from frictionid.config import distinct
 from frictionid.errors import InputError
@@ -50,25 +45,21 @@ class TuningTask:
 
     @property
     def title(self) -> str:
-        """What names the unit in studies and tables."""
+        """Name of the task in studies and tables."""
         return f"{self.benchmark.dataset.name}: {self.name}, {self.recipe.name}"
 
     @property
-    def own(self) -> dict[str, Any]:
-        """Settings as the suite, or else the identifier itself, has them."""
-        given = self.entry.model_extra or {}
-        usual = {}
-        if self.entry.kind in IDENTIFIERS:
-            known = inspect.signature(IDENTIFIERS[self.entry.kind]).parameters
-            usual = {k: p.default for k, p in known.items() if p.default is not p.empty}
-        both = {**usual, **given}
+    def suite_settings(self) -> dict[str, Any]:
+        """Settings to search as the suite, or else the identifier's defaults, have them."""
+        given, kind = self.entry.given, IDENTIFIERS.get(self.entry.kind)
+        both = {**(kind.defaults(given) if kind else {}), **given}
         plain = {k: list(v) if isinstance(v, tuple) else v for k, v in both.items()}
         return {key: plain[key] for key in self.search if plain.get(key) is not None}
 
     def task(self, benchmark: Benchmark, settings: Mapping[str, Any]) -> Task:
         """The task of one trial, on what tuning may see of the data."""
-        entry = with_settings(self.entry, {**(self.entry.model_extra or {}), **settings})
-        _, identifier, _ = identifier_of(entry, self.folder, [self.recipe])
+        entry = self.entry.with_settings(settings)
+        identifier = identifier_of(entry, self.folder, [self.recipe]).identifier
         return Task(benchmark, self.name, identifier, self.recipe, self.seed)
 
 
@@ -81,12 +72,12 @@ def tuning_tasks(suite: Suite, file: Path, data: Path | None = None) -> list[Tun
         Where nothing is to be searched, or an end of a space is no value of its setting.
     """
     try:
-        return _units(suite, file.parent, data)
+        return _tuning_tasks(suite, file.parent, data)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 
 
-def _units(suite: Suite, folder: Path, data: Path | None) -> list[TuningTask]:
+def _tuning_tasks(suite: Suite, folder: Path, data: Path | None) -> list[TuningTask]:
     entries = [entry for entry in suite.identifiers if entry.search]
     if not entries:
         raise InputError(
@@ -95,55 +86,55 @@ def _units(suite: Suite, folder: Path, data: Path | None) -> list[TuningTask]:
         )
     recipes = recipes_of(suite.recipes)
     for entry in entries:
-        _check(entry, folder, recipes)
-    parts = [benchmark_of(suite, entry, folder, data) for entry in suite.datasets]
-    benchmarks = [replace(benchmark, tests=()) for benchmark in parts]
-    units = []
-    for benchmark, told in zip(benchmarks, suite.datasets, strict=True):
-        for recipe in used_of(told, recipes):
-            for entry in entries:
-                name, _, only = identifier_of(with_settings(entry, _plain(entry)), folder, recipes)
-                if only is None or recipe.name in only:
-                    units.append(TuningTask(benchmark, name, entry, recipe, suite.seeds[0], folder))
-    distinct([unit.title for unit in units], "identifiers to tune")
-    return units
+        _check_space(entry, folder, recipes)
+    benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data)]
+    tasks = [
+        TuningTask(benchmark, entry.label, entry, recipe, suite.seeds[0], folder)
+        for dataset, benchmark in zip(suite.datasets, benchmarks, strict=True)
+        for recipe in used_recipes(dataset, recipes)
+        for entry in entries
+        if entry.recipes is None or recipe.name in entry.recipes
+    ]
+    distinct([task.title for task in tasks], "identifiers to tune")
+    return tasks
 
 
-def _plain(entry: IdentifierEntry) -> dict[str, Any]:
-    """Settings that make an identifier: the suite's, and of those searched that it lacks the first.
+def _complete(entry: IdentifierEntry) -> IdentifierEntry:
+    """The entry with a value of each setting that is searched and that the suite lacks.
 
     A setting without a default may be left to the search.
     """
-    given = dict(entry.model_extra or {})
-    return {**{key: space.ends[0] for key, space in (entry.search or {}).items()}, **given}
+    first = {key: space.ends[0] for key, space in (entry.search or {}).items()}
+    return entry.with_settings({**first, **entry.given})
 
 
-def _check(entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]) -> None:
-    plain = _plain(entry)
+def _check_space(entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]) -> None:
+    """Check that each setting to search takes the ends of its space."""
+    complete = _complete(entry)
     for key, space in (entry.search or {}).items():
         for value in space.ends:
             try:
-                identifier_of(with_settings(entry, {**plain, key: value}), folder, recipes)
+                identifier_of(complete.with_settings({key: value}), folder, recipes)
             except InputError as error:
                 raise InputError(f"{error} (search.{key} at {value!r})") from None
 
 
-class Judged(NamedTuple):
-    """What a trial scored: on inner folds, and on recordings held out from tuning; or its error."""
+class TrialScore(NamedTuple):
+    """Score of a trial on inner folds, and on recordings held out from tuning, or its error."""
 
     value: float
     held_out: float
     error: str = ""
 
 
-def judged(task: Task, shared: PreparedBenchmark, objective: Objective) -> Judged:
-    """Scores of a task, an identifier that finds no numbers has none."""
+def score_trial(task: Task, shared: PreparedBenchmark, objective: Objective) -> TrialScore:
+    """Score of a task by the objective; NaN where the fit failed."""
     try:
         result = run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
         value = result.value(*objective.key)
     except InputError as error:
-        return Judged(math.nan, math.nan, str(error))
-    return Judged(value, _first(result.tests.values(), objective))
+        return TrialScore(math.nan, math.nan, str(error))
+    return TrialScore(value, _first(result.tests.values(), objective))
 
 
 def _first(frames: Iterable[pd.DataFrame], objective: Objective) -> float:
@@ -158,6 +149,6 @@ def protocol_for(objective: Objective, protocol: Protocol) -> Protocol:
     """The protocol with as many rollouts as the objective needs."""
     protocol = replace(protocol, whole=False, true_initial_states=False)
     if objective.horizon is None:
-        least = (min(protocol.horizons),)
-        return replace(protocol, horizons=least, every=NEVER, initial_states="filter")
+        shortest = (min(protocol.horizons),)
+        return replace(protocol, horizons=shortest, every=NEVER, initial_states="filter")
     return replace(protocol, horizons=(objective.horizon,))

@@ -1,0 +1,64 @@
+"""Fit one model to all recordings of a data set."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from frictionid.comparison.equations import with_equations
+from frictionid.comparison.methods import Method
+from frictionid.comparison.training_set import training_set
+from frictionid.data.recordings import Dataset
+from frictionid.evaluation import EstimatedStates, Prepared, Protocol, velocity_grid
+from frictionid.friction import Friction
+from frictionid.identifiers import Identifier
+from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.mechanics import plant_of
+from frictionid.shooting import document_of
+
+
+def fit_model(
+    dataset: Dataset,
+    identifier: Identifier,
+    recipe: Method = INTEGRAL,
+    protocol: Protocol | None = None,
+    seed: int = 0,
+) -> Friction:
+    """Friction (n, P) fitted to all recordings, with its calibration where the recipe has one.
+
+    Sample time and history are those of the protocol, so that the intervals are those of a
+    comparison. The provenance names data, identifier, recipe and seed. Where the recipe shoots, it
+    has the whole result as `refined`, see `document_of`; of laws that have one, the `equation`.
+
+    Raises
+    ------
+    InputError
+        Where data, identifier and recipe do not fit together, or the fit fails.
+
+    Examples
+    --------
+    Friction of one's own recordings::
+
+        dataset = frictionid.load_dataset("my_rig")
+        print(fit_model(dataset, LeastSquares(Stribeck())))
+    """
+    recipe.check(identifier)
+    protocol = protocol or Protocol()
+    estimated = EstimatedStates(dataset, protocol.sample_time)
+    prepared = Prepared(dataset, protocol, estimated, plant_of(dataset))
+    training = training_set(prepared, [recipe])
+    fit = recipe.fit(identifier, training, seed)
+    friction = with_equations(fit)[-1]
+    provenance: dict[str, Any] = {
+        "dataset": dataset.name,
+        "data": dict(dataset.hashes),
+        "identifier": repr(identifier),
+        "recipe": repr(recipe),
+        "sample_time": protocol.sample_time,
+        "seed": seed,
+        **friction.provenance,
+    }
+    if fit.refined is not None:
+        w = training.problems[recipe.first_step.name].nodes.inputs.w
+        provenance["refined"] = document_of(fit.refined, dataset, velocity_grid(w))
+    return replace(friction, provenance=provenance)

@@ -1,0 +1,81 @@
+"""Calls of a function side by side, each in a process of one thread."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from typing import Any, TypeVar
+
+from joblib import Parallel, delayed, parallel_config
+from threadpoolctl import threadpool_limits
+
+Returned = TypeVar("Returned")
+
+
+def side_by_side(
+    work: Callable[..., Returned], calls: Sequence[tuple[Any, ...]], jobs: int
+) -> Iterator[tuple[int, Returned]]:
+    """Number of each call of a function and what it gives, as they are finished.
+
+    Each computes on one thread, in one of at most `jobs` processes.
+    """
+    workers = min(jobs, len(calls))
+    if workers < 2:
+        with threadpool_limits(1):
+            _one_torch_thread()
+            yield from ((i, work(*call)) for i, call in enumerate(calls))
+        return
+    # who interrupts a comparison knows that tasks were cancelled
+    warnings.filterwarnings("ignore", r"\d+ tasks .*(not used|cancelled)", UserWarning)
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        # max_nbytes: arrays travel with their task, no files are left behind in shared memory
+        parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)
+        with _blocked(signal.SIGINT):
+            results = parallel(
+                delayed(_in_worker)(os.getpid(), i, work, call) for i, call in enumerate(calls)
+            )
+        yield from results
+
+
+@contextmanager
+def _blocked(number: signal.Signals) -> Iterator[None]:
+    """Put a signal off. Processes started meanwhile never see it: Ctrl-C is the parent's affair."""
+    resource_tracker.ensure_running()  # Python's own start of it would let the signal in
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [number])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _in_worker(
+    parent: int, index: int, work: Callable[..., Returned], call: tuple[Any, ...]
+) -> tuple[int, Returned]:
+    _end_with(parent)
+    _one_torch_thread()
+    return index, work(*call)
+
+
+def _end_with(parent: int) -> None:
+    """End this worker when the comparison ends: one that was killed cannot tell its workers."""
+    if all(thread.name != "end-with-parent" for thread in threading.enumerate()):
+        threading.Thread(target=_watch, args=(parent,), name="end-with-parent", daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.3)
+    os._exit(1)
+
+
+def _one_torch_thread() -> None:
+    torch = sys.modules.get("torch")
+    if torch is not None:
+        torch.set_num_threads(1)

@@ -1,0 +1,151 @@
+"""Tasks of a suite: every identifier by every recipe on every data set, with every seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from frictionid.comparison.cross_validate import Benchmark
+from frictionid.comparison.methods import Method
+from frictionid.comparison.suite import DatasetEntry, Suite
+from frictionid.comparison.suite_identifiers import (
+    NamedIdentifier,
+    check_recipes,
+    identifier_of,
+    on_device,
+)
+from frictionid.comparison.suite_recipes import recipes_of
+from frictionid.comparison.tasks import Task
+from frictionid.config import distinct
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import make_folds, true_calibration, true_friction
+from frictionid.identifiers import Published
+from frictionid.mechanics import plant_of
+
+
+def tasks_of(
+    suite: Suite, file: Path, data: Path | None = None, device: str | None = None
+) -> list[Task]:
+    """Tasks of the suite of a file, in the order in which tables show them.
+
+    The truth of simulated data stands beside the identifiers.
+
+    Parameters
+    ----------
+    suite : Suite
+    file : Path
+        Its paths lead from the folder of this file.
+    data : Path, optional
+        Folder with the tables of its one data set.
+    device : str, optional
+        Where networks are trained, whatever the suite says.
+
+    Raises
+    ------
+    InputError
+        For unknown names, settings that do not fit, data that cannot be read.
+    """
+    try:
+        return _tasks(suite, file.parent, data, device)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def _tasks(suite: Suite, folder: Path, data: Path | None, device: str | None) -> list[Task]:
+    recipes = recipes_of(suite.recipes)
+    identifiers = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
+    if device is not None:
+        identifiers = [i._replace(identifier=on_device(i.identifier, device)) for i in identifiers]
+    distinct([recipe.name for recipe in recipes], "recipes")
+    distinct(list(map(str, suite.seeds)), "seeds")
+    benchmarks = benchmarks_of(suite, folder, data)
+    tasks = [
+        task
+        for entry, benchmark in zip(suite.datasets, benchmarks, strict=True)
+        for task in _tasks_on(benchmark, used_recipes(entry, recipes), identifiers, suite.seeds)
+    ]
+    distinct([task.file.lower() for task in tasks], "results")
+    return tasks
+
+
+def _tasks_on(
+    benchmark: Benchmark,
+    recipes: Sequence[Method],
+    identifiers: Sequence[NamedIdentifier],
+    seeds: Sequence[int],
+) -> list[Task]:
+    """Tasks of one data set."""
+    every = [*identifiers, *_truth(benchmark)]
+    distinct([own.name for own in every], "identifiers")
+    for own in every:
+        _check_given(own, (benchmark.dataset, *benchmark.tests))
+    pairs = [(recipe, own) for recipe in recipes for own in every if own.uses(recipe)]
+    for recipe, own in pairs:
+        try:
+            recipe.check(own.identifier)
+        except InputError as error:
+            raise InputError(f"identifier {own.name!r}: {error}") from None
+    return [
+        Task(benchmark, own.name, own.identifier, recipe, seed)
+        for recipe, own in pairs
+        for seed in seeds
+    ]
+
+
+def used_recipes(entry: DatasetEntry, recipes: Sequence[Method]) -> list[Method]:
+    """Recipes that are used on a data set."""
+    check_recipes(entry.recipes or (), recipes, f"data set {entry.name or entry.path!r}")
+    return [recipe for recipe in recipes if entry.recipes is None or recipe.name in entry.recipes]
+
+
+def benchmarks_of(suite: Suite, folder: Path, data: Path | None) -> list[Benchmark]:
+    """Data, folds and protocol of each data set of a suite; each folder is read once."""
+    if data is not None and len(suite.datasets) > 1:
+        names = ", ".join(entry.path for entry in suite.datasets)
+        raise InputError(
+            f"--data names the folder of one data set, suite {suite.name!r} has several ({names}): "
+            "set FRICTIONID_DATA to the folder that holds their collections"
+        )
+    paths = dict.fromkeys(path for entry in suite.datasets for path in (entry.path, *entry.tests))
+    loaded = {path: load_dataset(folder / path, data) for path in paths}
+    benchmarks = [_benchmark(suite, entry, loaded) for entry in suite.datasets]
+    distinct([d.name for b in benchmarks for d in (b.dataset, *b.tests)], "data sets")
+    return benchmarks
+
+
+def _benchmark(suite: Suite, entry: DatasetEntry, loaded: dict[str, Dataset]) -> Benchmark:
+    dataset = loaded[entry.path]
+    dataset = dataset if entry.name is None else replace(dataset, name=entry.name)
+    folds = make_folds(dataset.recordings, entry.folds or suite.folds)
+    return Benchmark(dataset, folds, suite.protocol, tuple(loaded[test] for test in entry.tests))
+
+
+def _truth(benchmark: Benchmark) -> list[NamedIdentifier]:
+    """The true friction and calibration as an identifier named `truth`, where they are known."""
+    truth = benchmark.dataset.truth
+    friction = None if truth is None else true_friction(truth)
+    if friction is None:
+        return []
+    friction = replace(friction, calibration=true_calibration(benchmark.dataset))
+    return [NamedIdentifier("truth", Published(friction))]
+
+
+def _check_given(own: NamedIdentifier, datasets: Sequence[Dataset]) -> None:
+    """Complain about a given friction that is not one of these mechanisms."""
+    if not isinstance(own.identifier, Published):
+        return
+    friction, where = own.identifier.friction, f"identifier {own.name!r}"
+    for dataset in datasets:
+        try:
+            plant = plant_of(dataset, friction.parameters)
+        except InputError as error:
+            raise InputError(f"{where} on {dataset.name!r}: {error}") from None
+        shape = tuple(friction.theta.shape)
+        if shape[:-1] != (plant.n,):
+            raise InputError(
+                f"{where}: its theta has shape {shape}, data set {dataset.name!r} "
+                f"has {plant.n} joints: give one friction with as many joints"
+            )

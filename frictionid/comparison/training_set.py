@@ -1,0 +1,127 @@
+"""Training sets: one data set as recipes fit it, in every fold and as a whole, prepared once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.comparison.methods import Method
+from frictionid.errors import InputError
+from frictionid.evaluation import (
+    CalibratedView,
+    Folds,
+    Prepared,
+    calibrated_views,
+    training_of,
+    without_physics,
+)
+from frictionid.identifiers.formulation import Recipe
+from frictionid.identifiers.residual import Problem
+from frictionid.mechanics.calibration import Calibration
+from frictionid.shooting import CalibratedRecipe
+from frictionid.shooting.calibrated_recipe import part_of_calibration
+from frictionid.shooting.intervals import Intervals, intervals_of
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingSet:
+    """One data set as recipes fit it; mappings are by the names of the recipes.
+
+    problems : one-step problems
+    weights : (F + 1, K), positive for the rows that train each of the F folds and, last, for all
+    measured : intervals of the measured angles, and their weights (F + 1, L)
+    calibrations : (F + 1,), of all folds and of all data
+    views : the data corrected by each of these calibrations
+    """
+
+    prepared: Prepared
+    problems: Mapping[str, Problem]
+    weights: Mapping[str, Array]
+    measured: tuple[Intervals, Array] | None = None
+    calibrations: Mapping[str, Calibration] = field(default_factory=dict)
+    views: Mapping[str, tuple[CalibratedView, ...]] = field(default_factory=dict)
+
+    @property
+    def angle_unit(self) -> str:
+        """Unit of the joints' angles, "rad" or "m"."""
+        return self.prepared.angle_unit
+
+    @property
+    def intervals(self) -> Intervals:
+        """Intervals of the measured angles, for recipes that need them."""
+        assert self.measured is not None
+        return self.measured[0]
+
+    @property
+    def interval_weights(self) -> Array:
+        """Weights of these intervals, of those that train each fold and, last, of all."""
+        assert self.measured is not None
+        return self.measured[1]
+
+    def without_mechanism(self, recipe: Recipe) -> Problem:
+        """The problem of a recipe for joints of unit inertia; no stiction mask."""
+        return training_of(without_physics(self.prepared), replace(recipe, velocity_threshold=0.0))
+
+    def corrected(self, recipe: CalibratedRecipe) -> Iterator[tuple[Array, Problem]]:
+        """Folds that share a calibration, and the problem on the data that it corrects."""
+        for view in self.views[recipe.name]:
+            yield view.folds, training_of(view.data, recipe.step)
+
+
+def training_set(
+    prepared: Prepared, recipes: Sequence[Method], folds: Folds | None = None
+) -> TrainingSet:
+    """What the recipes fit of a data set, in each fold, if any, and as a whole.
+
+    Raises
+    ------
+    InputError
+        Where a fold leaves nothing to train on, or recordings are too short.
+    """
+    steps = {step.name: step for recipe in recipes for step in recipe.steps}
+    problems = {name: training_of(prepared, step) for name, step in steps.items()}
+    weights = {name: _weights(prepared, folds, problem) for name, problem in problems.items()}
+    data = TrainingSet(prepared, problems, weights)
+    if any(recipe.needs_intervals for recipe in recipes):
+        intervals = intervals_of(prepared.dataset, states=prepared.smoothed)
+        data = replace(data, measured=(intervals, _training(folds, intervals)))
+    return _calibrated(data, recipes, folds)
+
+
+def _calibrated(data: TrainingSet, recipes: Sequence[Method], folds: Folds | None) -> TrainingSet:
+    """The training set with the calibrations of the recipes; equal ones are estimated once."""
+    whole = folds is not None and not folds.contiguous
+    known: dict[str, Calibration] = {}
+    calibrations = {}
+    for recipe in recipes:
+        if recipe.calibrator is not None:
+            key = repr(recipe.calibrator)
+            if key not in known:
+                known[key] = recipe.calibrator.calibrate(data, whole)
+            calibrations[recipe.name] = part_of_calibration(known[key], recipe.corrects)
+    views = {
+        name: calibrated_views(data.prepared, calibration, len(data.interval_weights))
+        for name, calibration in calibrations.items()
+    }
+    return replace(data, calibrations=calibrations, views=views)
+
+
+def _training(folds: Folds | None, rows: Problem | Intervals) -> Array:
+    """Weights (F + 1, K) of rows: of those that train each fold and, last, of all."""
+    all_rows = np.ones((1, len(rows.dt)))
+    if folds is None:
+        return all_rows
+    return np.concatenate([folds.training(rows.recording, rows.time, rows.dt), all_rows])
+
+
+def _weights(prepared: Prepared, folds: Folds | None, problem: Problem) -> Array:
+    weights = _training(folds, problem)
+    if not weights.any(axis=1).all():
+        raise InputError(
+            f"data set {prepared.dataset.name!r}: fold {np.argmin(weights.any(axis=1))} leaves "
+            "nothing to train on: choose a smaller folds.gap, fewer folds or a shorter history"
+        )
+    return weights

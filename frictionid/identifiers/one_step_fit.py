@@ -1,0 +1,50 @@
+"""One-step fits: what an identifier makes of a problem, checked, with its intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.identifiers.identifier import Identifier
+from frictionid.identifiers.ols_covariance import half_widths
+from frictionid.identifiers.residual import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class OneStepFit:
+    """Friction (F, n, P) of F folds, the last one all data, fitted to a problem.
+
+    weights : (K,), those of all data
+    """
+
+    friction: Friction
+    problem: Problem
+    weights: Array
+    refined: ClassVar[None] = None
+
+    def half_widths(self) -> Array:
+        """Half the width (n, P) of the 95 % intervals of the friction of all data."""
+        return half_widths(self.friction[-1], self.problem, self.weights)
+
+
+def checked_fit(identifier: Identifier, problem: Problem, weights: Array, seed: int) -> Friction:
+    """Friction (F, n, P) that an identifier fits under weights (F, K).
+
+    Raises
+    ------
+    InputError
+        Where it is not finite, or not one for each row of the weights and each joint.
+    """
+    friction = identifier.fit(problem, weights, seed)
+    shape = np.shape(friction.theta)
+    wanted = (len(weights), problem.r.shape[-1], len(friction.law.names))
+    if shape != wanted:
+        raise InputError(f"{identifier!r} gives theta of shape {shape}, it must be {wanted}")
+    if not np.isfinite(friction.theta).all():
+        raise InputError(f"{identifier!r}: the fit failed: its numbers are not finite")
+    return friction
