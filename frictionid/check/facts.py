@@ -20,7 +20,7 @@ class JointFacts:
     forward : share of the moving time in the positive direction ; rest : share of the time below
     `rest_speed` ; reversals : changes of direction ; torque : RMS ; torque_top ; torque_noise and
     angle_noise : standard deviations ; velocity_noise : of the smoothed velocity ; angle_step and
-    torque_step : resolution, 0 where none is seen
+    torque_step : resolution, 0 where there is none
     """
 
     joint: int

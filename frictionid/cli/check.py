@@ -1,4 +1,4 @@
-"""frictionid check: what the data can tell, before anything is fitted."""
+"""frictionid check: errors in recordings and what they identify, before any fit."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ def check(
     dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml, or that file.")],
     data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
     published: Annotated[
-        Path | None, typer.Option(help="Model file whose numbers to hold against the data.")
+        Path | None, typer.Option(help="Model file to compare with the data.")
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Everything, as JSON.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
 ) -> None:
-    """Say what is wrong with recordings, what they can tell, and what to record next.
+    """Report errors in recordings, what the recordings identify, and what to record next.
 
     The exit status is 0 where the data are good, 1 doubtful, 2 unusable as they stand.
     """

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
@@ -68,9 +68,7 @@ def table_of(option: str, text: str, known: tuple[str, ...], example: str) -> Ma
         ) from None
     for name in table:
         if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise InputError(f"{option}: {name!r} is unknown; {hint}known are {', '.join(known)}")
+            raise InputError(f"{option}: {name!r} is unknown; {nearest(name, known)}")
     return table
 
 
