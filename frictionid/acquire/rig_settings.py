@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -10,8 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from frictionid.acquire.protocol import Format
-from frictionid.config import Positive, Strict, checked, nearest
-from frictionid.data.readers.table import content_of
+from frictionid.config import Positive, Strict, checked, nearest, read_toml
 from frictionid.errors import InputError
 
 # One rig.toml serves all commands: each reads its own tables of these.
@@ -138,19 +136,9 @@ def rig_tables(path: Path) -> dict[str, Any]:
     """
     if not path.is_file():
         raise InputError(f"{path} does not exist; name the rig.toml with --rig")
-    document = toml_document(path)
+    document = read_toml(path)
     _check_tables(document, str(path))
     return document
-
-
-def toml_document(path: Path) -> dict[str, Any]:
-    """Tables of a TOML file; InputError where it is none."""
-    try:
-        return tomllib.loads(content_of(path).decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path} is no TOML ({error}); correct it") from None
 
 
 def _check_tables(document: dict[str, Any], file: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import read_toml
 from frictionid.errors import InputError
 from frictionid.excitation.limits import Limits
 from frictionid.friction import Friction
@@ -97,14 +97,7 @@ def load_mechanism(path: Path) -> dict[str, Any]:
         Where the file cannot be read or has no such table.
     """
     file = path / "dataset.toml" if path.is_dir() else path
-    try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{file} cannot be read ({error.strerror}); name a file with a [mechanism] table"
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file} is no TOML ({error}); correct it") from None
+    document = read_toml(file, "name a file with a [mechanism] table")
     table = document.get("mechanism")
     if not isinstance(table, dict):
         raise InputError(f'{file} has no [mechanism] table; add one, e.g. kind = "acrobot"')

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.config import nearest
+from frictionid.config import nearest, parse_toml
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
@@ -60,8 +59,8 @@ def limits_of(text: str, mechanism: Mechanism) -> Limits:
 def table_of(option: str, text: str, known: tuple[str, ...], example: str) -> Mapping[str, Any]:
     """Values by name of an option "name=value,name=[value,value]"."""
     try:
-        table = tomllib.loads(f"x = {{{text}}}")["x"]
-    except (tomllib.TOMLDecodeError, RecursionError):
+        table = parse_toml(f"x = {{{text}}}", option)["x"]
+    except InputError:
         raise InputError(
             f"{option} {text!r} cannot be read: give name=number or name=[number,number] with "
             f"commas, e.g. {example}"

@@ -7,7 +7,6 @@ import hashlib
 import os
 import shutil
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from frictionid.config import read_toml
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Array
 from frictionid.data.two_clock_table import (
@@ -147,8 +147,8 @@ def _check_replaceable(target: Path) -> None:
 def _written(folder: Path) -> set[str]:
     """Names of the files of an earlier `write_dataset`."""
     try:
-        document = tomllib.loads((folder / "dataset.toml").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        document = read_toml(folder / "dataset.toml")
+    except InputError:
         return set()
     return (
         {"dataset.toml", *document.get("sha256", {})} if document.get("origin") == ORIGIN else set()

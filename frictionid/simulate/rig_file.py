@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from frictionid.config import nearest
+from frictionid.config import nearest, read_toml
 from frictionid.errors import InputError
 from frictionid.simulate.rig import Rig
 
@@ -29,7 +28,7 @@ def load_rig(path: str | Path) -> Rig:
     InputError
         Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
     """
-    return rig_of(_document(Path(path), "rig.toml"), str(path))
+    return rig_of(read_toml(Path(path), "name a rig.toml"), str(path))
 
 
 def load_film(path: str | Path) -> Film:
@@ -42,19 +41,7 @@ def load_film(path: str | Path) -> Film:
     """
     from frictionid.simulate.film import Film  # draws with OpenCV, which takes time to load
 
-    return _settings(Film, _document(Path(path), "camera.toml"), str(path))
-
-
-def _document(file: Path, kind: str) -> dict[str, Any]:
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "no UTF-8 text"
-        raise InputError(f"{file} cannot be read ({reason}); name a {kind}") from None
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file} is no TOML ({error}); correct it") from None
+    return _settings(Film, read_toml(Path(path), "name a camera.toml"), str(path))
 
 
 def rig_of(document: dict[str, Any], file: str) -> Rig:

@@ -10,7 +10,7 @@ from typing import Any
 
 import tomli_w
 
-from frictionid.acquire.rig_settings import toml_document
+from frictionid.config import read_toml
 from frictionid.data.readers.table import table_name
 from frictionid.data.signals import Signal
 from frictionid.data.two_clock_table import (
@@ -57,7 +57,7 @@ def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool)
         if folder.is_dir() and any(folder.glob("*.csv")):
             raise InputError(f"{folder} holds tables without a dataset.toml; name a new folder")
         return
-    document = toml_document(described)
+    document = read_toml(described)
     if document.get("origin") != ORIGIN:
         raise InputError(f"{folder} holds another data set; name a new folder with --out")
     for key, value in head.items():
@@ -83,7 +83,7 @@ def add_recording(
             f"{folder} cannot be made ({error.strerror}); name another --out"
         ) from None
     described = folder / "dataset.toml"
-    document = toml_document(described) if described.exists() else {}
+    document = read_toml(described) if described.exists() else {}
     if document and ("sigma" in document["columns"]) != (angle.sigma is not None):
         raise InputError(
             f"{folder} has recordings {'without' if angle.sigma is not None else 'with'} standard "

@@ -3,7 +3,6 @@
 import hashlib
 import math
 import os
-import tomllib
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.config import nearest
+from frictionid.config import nearest, read_toml
 from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml, check_dataset_toml
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
@@ -45,7 +44,7 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
         Where a file is missing or damaged, or does not hold what dataset.toml says.
     """
     file = _description(Path(path))
-    document = _parse(file)
+    document = read_toml(file)
     toml = check_dataset_toml(document, str(file))
     folder = _tables_folder(toml, file, None if data is None else Path(data))
     names = _matching(toml.recordings.patterns, folder, file)
@@ -76,16 +75,6 @@ def _description(path: Path) -> Path:
     if not file.is_file():
         raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")
     return file
-
-
-def _parse(file: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(content_of(file).decode("utf-8"))
-    # ValueError: no UTF-8, no TOML, or an integer with thousands of digits.
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{file} is no TOML ({error}); correct it") from None
 
 
 def _tables_folder(toml: DatasetToml, file: Path, data: Path | None) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
@@ -13,7 +12,7 @@ from types import MappingProxyType
 
 from pydantic import Field
 
-from frictionid.config import Strict, nearest
+from frictionid.config import Strict, nearest, parse_toml
 from frictionid.data.readers.table import content_of
 from frictionid.errors import InputError
 from frictionid.files import write_bytes
@@ -62,8 +61,8 @@ def collections() -> Mapping[str, Collection]:
     >>> collections()["emps"].redistribution
     'not stated: keep it to yourself'
     """
-    text = files("frictionid.data.readers").joinpath("registry.toml").read_text(encoding="utf-8")
-    tables = tomllib.loads(text)
+    text = files("frictionid.data.readers").joinpath("registry.toml").read_bytes()
+    tables = parse_toml(text, "registry.toml")
     return MappingProxyType({n: Collection.model_validate(t) for n, t in tables.items()})
 
 
