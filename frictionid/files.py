@@ -15,6 +15,20 @@ import numpy as np
 from frictionid.errors import InputError
 
 
+def read_bytes(path: Path) -> bytes:
+    """Content of a file.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); check it") from None
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file as a whole or not at all; its folder is made.
 

@@ -25,9 +25,10 @@ import numpy as np
 from frictionid.acquire.controller_clock import ClockRuns, clock_runs, unified_time
 from frictionid.acquire.protocol import SECOND, Cells
 from frictionid.acquire.rig_settings import RigSettings
-from frictionid.data.readers.table import content_of, read_table
+from frictionid.data.readers.table import read_table
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 _SYNC = 0.5  # [s] between two syncs to the disk
 _DIGITS = {"s": 0, "ms": 3, "us": 6}
@@ -140,7 +141,7 @@ class Appender:
         if not size:
             self._write(f"{header}\n".encode())
             return
-        content = content_of(self.path)
+        content = read_bytes(self.path)
         if content.partition(b"\n")[0].decode("utf-8", "replace") != header:
             raise InputError(f"{self.path} has other columns than {header!r}: choose another name")
         whole = content.rfind(b"\n") + 1
@@ -195,7 +196,7 @@ def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
     InputError
         Where the file is no log, has no rows, or a row was changed by hand.
     """
-    content, file = content_of(path), str(path)
+    content, file = read_bytes(path), str(path)
     content = content[: content.rfind(b"\n") + 1]
     header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
     for name in ("host", "time", *columns):

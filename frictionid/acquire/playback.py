@@ -19,10 +19,11 @@ from frictionid.acquire.log import Counts, Logger
 from frictionid.acquire.protocol import Cells
 from frictionid.acquire.rig_settings import RigSettings
 from frictionid.config import Positive, check_settings
-from frictionid.data.readers.table import content_of, read_table
+from frictionid.data.readers.table import read_table
 from frictionid.data.recordings import first_fault
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 _PUMP = 0.05  # [s], longest wait for a line
 _REPEATS = 3  # of a stop command: a line may be damaged
@@ -58,7 +59,7 @@ def load_signal(path: Path, rig: RigSettings) -> Signal:
     InputError
         Where columns do not fit, or a torque exceeds the limit of its motor.
     """
-    content = content_of(path)
+    content = read_bytes(path)
     header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
     names = [h for h in header if h != "time"]
     if "time" not in header or len(names) != len(rig.motors):
@@ -113,7 +114,9 @@ def _wait_for_drive(logger: Logger, settings: PlaySettings, show: Show) -> None:
     while not logger.pump(_PUMP):
         show(logger.counts, logger.connected)
         if time.monotonic() > end:
-            raise InputError("the drive says nothing: nothing is played to a drive that is silent")
+            raise InputError(
+                "the drive is silent: nothing is played to a drive that does not report"
+            )
 
 
 def _played(

@@ -1,4 +1,4 @@
-"""frictionid render: videos of simulated recordings, as a camera takes them."""
+"""frictionid render: videos of simulated recordings."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def render(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out} cannot be made ({error.strerror}); name another") from None
-    with counted(len(chosen), data.name) as tell:
+    with counted(len(chosen), data.name) as done:
         for recording in chosen:
             assert recording.truth is not None
             write_film(film, recording.truth, out / recording.name)
-            tell(recording.name)
+            done(recording.name)
     print(f"{len(chosen)} videos written to {out}")

@@ -67,6 +67,6 @@ def simulate_drive(
                 f"{sent} cannot be written ({error.strerror}); name another --sent"
             ) from None
         terminal = stack.enter_context(plugged(Terminal(port)))
-        print(f"{drive.lines} lines at {port}, as soon as somebody opens it", flush=True)
+        print(f"{drive.lines} lines at {port}, as soon as it is opened", flush=True)
         good = play(drive, terminal, speed=speed, sent=file)
     print(f"{good} undamaged lines were sent")

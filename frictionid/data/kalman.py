@@ -26,7 +26,7 @@ from frictionid.data.signals import Signal, relative_noise
 # Initial variances of position, velocity and acceleration, in units of the measurement variance:
 # practically unknown.
 _DIFFUSE = (1e6, 1e14, 1e18)
-_FIXED = 3  # samples that determine the state; their innovations say nothing of the noise
+_FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
 _FLOOR = 1e-24  # of the variance: the resolution of stored numbers
 
 

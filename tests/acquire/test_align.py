@@ -1,4 +1,4 @@
-"""One clock: offset and drift put in come back, and what cannot be told is refused."""
+"""One clock: offset and drift put in come back, and what cannot be document is refused."""
 
 import sys
 import tomllib
@@ -138,7 +138,7 @@ def led(time, switches, start=0.0):
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6), st.floats(-50.0, 50.0), st.floats(-2e-4, 2e-4))
-def test_a_led_tells_offset_and_drift(seed, offset, drift):
+def test_an_led_gives_offset_and_drift(seed, offset, drift):
     generator = np.random.default_rng(seed)
     switches = np.cumsum(generator.uniform(0.3, 3.0, 12))
     camera = np.arange(0.0, switches[-1] + 1.0, 1 / 60)
@@ -182,7 +182,7 @@ def test_what_a_drive_does_to_its_command_comes_back(limits):
     assert found.error[0] < 0.002
 
 
-def test_a_command_that_never_changes_tells_nothing():
+def test_a_command_that_never_changes_has_no_response():
     time = np.arange(0.0, 10.0, 2e-3)
     assert drive_response(time, 0 * time + 0.1, np.sin(time)) is None
 
@@ -245,10 +245,10 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     near = np.interp(recording.torque.time[100:-100], torque.time, torque.time)
     k = np.searchsorted(torque.time, near + 2.5e-3) - 1
     assert np.mean(recording.torque.value[100:-100, 0] == torque.value[k, 0]) > 0.97
-    told = tomllib.loads((tmp_path / "data" / "day.align.toml").read_text())
-    low, high = told["clock"]["offset_interval"]
-    assert low < told["clock"]["offset"] < high
-    assert told["command"][0]["gain"] == pytest.approx(0.97, abs=1e-4)
+    document = tomllib.loads((tmp_path / "data" / "day.align.toml").read_text())
+    low, high = document["clock"]["offset_interval"]
+    assert low < document["clock"]["offset"] < high
+    assert document["command"][0]["gain"] == pytest.approx(0.97, abs=1e-4)
     for kind in ("clock", "command"):
         picture = (tmp_path / "data" / f"day.{kind}.png").read_bytes()
         assert picture.startswith(b"\x89PNG")
@@ -343,6 +343,6 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
     assert "marker   4 edges: offset 0." in out
     assert "by the motion the torque acts" in out
     assert "does not change: nothing to compare" in out
-    told = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
-    assert told["marker"]["offset"] == pytest.approx(0.4, abs=1e-2)
-    assert told["clock"]["offset"] == pytest.approx(0.412, abs=3e-3)
+    document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
+    assert document["marker"]["offset"] == pytest.approx(0.4, abs=1e-2)
+    assert document["clock"]["offset"] == pytest.approx(0.412, abs=3e-3)

@@ -122,7 +122,7 @@ def test_a_mirrored_camera_turns_the_other_way(easy):
     np.testing.assert_allclose(mirrored.q, -plain.q, atol=1e-12)
 
 
-def test_a_camera_on_its_side_is_told_where_down_is(easy):
+def test_a_camera_on_its_side_needs_the_direction_of_gravity(easy):
     _, shots = easy
     plain = tracked(EASY, shots[:40])
     turned = tracked(EASY, shots[:40], marker_setup_of(EASY, camera=Camera(down=30.0)))

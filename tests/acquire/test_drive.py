@@ -56,7 +56,7 @@ def values(drive, controller, k):
 
 @settings(deadline=None)
 @given(st.floats(-100.0, 0.0), st.floats(-1e-3, 1e-3), st.floats(0.5, 1.5), st.floats(0.0, 0.02))
-def test_it_tells_the_torque_that_acts_by_its_own_clock(offset, drift, gain, lag):
+def test_it_reports_the_measured_torque_by_its_own_clock(offset, drift, gain, lag):
     torque = sine()
     drive = Drive(setup(), torque, offset=offset, drift=drift, gain=gain, bias=0.01, lag=lag)
     controller = Controller(drive)
@@ -90,19 +90,19 @@ def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
     drive = Drive(setup(), sine(3.0))
     controller, form = Controller(drive), drive.rig.protocol.format()
 
-    def told(k, text):
+    def torque_after(k, text):
         controller.obey(k, command_line(form, text, [0.2])[:-1])
         return values(drive, controller, k + 1)[2]
 
-    assert told(1, "u,{value}") == pytest.approx(0.2, abs=1e-6)
-    assert told(2, "stop") == 0.0
-    assert told(3, "u,{value}") == 0.0
-    assert told(4, "start") == 0.0
-    assert told(5, "u,{value}") == pytest.approx(0.2, abs=1e-6)
+    assert torque_after(1, "u,{value}") == pytest.approx(0.2, abs=1e-6)
+    assert torque_after(2, "stop") == 0.0
+    assert torque_after(3, "u,{value}") == 0.0
+    assert torque_after(4, "start") == 0.0
+    assert torque_after(5, "u,{value}") == pytest.approx(0.2, abs=1e-6)
     # what is no command changes nothing
     controller.obey(6, b"$u,0.4*0000")
-    assert told(7, "u,{value},7") == pytest.approx(0.2, abs=1e-6)
-    assert told(8, "u,nan") == pytest.approx(0.2, abs=1e-6)
+    assert torque_after(7, "u,{value},7") == pytest.approx(0.2, abs=1e-6)
+    assert torque_after(8, "u,nan") == pytest.approx(0.2, abs=1e-6)
 
 
 def test_a_restart_sets_the_clock_back_once():
@@ -238,10 +238,10 @@ def test_a_request_to_end_ramps_down(rig):
 
 def test_a_drive_that_falls_silent_is_ramped_down(rig):
     log, made, terminal = rig
-    told = iter(range(10**9))
+    count = iter(range(10**9))
 
     def show(*_):
-        if next(told) == 30:
+        if next(count) == 30:
             terminal.unplug()
 
     reason = excite(

@@ -83,10 +83,10 @@ def test_every_undamaged_line_once_and_in_order_through_three_disconnections(tmp
 
 
 def test_a_log_killed_at_any_moment_loads_and_lacks_at_most_a_second(tmp_path):
-    told = json.loads(finished(start("kill", tmp_path, 50, 11)))
-    assert len(told) == 50
+    results = json.loads(finished(start("kill", tmp_path, 50, 11)))
+    assert len(results) == 50
     short = 0
-    for one in told:
+    for one in results:
         time = read_log(Path(one["file"])).columns["time"]
         np.testing.assert_array_equal(time, np.round(1e-3 * np.arange(len(time)), 6))
         assert 0 <= one["sent"] - len(time) <= 1000  # at 1 kHz
@@ -144,7 +144,7 @@ def test_a_log_is_never_overwritten(tmp_path):
     assert path.read_text() == "mine"
 
 
-def test_a_full_disk_is_told_with_what_is_safe():
+def test_a_full_disk_is_reported_with_the_rows_that_are_safe():
     with pytest.raises(InputError, match=r"No space left.*0 rows before are safe"):
         Appender(Path("/dev/full"), "host,time", more=True)
 
@@ -167,7 +167,7 @@ def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):
 # --- The port -----------------------------------------------------------------------------------
 
 
-def test_rows_are_in_the_file_as_soon_as_they_are_told(protocol, tmp_path):
+def test_rows_are_in_the_file_as_soon_as_they_are_counted(protocol, tmp_path):
     made = setup(begin="")
     log, form = logger(protocol.link, tmp_path / "log.csv", made), made.protocol.format()
     rows, seen = Rows(tmp_path / "log.csv"), 0
@@ -208,15 +208,15 @@ def test_a_restart_of_the_controller_is_counted(protocol, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("wires", "content", "said"),
+    ("changes", "content", "said"),
     [
         ({}, b"\x00\xfe\x9c" * 3000, "nothing but garbage"),
         ({"checksum": "none", "mark": ""}, b"1,2,3,4\n" * 30, "number of values is another"),
         ({}, b"1,2,3\n" * 30, "do not follow the protocol"),
     ],
 )
-def test_what_cannot_be_read_is_told_and_ends_the_log(wires, content, said, protocol, tmp_path):
-    log = logger(protocol.link, tmp_path / "log.csv", setup(**{"begin": "", **wires}))
+def test_unreadable_lines_are_reported_and_end_the_log(changes, content, said, protocol, tmp_path):
+    log = logger(protocol.link, tmp_path / "log.csv", setup(**{"begin": "", **changes}))
     feed(protocol, content)
     with pytest.raises(InputError, match=said) as complaint:
         until(lambda: log.pump(0.1))
@@ -235,7 +235,7 @@ def test_garbage_behind_good_lines_does_not_end_the_log(protocol, tmp_path):
     assert len(read_log(tmp_path / "log.csv").columns["time"]) == 2
 
 
-def test_a_port_that_is_missing_or_busy_is_told_in_one_line(protocol, tmp_path):
+def test_a_port_that_is_missing_or_busy_is_reported_in_one_line(protocol, tmp_path):
     with pytest.raises(InputError, match="there is no port /dev/ttyNONE"):
         Port("/dev/ttyNONE", 115200)
     with pytest.raises(InputError, match="has no rate of 12345678901 baud"):

@@ -128,7 +128,7 @@ def test_checksums_may_be_written_in_small_letters(kind):
         (b"speed: 3", Format(), "lines such as 'speed: 3' do not follow"),
     ],
 )
-def test_a_foreign_protocol_is_told_in_one_line(line, form, said):
+def test_a_foreign_protocol_is_reported_in_one_line(line, form, said):
     text = diagnosis(form, parsed(form, b"", line + b"\n").rejected, 999)
     assert said in text
     assert "\n" not in text
@@ -171,7 +171,7 @@ MOTOR = {"kt": 0.01, "gear": 20.0}
         ({"motor": MOTOR, "protocol": {"unit": "h"}}, "unit = 'h' is unknown"),
     ],
 )
-def test_missing_constants_are_told_in_one_line(document, said):
+def test_missing_constants_are_reported_in_one_line(document, said):
     with pytest.raises(InputError, match=".") as complaint:
         rig_settings_of(document, "rig.toml")
     assert said in str(complaint.value)
@@ -202,7 +202,7 @@ def test_a_counter_that_begins_anew_is_unwound(count, start, step):
 
 @settings(deadline=None)
 @given(st.lists(st.integers(2, 30), min_size=1, max_size=4), st.integers(0, 10**6))
-def test_restarts_are_told_apart_and_joined_by_the_hosts_clock(lengths, seed):
+def test_restarts_are_separated_and_joined_by_the_hosts_clock(lengths, seed):
     generator = np.random.default_rng(seed)
     host, time, late, at = [], [], [], 1e9
     for k, length in enumerate(lengths):

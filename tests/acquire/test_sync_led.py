@@ -121,8 +121,8 @@ def test_a_sync_led_on_film_ties_the_clocks(place, monkeypatch, capsys):
     status, out, err = command(monkeypatch, capsys, place, *words)
     assert (status, err) == (0, "")
     assert "marker   10 edges" in out
-    told = tomllib.loads((place / "data" / "a.align.toml").read_text())
-    led, clock = told["marker"], told["clock"]
+    document = tomllib.loads((place / "data" / "a.align.toml").read_text())
+    led, clock = document["marker"], document["clock"]
     assert abs(led["offset"] - OFFSET) < 1.96 * led["error"] < 3e-3
     low, high = clock["offset_interval"]
     assert low < OFFSET < high
@@ -140,10 +140,10 @@ def test_where_nothing_moves_the_led_alone_ties_the_clocks(place, tmp_path, monk
     assert (status, out) == (2, "") and err.count("\n") == 1
     status, out, err = command(monkeypatch, capsys, tmp_path, *words, "--marker", "led")
     assert (status, err) == (0, "")
-    assert "the marker alone ties the clocks" in out and "viscous" not in out
-    told = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
-    low, high = told["clock"]["offset_interval"]
-    assert low < OFFSET < high and high - low < 0.02 and "viscous" not in told
+    assert "aligned by the marker alone" in out and "viscous" not in out
+    document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
+    low, high = document["clock"]["offset_interval"]
+    assert low < OFFSET < high and high - low < 0.02 and "viscous" not in document
 
 
 def test_every_frame_has_a_brightness_whatever_the_dots_and_the_method(tmp_path):
@@ -198,7 +198,7 @@ def test_a_film_without_a_led_is_as_it_was():
     st.booleans(),
     st.sampled_from([0.0, 0.01, 0.1]),
 )
-def test_a_noisy_brightness_tells_offset_and_drift(seed, offset, exposure, told, noise):
+def test_a_noisy_brightness_gives_offset_and_drift(seed, offset, exposure, known, noise):
     rng = np.random.default_rng(seed)
     switches = np.cumsum(rng.uniform(0.2, 2.0, 14))
     led, drift = SyncLed((1.0, 1.0), tuple(switches)), rng.uniform(-2e-4, 2e-4)
@@ -207,7 +207,7 @@ def test_a_noisy_brightness_tells_offset_and_drift(seed, offset, exposure, told,
     bright = 0.2 + 0.6 * (share + noise * rng.standard_normal(len(camera)))
     drive = np.arange(0.0, switches[-1] + 1.0, 1e-3)
     on = (np.searchsorted(switches, drive) % 2).astype(float)
-    seen = edges_of(camera, bright, "angles.csv", exposure if told else 0.0)
+    seen = edges_of(camera, bright, "angles.csv", exposure if known else 0.0)
     # each edge lies where it is said to, but for the noise of what seemed clear
     slack = exposure / 2 if noise else 1e-9
     assert (np.abs(seen.time - switches) <= seen.half + slack).all()
@@ -217,24 +217,24 @@ def test_a_noisy_brightness_tells_offset_and_drift(seed, offset, exposure, told,
     assert abs(found.drift - drift) < 4.5 * found.drift_error
 
 
-def test_frames_lit_in_part_tell_more_where_the_exposure_is_known():
+def test_frames_lit_in_part_are_more_exact_where_the_exposure_is_known():
     led = SyncLed((1.0, 1.0), tuple(np.cumsum(np.random.default_rng(1).uniform(0.2, 2.0, 40))))
     time = np.arange(0.0, 50.0, 1 / 60)
     bright = np.array([led.share(t - 0.004, t + 0.004) for t in time])
-    told, not_told = (edges_of(time, bright, "a", exposure) for exposure in (0.008, 0.0))
-    np.testing.assert_array_equal(told.time, not_told.time)
-    part = told.half < not_told.half
-    assert 2 < part.sum() < 30 and told.half[part] == pytest.approx(0.004)
+    known, unknown = (edges_of(time, bright, "a", exposure) for exposure in (0.008, 0.0))
+    np.testing.assert_array_equal(known.time, unknown.time)
+    part = known.half < unknown.half
+    assert 2 < part.sum() < 30 and known.half[part] == pytest.approx(0.004)
 
 
-def test_a_led_that_blinks_evenly_needs_to_be_told_roughly_where():
+def test_an_led_that_blinks_evenly_needs_a_rough_offset():
     camera, drive = np.arange(0.0, 20.0, 1 / 60), np.arange(0.0, 60.0, 1e-3)
     seen = edges_of(camera, 1.0 * ((camera + 20.3) % 1.5 < 0.5), "a")
     log = edges_of(drive, 1.0 * (drive % 1.5 < 0.5), "b")
     with pytest.raises(InputError, match="as well as with .* --offset"):
         clock_from_edges(seen, log)
     assert clock_from_edges(seen, log, roughly=-20.0).offset == pytest.approx(-20.3, abs=0.01)
-    # nor does one edge tell which of several it is
+    # one edge may be any of several
     with pytest.raises(InputError, match="as well as with"):
         clock_from_edges(edges_of(camera, 1.0 * (camera > 7.0), "a"), log)
 

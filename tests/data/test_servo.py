@@ -57,7 +57,7 @@ def test_turning_goal_and_angle_together_changes_nothing():
     )
 
 
-def test_a_disconnected_motor_gives_no_torque_and_keeps_its_state_until_told():
+def test_a_disconnected_motor_gives_no_torque_and_keeps_its_state_until_reconnected():
     enabled = (TIME < 0.5).astype(float)
     s = servo(enabled=enabled)
     angle = Signal(TIME, np.cos(TIME)[:, None])

@@ -28,18 +28,21 @@ def test_the_smoother_trusts_samples_by_their_noise():
     errors = []
     for _ in range(20):
         value = noisy(true, rng, sigma)
-        told, blind = RTS()([Signal(t, value, sigma=sigma)])[0], RTS()([Signal(t, value)])[0]
-        errors.append([np.sqrt(np.mean((s.q - true) ** 2)) for s in (told, blind)])
-    told, blind = np.median(errors, axis=0)
-    assert told < 0.2 * blind
+        weighted, unweighted = (
+            RTS()([Signal(t, value, sigma=sigma)])[0],
+            RTS()([Signal(t, value)])[0],
+        )
+        errors.append([np.sqrt(np.mean((s.q - true) ** 2)) for s in (weighted, unweighted)])
+    weighted, unweighted = np.median(errors, axis=0)
+    assert weighted < 0.2 * unweighted
 
 
 def test_equal_deviations_change_nothing():
     t = np.arange(90) / RATE
     value = noisy(np.sin(5 * t)[:, None], np.random.default_rng(1), 0.002)
     plain = RTS()([Signal(t, value)])[0]
-    told = RTS()([Signal(t, value, sigma=np.full_like(value, 0.7))])[0]
-    np.testing.assert_array_equal(told.q, plain.q)
+    weighted = RTS()([Signal(t, value, sigma=np.full_like(value, 0.7))])[0]
+    np.testing.assert_array_equal(weighted.q, plain.q)
 
 
 def swings(sigma_of):
@@ -61,7 +64,7 @@ def swings(sigma_of):
     return Dataset(data.name, data.mechanism, tuple(recordings))
 
 
-def blind(data):
+def unweighted(data):
     return Dataset(
         data.name,
         data.mechanism,
@@ -73,7 +76,7 @@ def test_shooting_trusts_samples_by_their_noise():
     data = swings(lambda rng, shape: np.where(rng.random(shape) < 0.4, 0.03, 0.0005))
     start = Friction(CoulombViscous(), np.array([[0.03, 0.002]]))
     errors = []
-    for d in (data, blind(data)):
+    for d in (data, unweighted(data)):
         theta = refine(start, d, (FrictionBlock(),)).friction.theta[0]
         errors.append(np.abs(theta / [0.02, 0.004] - 1).max())
     assert errors[0] < 0.02 and errors[0] < 0.5 * errors[1]
@@ -127,7 +130,7 @@ def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
         ([*ROWS[:2], "2,60,,found"], "'sigma1' is empty or nan"),
     ],
 )
-def test_wrong_deviations_are_told_in_one_line(tmp_path, rows, line):
+def test_wrong_deviations_are_reported_in_one_line(tmp_path, rows, line):
     (tmp_path / "dataset.toml").write_text(TOML)
     (tmp_path / "a.csv").write_text("\n".join(rows))
     with pytest.raises(InputError, match=line) as error:

@@ -74,14 +74,14 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
         ({"kind": "pendulum", "parameters": {"g": np.inf}}, r"g = inf must be a finite number"),
     ],
 )
-def test_a_wrong_table_is_told_what_is_wrong(table, message):
+def test_a_wrong_table_is_reported_with_the_mistake(table, message):
     with pytest.raises(InputError, match=message):
         mechanism_of(table)
     with pytest.raises(InputError, match=message):
         parameters_of(table, {})
 
 
-def test_a_wrong_override_is_told_what_is_wrong():
+def test_a_wrong_override_is_reported_with_the_mistake():
     table = {"kind": "acrobot"}
     with pytest.raises(InputError, match="no parameter 'rotr'; did you mean 'rotor'"):
         parameters_of(table, {"rotr": 1.0})

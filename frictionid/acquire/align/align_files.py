@@ -20,9 +20,9 @@ from frictionid.acquire.controller_clock import ClockRuns
 from frictionid.acquire.logfile import Log, read_log
 from frictionid.acquire.protocol import SECOND
 from frictionid.acquire.rig_settings import RigSettings, rig_settings_of, rig_tables
-from frictionid.data.readers.table import content_of
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
 
 _EPOCH = 1e8  # [s]: later times count from 1970, as those of other computers do
@@ -157,7 +157,7 @@ def align_files(angles: Path, log: Path, rig: Rig, options: AlignmentOptions) ->
         responses=_responses(rows, rig, alignment.span),
         sources={
             angles.name: seen.sha256,
-            log.name: hashlib.sha256(content_of(log)).hexdigest(),
+            log.name: hashlib.sha256(read_bytes(log)).hexdigest(),
         },
         warnings=tuple(_warnings(seen.angle, angle, runs, uncertainty)),
     )

@@ -34,7 +34,7 @@ def _clock(alignment: Alignment) -> Iterator[str]:
     clock, t = alignment.clock, alignment.t_quantile
     begin, end = alignment.span
     if alignment.marker_only:
-        yield f"warning  the marker alone ties the clocks: {alignment.marker_only}"
+        yield f"warning  the clocks are aligned by the marker alone: {alignment.marker_only}"
     yield (
         f"offset   {clock.offset:.5f} s, 95 % interval "
         f"+-{1e3 * t * alignment.error_at(clock.at):.3f} ms, at {clock.at:.2f} s of the log's clock"

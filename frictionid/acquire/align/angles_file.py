@@ -12,10 +12,11 @@ from pydantic import Field
 
 from frictionid.config import Strict, checked
 from frictionid.data.readers.dataset_toml import UNITS
-from frictionid.data.readers.table import Table, content_of, read_table
+from frictionid.data.readers.table import Table, read_table
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 _TIMES = ("time", "time_camera", "time_angle")
 _MIN_ROWS = 10
@@ -63,7 +64,7 @@ def read_angles(
         Where columns are missing, or times do not increase.
     """
     own = checked(AngleColumns, settings, "[angles]")
-    content, file = content_of(path), str(path)
+    content, file = read_bytes(path), str(path)
     header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
     time = own.time or next((t for t in _TIMES if t in header), _TIMES[0])
     usual = [f"sigma{j + 1}" for j in range(joints)]

@@ -49,7 +49,7 @@ LONG_WINDOWS = Settings(windows=(20 / 60,), iterations=25)
 # the motion shows: calibrated on 68 simulated acrobots of 30 s.
 _WIDENING = 1.4
 _EXACT = 10_000  # degrees of freedom of an interval that no fit has estimated
-_UNKNOWN = 0.1  # [s]: a standard error of the offset that says that nothing is known
+_UNKNOWN = 0.1  # [s]: a standard error of the offset at which it counts as unknown
 _ROUNDS = 3
 _CLOSE = 0.005  # [s]: a remaining delay that needs another round
 _PIECE = 30.0  # [s] of motion for one delay by the balances; two of them give a drift
@@ -217,7 +217,7 @@ def _silent(angle: Signal) -> Signal:
 
 
 def _given(clock: Clock) -> CoarseOffset:
-    """A given clock as a coarse offset that nothing was searched for."""
+    """A given clock as a coarse offset, without a search."""
     nan, none = float("nan"), np.zeros(0)
     return CoarseOffset(clock.offset, nan, (nan, nan), 0.0, none, none)
 
@@ -303,7 +303,8 @@ def _by_shooting(
     pair = pair * np.outer([_WIDENING, 1.0], [_WIDENING, 1.0])
     if not (np.isfinite(pair).all() and pair[0, 0] < _UNKNOWN**2):
         raise InputError(
-            "the motion does not tell the offset of the clocks: record livelier motion, or longer"
+            "the motion does not determine the offset of the clocks: record longer, or livelier "
+            "motion"
         )
     corrected = clock.later(float(delay), float(drift))
     span = corrected.to_log(data.recordings[0].angle.time[[0, -1]])

@@ -118,7 +118,7 @@ def _uncovered(motion: float, log: float) -> str:
         )
     return (
         "the driven joints slide too little, or not while the log was written, to find the motion "
-        "in it: record livelier motion, such as the answers to several pulses of torque"
+        "in it: record livelier motion, such as the response to several pulses of torque"
     )
 
 
@@ -191,7 +191,7 @@ def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correl
     sums = [_joint_sums(rows, asked, torque, grids, j) for j in range(len(driven)) if driven[j]]
     cross, energy, covered = (sum(s[k] for s in sums) for k in range(3))
     moving = sum(s.moving for s in sums)
-    # of little sliding, such as the answer to one pulse, nearly all must be covered
+    # of little motion, such as the response to one pulse, nearly all must be covered
     few = max(min(MIN_WINDOWS * WIDTH / 2 / STEP, _NEARLY * moving), MIN_WINDOWS)
     enough = (covered >= _OVERLAP * moving) & (covered >= few)
     scale = max(sum(s.asked for s in sums), 1e-300)
@@ -204,7 +204,7 @@ def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correl
 def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int) -> _Sums:
     """Sums of `correlate` for joint j."""
     middle = (rows.start + rows.stop) / 2
-    # nothing is known of what happened in a gap of the motion
+    # the motion in a gap is unknown
     after = np.clip(np.searchsorted(middle, grids.motion), 1, len(middle) - 1)
     known = (middle[after] - middle[after - 1] < WIDTH).astype(float)
     free = np.interp(grids.motion, middle, rows.moving[:, j].astype(float))

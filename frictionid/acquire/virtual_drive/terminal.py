@@ -56,7 +56,7 @@ class Terminal:
             self._master, self._received = -1, b""
 
     def is_open(self) -> bool:
-        """Whether somebody has the port open."""
+        """Whether a host has the port open."""
         poll = select.poll()
         poll.register(self._master, 0)
         return not any(event & select.POLLHUP for _, event in poll.poll(0))

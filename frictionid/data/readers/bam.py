@@ -19,11 +19,12 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.table import content_of, table_name, unzip
+from frictionid.data.readers.table import table_name, unzip
 from frictionid.data.recordings import Recording, first_fault
 from frictionid.data.servo import Servo, servo_torque, terminal_voltage
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 # Firmware of the XL330: 4096 counts a turn, divided by 256 times a full duty of 885.
 XL330_GAIN = 4096 / (2 * math.pi) / (256 * 885)
@@ -63,7 +64,7 @@ def read_bam(path: Path, settings: Mapping[str, Any]) -> Recording:
     """
     given = checked(BamSettings, dict(settings), f"{path}: [reader]")
     file = str(path)
-    log = _log(unzip(content_of(path), file), file)
+    log = _log(unzip(read_bytes(path), file), file)
     columns = _columns(log["entries"], file)
     keep = _phase(columns["torque_enable"] > 0, given.phase, file)
 

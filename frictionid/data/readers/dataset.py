@@ -15,11 +15,12 @@ from frictionid.config import nearest, read_toml
 from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml, check_dataset_toml
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
-from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.readers.table import Table, read_table, table_name
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 
 def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
@@ -53,7 +54,7 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
     read = None if toml.reader is None else reader_of(toml.reader.kind, file)
     recordings, hashes = [], {}
     for name in names:
-        content = content_of(folder / name)
+        content = read_bytes(folder / name)
         hashes[name] = _sha256(content, folder / name, toml.sha256.get(name))
         if toml.collection is not None:
             check_file(toml.collection, name, hashes[name], folder)

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.table import content_of, read_table, table_name
+from frictionid.data.readers.table import read_table, table_name
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
+from frictionid.files import read_bytes
 
 
 class DoublePendulumSettings(Strict):
@@ -32,7 +33,7 @@ def read_dfki_double_pendulum(path: Path, settings: Mapping[str, Any]) -> Record
     measured = given.torque == "measured"
     angle = ["pos_meas1", "pos_meas2"]
     torque = [f"tau_{'meas' if measured else 'con'}{joint}" for joint in (1, 2)]
-    table = read_table(content_of(path), str(path), ["time", *angle, *torque])
+    table = read_table(read_bytes(path), str(path), ["time", *angle, *torque])
     return Recording(
         table_name(path.name),
         signal_of(table, "time", angle),

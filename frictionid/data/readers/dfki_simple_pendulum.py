@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.table import content_of, read_table, table_name
+from frictionid.data.readers.table import read_table, table_name
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
+from frictionid.files import read_bytes
 
 
 class SimplePendulumSettings(Strict):
@@ -25,7 +26,7 @@ def read_dfki_simple_pendulum(path: Path, settings: Mapping[str, Any]) -> Record
     """Angle, velocity and torque of one joint; 0 hangs down, all in SI units."""
     given = checked(SimplePendulumSettings, dict(settings), f"{path}: [reader]")
     names = ["time", "position", "velocity", "torque"]
-    table = read_table(content_of(path), str(path), names)
+    table = read_table(read_bytes(path), str(path), names)
     return Recording(
         table_name(path.name),
         signal_of(table, "time", ["position"]),

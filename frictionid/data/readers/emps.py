@@ -10,10 +10,11 @@ import numpy as np
 
 from frictionid.config import Strict, checked
 from frictionid.data.readers.mat import mat_column, read_mat
-from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.readers.table import Table, read_table, table_name
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 
 def read_emps(path: Path, settings: Mapping[str, Any]) -> Recording:
@@ -27,7 +28,7 @@ def read_emps(path: Path, settings: Mapping[str, Any]) -> Recording:
         For any setting (there are none), and for files without t, qm, qg, vir and gtau.
     """
     checked(Strict, dict(settings), f"{path}: [reader]")
-    content, file = content_of(path), str(path)
+    content, file = read_bytes(path), str(path)
     if not file.lower().endswith(".mat"):
         raise InputError(f"{file}: recordings of emps are MAT files; narrow the patterns")
     table: Table = read_table(content, file, ["t", "qm", "qg", "vir"])

@@ -14,11 +14,12 @@ from frictionid.config import Strict, checked
 from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
 from frictionid.data.readers.dataset_toml import UNITS, Column
 from frictionid.data.readers.headerless import read_headerless
-from frictionid.data.readers.table import Table, content_of, read_table, table_name
+from frictionid.data.readers.table import Table, read_table, table_name
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 FRAME = "time of the frame"
 
@@ -79,7 +80,7 @@ def _table(path: Path, given: MarkerSettings) -> Table:
     """The table, with a column of times where it has only a rate."""
     names = [*given.x, *given.y, *([] if given.time is None else [given.time])]
     read = read_table if given.header else read_headerless
-    table = read(content_of(path), str(path), names)
+    table = read(read_bytes(path), str(path), names)
     if given.rate is None:
         return table
     return table._replace(columns={**table.columns, FRAME: np.arange(len(table.rows)) / given.rate})

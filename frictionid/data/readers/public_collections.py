@@ -13,9 +13,8 @@ from types import MappingProxyType
 from pydantic import Field
 
 from frictionid.config import Strict, nearest, parse_toml
-from frictionid.data.readers.table import content_of
 from frictionid.errors import InputError
-from frictionid.files import write_bytes
+from frictionid.files import read_bytes, write_bytes
 
 
 class File(Strict):
@@ -144,7 +143,7 @@ def copy_collection(name: str, source: Path) -> list[str]:
     for target, place in found.items():
         own = cached(name) / target
         if not (own.exists() and own.samefile(place)):
-            write_bytes(own, content_of(place))
+            write_bytes(own, read_bytes(place))
     return missing
 
 
@@ -201,4 +200,4 @@ def _original_at(folder: Path, file: File) -> Path | None:
 
 
 def _hash(file: Path) -> str:
-    return hashlib.sha256(content_of(file)).hexdigest()
+    return hashlib.sha256(read_bytes(file)).hexdigest()

@@ -6,7 +6,6 @@ import io
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +45,7 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
     ----------
     content : bytes
     file : str
-        Name of the file; its ending tells the format, errors repeat it.
+        Name of the file: its ending is the format; errors name it.
     columns : sequence of str
 
     Raises
@@ -76,7 +75,7 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
 
 
 def table_name(file: str) -> str:
-    """Name of a table's file without the ending that tells the format.
+    """Name of a file without the ending of its format.
 
     Examples
     --------
@@ -87,14 +86,6 @@ def table_name(file: str) -> str:
         if file.lower().endswith(suffix):
             return file[: -len(suffix)]
     return file
-
-
-def content_of(file: Path) -> bytes:
-    """Bytes of a file, or the reason why there are none as an InputError."""
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise InputError(f"{file} cannot be read ({error.strerror}); check it") from None
 
 
 def unzip(content: bytes, file: str) -> bytes:
@@ -186,8 +177,8 @@ def _mat(content: bytes, file: str, columns: Sequence[str]) -> Table:
     picked = {name: mat_column(variables, name, file) for name in columns}
     lengths = {name: len(column) for name, column in picked.items()}
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name!r} {length}" for name, length in lengths.items())
-        raise InputError(f"{file}: the columns differ in length ({told}); export them alike")
+        sizes = ", ".join(f"{name!r} {length}" for name, length in lengths.items())
+        raise InputError(f"{file}: the columns differ in length ({sizes}); export them alike")
     # MATLAB counts from 1, and there is no header.
     return Table(file, np.arange(1, next(iter(lengths.values()), 0) + 1), picked)
 

@@ -201,8 +201,8 @@ def test_unreadable_files_are_named(tmp_path):
 def damaged(content):
     """The content with a part cut out, overwritten or repeated."""
     size = len(content)
-    spots = st.tuples(st.integers(0, size), st.integers(0, 60), st.binary(max_size=30))
-    return spots.map(lambda s: content[: s[0]] + s[2] + content[s[0] + s[1] :])
+    cuts = st.tuples(st.integers(0, size), st.integers(0, 60), st.binary(max_size=30))
+    return cuts.map(lambda s: content[: s[0]] + s[2] + content[s[0] + s[1] :])
 
 
 def survives(read, path, content, given_settings):

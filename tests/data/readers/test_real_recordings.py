@@ -45,7 +45,7 @@ def test_time_is_in_seconds(dataset):
 
 
 def test_angles_are_in_radians_from_hanging_at_rest(dataset):
-    """Every run starts hanging; the encoders tell 3.8e-4 rad apart, whole turns do not occur."""
+    """Every run starts hanging; the encoders resolve 3.8e-4 rad, whole turns do not occur."""
     for recording in dataset.recordings:
         angle = recording.angle.value
         assert np.abs(angle[0]).max() < 0.05
@@ -54,7 +54,7 @@ def test_angles_are_in_radians_from_hanging_at_rest(dataset):
 
 
 def test_torques_are_in_newton_metres(dataset):
-    """The drives peak below 4 N m and tell 5.9e-3 N m apart; no joint reports none at all."""
+    """The drives peak below 4 N m and resolve 5.9e-3 N m; no joint reports none at all."""
     for recording in dataset.recordings:
         torque = recording.torque.value
         assert np.abs(torque).max() < 4.0

@@ -89,7 +89,7 @@ def test_passive_joints_need_no_effort(motion, tmp_path):
         read_ros(file, {})
 
 
-def test_mistakes_are_told_in_one_line(motion, tmp_path):
+def test_mistakes_are_reported_in_one_line(motion, tmp_path):
     good = states(motion)
     file = write(tmp_path / "good", good)
     two = write(tmp_path / "two", good, topics=("/a", "/b"))
@@ -126,7 +126,7 @@ def test_mistakes_are_told_in_one_line(motion, tmp_path):
         assert "\n" not in str(complaint.value)
 
 
-def test_without_the_package_the_way_to_it_is_told(tmp_path, monkeypatch):
+def test_without_the_package_its_installation_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     file = tmp_path / "a.mcap"
     file.write_bytes(b"x")
