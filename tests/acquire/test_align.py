@@ -1,10 +1,11 @@
 """One clock: offset and drift put in come back, and what cannot be document is refused."""
 
-import sys
 import tomllib
+from functools import partial
 
 import numpy as np
 import pytest
+from fixtures.command_line import run_command
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +18,6 @@ from frictionid.acquire.align.recording_folder import (
     head_of,
 )
 from frictionid.acquire.align.sync_edges import clock_from_edges, edges_of
-from frictionid.cli import main
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
@@ -217,16 +217,9 @@ def write_angles(path, angle, lost=()):
 
 @pytest.fixture
 def call(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "rig.toml").write_text(RIG)
 
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, arguments)])
-        code = main()
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
+    return partial(run_command, monkeypatch, capsys, tmp_path)
 
 
 def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):

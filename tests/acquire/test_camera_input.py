@@ -8,6 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from fixtures.command_line import run_command
 from fixtures.simulated_films import (
     BLUE,
     LENGTHS,
@@ -30,7 +31,6 @@ from frictionid.acquire.camera.marker_setup import (
 from frictionid.acquire.camera.overlay import contact_sheet
 from frictionid.acquire.camera.source import Source, open_source
 from frictionid.acquire.camera.track import track
-from frictionid.cli import main
 from frictionid.errors import InputError
 from frictionid.simulate.film import shots, write_film
 
@@ -59,14 +59,6 @@ def place(tmp_path_factory):
     write_film(replace(FILM, dropped=0.2, jitter=0.002), MOTION, folder / "uneven")
     (folder / "rig.toml").write_text(RIG)
     return folder
-
-
-def command(monkeypatch, capsys, folder, *words):
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr("sys.argv", ["frictionid", *words])
-    status = main()
-    out, err = capsys.readouterr()
-    return status, out, err
 
 
 @pytest.mark.parametrize("name", ["even.mov", "squeezed.mp4", "uneven.mov"])
@@ -101,7 +93,7 @@ def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, monkey
         "--sheet",
         str(tmp_path / "s.png"),
     )
-    status, out, err = command(monkeypatch, capsys, place, *words)
+    status, out, err = run_command(monkeypatch, capsys, place, *words)
     assert status == 0 and not err and "60 frames" in out
     (tmp_path / "dataset.toml").write_text(
         'name = "seen"\n[mechanism]\nkind = "acrobot"\n[columns]\ntime = "time"\n'
@@ -116,18 +108,18 @@ def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, monkey
 
 def test_setup_proposes_a_rig_that_tracks(tmp_path, monkeypatch, capsys):
     write_film(FILM, motion(150), tmp_path / "film")
-    status, out, _ = command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
+    status, out, _ = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
     assert status == 0 and "elbow" in out
-    status, _, err = command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
+    status, _, err = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
     assert status == 2 and "there already" in err
-    status, *_ = command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--out", "a.csv")
+    status, *_ = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--out", "a.csv")
     assert status == 0
 
 
 def test_an_overlay_has_every_frame(place, tmp_path, monkeypatch, capsys):
     out = tmp_path / "new" / "over.mp4"
     words = ("track", "uneven.mov", "--out", str(tmp_path / "a.csv"), "--overlay", str(out))
-    assert command(monkeypatch, capsys, place, *words)[0] == 0
+    assert run_command(monkeypatch, capsys, place, *words)[0] == 0
     assert open_source(str(out)).count == open_source(str(place / "uneven.mov")).count
 
 
@@ -172,7 +164,7 @@ WRONG = {
 def test_a_mistake_is_one_line(place, tmp_path, monkeypatch, capsys, video, rig, words):
     damaged(place, tmp_path)
     (tmp_path / "rig.toml").write_text(rig)
-    status, out, err = command(monkeypatch, capsys, tmp_path, "track", video, "--out", "a.csv")
+    status, out, err = run_command(monkeypatch, capsys, tmp_path, "track", video, "--out", "a.csv")
     assert status == 2 and not out
     assert err.startswith("frictionid: ") and err.count("\n") == 1 and words in err
     assert not (tmp_path / "a.csv").exists()
@@ -185,7 +177,9 @@ def test_a_video_that_ends_early_is_refused(place, tmp_path, monkeypatch, capsys
     (tmp_path / "holes.mov").write_bytes(
         whole[:1000] + b"\0" * (len(whole) // 2) + whole[len(whole) // 2 + 1000 :]
     )
-    status, _, err = command(monkeypatch, capsys, tmp_path, "track", "holes.mov", "--out", "a.csv")
+    status, _, err = run_command(
+        monkeypatch, capsys, tmp_path, "track", "holes.mov", "--out", "a.csv"
+    )
     assert status == 2 and err.count("frictionid: ") == 1
     assert "damaged" in err or "no video that can be read" in err
     assert not (tmp_path / "a.csv").exists()
@@ -193,14 +187,14 @@ def test_a_video_that_ends_early_is_refused(place, tmp_path, monkeypatch, capsys
 
 def test_no_wrong_output_is_left(place, monkeypatch, capsys):
     words = ("track", "even.mov", "--out", "rig.toml/a.csv")
-    status, _, err = command(monkeypatch, capsys, place, *words)
+    status, _, err = run_command(monkeypatch, capsys, place, *words)
     assert status == 2 and "cannot be written" in err
 
 
 def test_a_camera_toml_is_checked(tmp_path, monkeypatch, capsys):
     (tmp_path / "camera.toml").write_text("lengths = [0.1]\nnoize = 3.0\n")
     words = ("render", "data", "--camera", "camera.toml", "--out", "v")
-    status, _, err = command(monkeypatch, capsys, tmp_path, *words)
+    status, _, err = run_command(monkeypatch, capsys, tmp_path, *words)
     assert status == 2 and "did you mean 'noise'" in err
 
 
@@ -244,7 +238,7 @@ def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
         (["--out", "lost.csv", "--sheet", "lost.csv"], "another option"),
         (["--out", "lost.csv", "--sheet", "."], "is a folder"),
     ]:
-        status, out, err = command(monkeypatch, capsys, place, "track", "even.mov", *words)
+        status, out, err = run_command(monkeypatch, capsys, place, "track", "even.mov", *words)
         assert status == 2 and said in err and err.count("\n") == 1 and not out
     assert not (place / "lost.csv").exists()
     assert (place / "even.mov").read_bytes() == film
@@ -253,7 +247,7 @@ def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
 
 def test_a_missing_rig_is_reported_as_missing(place, monkeypatch, capsys):
     words = ["track", "even.mov", "--rig", "nosuch.toml", "--out", "lost.csv"]
-    status, _, err = command(monkeypatch, capsys, place, *words)
+    status, _, err = run_command(monkeypatch, capsys, place, *words)
     assert status == 2 and "does not exist" in err and "TOML" not in err
 
 

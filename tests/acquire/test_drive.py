@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from frictionid.acquire.logfile import read_log
 from frictionid.acquire.playback import PlaySettings, excite, keys, load_signal
-from frictionid.acquire.protocol import read
+from frictionid.acquire.protocol import framed, read
 from frictionid.acquire.rig_settings import rig_settings_of
 from frictionid.acquire.virtual_drive.controller import (
     RAMP,
@@ -26,7 +26,6 @@ from frictionid.acquire.virtual_drive.controller import (
     Drive,
     Faults,
     broken_line,
-    command_line,
     torque_of,
 )
 from frictionid.acquire.virtual_drive.serve import play
@@ -51,6 +50,11 @@ def values(drive, controller, k):
     return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].per_measured
 
 
+def command_line(form, template, value):
+    """Line of a command to the drive."""
+    return framed(form, template.replace("{value}", f"{value:.6f}"))
+
+
 # --- What it says --------------------------------------------------------------------------------
 
 
@@ -73,11 +77,11 @@ def test_it_obeys_within_its_limits_until_the_host_is_silent():
     drive = Drive(setup(), sine(3.0), gain=0.9)
     controller, form = Controller(drive), drive.rig.protocol.format()
     most = drive.rig.motors[0].limit
-    controller.obey(500, command_line(form, "u,{value}", [0.2])[:-1])
+    controller.obey(500, command_line(form, "u,{value}", 0.2)[:-1])
     assert values(drive, controller, 501)[1:] == pytest.approx((0.2, 0.18), abs=1e-6)
-    controller.obey(510, command_line(form, "u,{value}", [5.0])[:-1])
+    controller.obey(510, command_line(form, "u,{value}", 5.0)[:-1])
     assert values(drive, controller, 511)[2] == pytest.approx(most, abs=1e-6)
-    controller.obey(520, command_line(form, "u,{value}", [0.2])[:-1])
+    controller.obey(520, command_line(form, "u,{value}", 0.2)[:-1])
     silent = 520 + int(1000 * SILENCE)
     torques = [values(drive, controller, k)[1] for k in range(silent - 1, silent + 400, 10)]
     assert torques[0] == pytest.approx(0.2)
@@ -91,7 +95,7 @@ def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
     controller, form = Controller(drive), drive.rig.protocol.format()
 
     def torque_after(k, text):
-        controller.obey(k, command_line(form, text, [0.2])[:-1])
+        controller.obey(k, command_line(form, text, 0.2)[:-1])
         return values(drive, controller, k + 1)[2]
 
     assert torque_after(1, "u,{value}") == pytest.approx(0.2, abs=1e-6)

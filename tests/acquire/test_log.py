@@ -5,10 +5,12 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fixtures.command_line import run_command
 from fixtures.drive_ports import MOTOR, Rows, logger, setup, until
 from fixtures.paths import ROOT
 from hypothesis import HealthCheck, given, settings
@@ -19,7 +21,6 @@ from frictionid.acquire.monitor import ProgressLine, log_until, progress, stop_r
 from frictionid.acquire.port import Port
 from frictionid.acquire.protocol import parsed, read, written
 from frictionid.acquire.virtual_drive.terminal import Terminal
-from frictionid.cli import main
 from frictionid.errors import InputError
 
 PORTS = ROOT / "tests" / "fixtures" / "drive_ports.py"
@@ -254,18 +255,11 @@ def test_a_port_that_is_missing_or_busy_is_reported_in_one_line(protocol, tmp_pa
 
 @pytest.fixture
 def call(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "rig.toml").write_text(
         "[motor]\nkt = 0.01\ngear = 18.0\n[protocol]\nchecksum = 'crc16'\nmark = '$'\n"
     )
 
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, arguments)])
-        code = main()
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
+    return partial(run_command, monkeypatch, capsys, tmp_path)
 
 
 def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, protocol, tmp_path):

@@ -1,11 +1,11 @@
 """A sync LED in the picture and pulses of torque as markers: from the film to the clocks."""
 
-import sys
 import tomllib
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from fixtures.command_line import run_command
 from fixtures.simulated_films import (
     BLUE,
     LENGTHS,
@@ -31,7 +31,6 @@ from frictionid.acquire.camera.source import open_source
 from frictionid.acquire.camera.track import track
 from frictionid.check.balance_windows import unit_rows
 from frictionid.check.motion import motions_of
-from frictionid.cli import main
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
@@ -103,22 +102,16 @@ def place(tmp_path_factory):
     return folder
 
 
-def command(monkeypatch, capsys, folder, *words):
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["frictionid", *words])
-    status = main()
-    out, err = capsys.readouterr()
-    return status, out, err
-
-
 # --- From the film to the clocks -----------------------------------------------------------------
 
 
 def test_a_sync_led_on_film_ties_the_clocks(place, monkeypatch, capsys):
-    status, out, err = command(monkeypatch, capsys, place, "track", "film.mov", "--out", "a.csv")
+    status, out, err = run_command(
+        monkeypatch, capsys, place, "track", "film.mov", "--out", "a.csv"
+    )
     assert (status, err) == (0, "")
     words = ("align", "a.csv", "log.csv", "--out", "data", "--hold", "previous", "--marker", "led")
-    status, out, err = command(monkeypatch, capsys, place, *words)
+    status, out, err = run_command(monkeypatch, capsys, place, *words)
     assert (status, err) == (0, "")
     assert "marker   10 edges" in out
     document = tomllib.loads((place / "data" / "a.align.toml").read_text())
@@ -136,9 +129,9 @@ def test_where_nothing_moves_the_led_alone_ties_the_clocks(place, tmp_path, monk
     (tmp_path / "a.csv").write_text("\n".join(["time,q1,led", *rows]) + "\n")
     (tmp_path / "rig.toml").write_text(RIG)
     words = ("align", "a.csv", str(place / "log.csv"), "--out", "data")
-    status, out, err = command(monkeypatch, capsys, tmp_path, *words)
+    status, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
     assert (status, out) == (2, "") and err.count("\n") == 1
-    status, out, err = command(monkeypatch, capsys, tmp_path, *words, "--marker", "led")
+    status, out, err = run_command(monkeypatch, capsys, tmp_path, *words, "--marker", "led")
     assert (status, err) == (0, "")
     assert "aligned by the marker alone" in out and "viscous" not in out
     document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
@@ -256,7 +249,7 @@ WRONG = {
 def test_a_wrong_led_is_one_line(place, tmp_path, monkeypatch, capsys, old, new, said):
     (tmp_path / "rig.toml").write_text(RIG.replace(old, new))
     words = ("track", str(place / "film.mov"), "--out", "a.csv")
-    status, out, err = command(monkeypatch, capsys, tmp_path, *words)
+    status, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
     assert (status, out) == (2, "") and err.count("\n") == 1 and said in err
     assert not (tmp_path / "a.csv").exists()
 
@@ -265,9 +258,9 @@ def test_a_led_that_never_switches_is_one_line(place, tmp_path, monkeypatch, cap
     # a place where no LED is: noise has no two levels
     (tmp_path / "rig.toml").write_text(RIG.replace("290.0, 20.0", "290.0, 220.0"))
     words = ("track", str(place / "film.mov"), "--out", "a.csv")
-    assert command(monkeypatch, capsys, tmp_path, *words)[0] == 0
+    assert run_command(monkeypatch, capsys, tmp_path, *words)[0] == 0
     words = ("align", "a.csv", str(place / "log.csv"), "--out", "data", "--marker", "led")
-    status, out, err = command(monkeypatch, capsys, tmp_path, *words)
+    status, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
     assert (status, out) == (2, "") and err.count("\n") == 1
     assert "a.csv: the marker never changes" in err and not (tmp_path / "data").exists()
 

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from frictionid.acquire.protocol import Format, framed, read, unframed, written
+from frictionid.acquire.protocol import read, unframed, written
 from frictionid.acquire.rig_settings import RigSettings
 from frictionid.config import NotNegative, Positive, check_settings, nearest
 from frictionid.data.recordings import Dataset
@@ -214,11 +214,6 @@ def _stamp(clock: float, unit: str, wrap: float) -> str:
         return f"{clock:.6f}"
     count = round(clock * {"ms": 1e3, "us": 1e6}[unit])
     return str(count % int(wrap) if count >= 0 else count)
-
-
-def command_line(form: Format, template: str, values: list[float]) -> bytes:
-    """Framed command of values, one for each motor."""
-    return framed(form, template.replace("{value}", ",".join(f"{v:.6f}" for v in values)))
 
 
 def torque_of(dataset: Dataset, name: str = "") -> Signal:
