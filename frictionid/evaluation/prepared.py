@@ -8,7 +8,7 @@ problems and initial states when they are first asked for, and keeps them.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.states import KalmanFilter, States
+from frictionid.data.states import Estimator, KalmanFilter, States
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import velocity_grid
 from frictionid.evaluation.free_run import Trajectory, make_trajectory, with_motor_torque
@@ -41,28 +41,20 @@ from frictionid.shooting import SampleWindows
 
 @dataclass(frozen=True, eq=False)
 class EstimatedStates:
-    """States of all recordings by each estimator, whatever the mechanism's parameters.
+    """States of all recordings, whatever the mechanism's parameters; each estimator runs once.
 
     sample_time : [s] between the samples used, None for all
     """
 
     dataset: Dataset
     sample_time: float | None = None
+    known: dict[Estimator, tuple[States, ...]] = field(default_factory=dict)
 
-    @cached_property
-    def backward(self) -> tuple[States, ...]:
-        """By backward differences, as the study has them."""
-        return states_of(self.dataset, STUDY.states, self.sample_time)
-
-    @cached_property
-    def smoothed(self) -> tuple[States, ...]:
-        """By the RTS smoother."""
-        return states_of(self.dataset, INTEGRAL.states, self.sample_time)
-
-    @cached_property
-    def causal(self) -> tuple[States, ...]:
-        """By the Kalman filter, from samples up to each time only."""
-        return states_of(self.dataset, KalmanFilter(), self.sample_time)
+    def by(self, estimator: Estimator) -> tuple[States, ...]:
+        """States by an estimator."""
+        if estimator not in self.known:
+            self.known[estimator] = states_of(self.dataset, estimator, self.sample_time)
+        return self.known[estimator]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,30 +70,30 @@ class Prepared:
     plant: Plant
     offset: Array | None = None
 
-    @cached_property
-    def backward(self) -> tuple[States, ...]:
-        """States by backward differences."""
-        return self._shifted(self.estimated.backward)
+    def states(self, estimator: Estimator) -> tuple[States, ...]:
+        """Estimated states of all recordings, with the corrected angles."""
+        states, offset = self.estimated.by(estimator), self.offset
+        return states if offset is None else tuple(s._replace(q=s.q - offset) for s in states)
 
     @cached_property
     def smoothed(self) -> tuple[States, ...]:
         """States by the RTS smoother."""
-        return self._shifted(self.estimated.smoothed)
+        return self.states(INTEGRAL.states)
 
     @cached_property
     def causal(self) -> tuple[States, ...]:
         """States from samples up to each time only."""
-        return self._shifted(self.estimated.causal)
+        return self.states(KalmanFilter())
 
     @cached_property
     def euler(self) -> Problem:
         """One-step problem of the study, all rows alike."""
-        return problem_of(self.dataset, self.plant, STUDY, *self._limits, self.backward)
+        return self._problem(STUDY)
 
     @cached_property
     def integral(self) -> Problem:
         """One-step problem of the momentum balance, all rows alike."""
-        return problem_of(self.dataset, self.plant, INTEGRAL, *self._limits, self.smoothed)
+        return self._problem(INTEGRAL)
 
     @cached_property
     def initial_states(self) -> InitialStates:
@@ -139,14 +131,9 @@ class Prepared:
         """Unit of the joints' positions, "rad" or "m"."""
         return self.plant.mechanism.description.angle_unit
 
-    @property
-    def _limits(self) -> tuple[float | None, float]:
-        return self.protocol.sample_time, self.protocol.history
-
-    def _shifted(self, states: tuple[States, ...]) -> tuple[States, ...]:
-        if self.offset is None:
-            return states
-        return tuple(s._replace(q=s.q - self.offset) for s in states)
+    def _problem(self, recipe: Recipe) -> Problem:
+        limits = self.protocol.sample_time, self.protocol.history
+        return problem_of(self.dataset, self.plant, recipe, *limits, self.states(recipe.states))
 
     def _initial_states(self, states: Sequence[States]) -> InitialStates:
         p = self.protocol
@@ -262,11 +249,8 @@ def _same_calibration(calibration: Calibration, folds: int) -> list[Array]:
 
 def training_of(prepared: Prepared, recipe: Recipe) -> Problem:
     """The one-step problem that identifiers fit by a recipe."""
-    known = {STUDY.states: "backward", INTEGRAL.states: "smoothed"}
-    name = next((name for estimator, name in known.items() if estimator == recipe.states), None)
-    states = None if name is None else getattr(prepared, name)
-    protocol = prepared.protocol
-    limits = protocol.sample_time, protocol.history
+    limits = prepared.protocol.sample_time, prepared.protocol.history
+    states = prepared.states(recipe.states)
     return training_problem(prepared.dataset, prepared.plant, recipe, *limits, states)
 
 

@@ -48,37 +48,28 @@ def _memory(friction: Friction, initial: InitialStates) -> Memory:
 
 
 def rollout_scores(
-    motion: Rollout, initial: InitialStates, fold: Array, angle_unit: str = "rad"
+    motion: Rollout,
+    initial: InitialStates,
+    fold: Array,
+    angle_unit: str = "rad",
+    *,
+    true: bool = False,
 ) -> Iterator[Score]:
     """Scores for every horizon against the measured angles, and the true ones where they are known.
 
-    fold (H, S) as `initial_state_folds` gives it, or zeros where nothing was fitted to these data.
+    fold : (H, S) as `initial_state_folds` gives it, or zeros where nothing was fitted to these data
+    true : whether the motion starts from true states, and is compared with the true angles only
     """
-    limit = divergence_limit(angle_unit, initial.measured)
-    yield from _scores(motion, initial, initial.measured, fold, "rollout_angle", limit)
-    if initial.truth is not None:
-        yield from _scores(motion, initial, initial.truth, fold, "rollout_angle_truth", limit)
-
-
-def true_initial_state_scores(
-    motion: Rollout, initial: InitialStates, fold: Array, angle_unit: str = "rad"
-) -> Iterator[Score]:
-    """Scores of predictions from true initial states, against the true angles."""
-    assert initial.truth is not None
-    limit = divergence_limit(angle_unit, initial.truth)
-    yield from _scores(motion, initial, initial.truth, fold, "rollout_true_start", limit)
-
-
-def _scores(
-    motion: Rollout, initial: InitialStates, reference: Array, fold: Array, score: str, limit: Array
-) -> Iterator[Score]:
-    for h, horizon in enumerate(initial.horizons):
-        use = (initial.last[h] > 0) & (fold[h] >= 0)
-        if not use.any():
-            continue
-        at = initial.last[h, use], np.flatnonzero(use)
-        error = motion.q[at] - reference[at]
-        yield from _horizon_scores(error, fold[h, use], score, float(horizon), limit)
+    angles = {"rollout_angle": initial.measured, "rollout_angle_truth": initial.truth}
+    angles = {"rollout_true_start": initial.truth} if true else angles
+    limit = divergence_limit(angle_unit, initial.truth if true else initial.measured)
+    for score, reference in angles.items():
+        for h, horizon in enumerate(initial.horizons):
+            use = (initial.last[h] > 0) & (fold[h] >= 0)
+            if reference is not None and use.any():
+                at = initial.last[h, use], np.flatnonzero(use)
+                error = motion.q[at] - reference[at]
+                yield from _horizon_scores(error, fold[h, use], score, float(horizon), limit)
 
 
 def _horizon_scores(

@@ -23,7 +23,7 @@ from frictionid.evaluation.ground_truth import steady_state
 from frictionid.evaluation.initial_states import InitialStates, initial_state_folds
 from frictionid.evaluation.one_step import held_out_residual, one_step_scores
 from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_views
-from frictionid.evaluation.rollouts import predict, rollout_scores, true_initial_state_scores
+from frictionid.evaluation.rollouts import predict, rollout_scores
 from frictionid.evaluation.score_frame import Score, score_frame
 from frictionid.friction import Friction
 from frictionid.identifiers.residual import Problem
@@ -145,7 +145,7 @@ def _scored(
     if prepared.true_initial_states is not None:
         true, ideal = _rollouts(model, owner, true=True)
         unit = prepared.angle_unit
-        scores += true_initial_state_scores(ideal, true, held_out.rollouts, unit)
+        scores += rollout_scores(ideal, true, held_out.rollouts, unit, true=True)
     if prepared.trajectory is not None:
         scores += _free_run_scores(model, held_out.recordings)
     scores += _curve_scores(model.friction, overall, prepared)

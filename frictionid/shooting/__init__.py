@@ -23,7 +23,7 @@ from frictionid.shooting.parameters import (
     Parameter,
     ParameterBlock,
 )
-from frictionid.shooting.parameters.parameter_block import free_blocks, values_of
+from frictionid.shooting.parameters.parameter_block import Values, free_blocks, values_of
 from frictionid.shooting.problem import Linearisation, ShootingProblem, shooting_problem
 from frictionid.shooting.recipe import Shooting, refine_folds
 from frictionid.shooting.refine import Diagnostics, Refined, Segment, refine
@@ -50,6 +50,7 @@ __all__ = [
     "Shooting",
     "ShootingProblem",
     "Solution",
+    "Values",
     "covariance_of",
     "document_of",
     "free_blocks",

@@ -93,41 +93,30 @@ def slopes(
     if law.uses_load:
         by_q, by_w, by_u = _through_load(plant, friction, state, u)
     else:
-        by_q = _diagonal(law, theta, x, memory, "q") if reads.q else None
-        by_w = (_columns if reads.others else _diagonal)(law, theta, x, memory, "w") * moves
-        by_u = _diagonal(law, theta, x, memory, "u") if reads.u else None
+        eye = np.eye(w.shape[-1])
+
+        def own(name: str) -> Array:
+            return _difference(law, theta, x, memory, name, SPEED)[..., None] * eye
+
+        by_q, by_u = (
+            own(name) if read else None for name, read in (("q", reads.q), ("u", reads.u))
+        )
+        by_w = own("w") * moves
+        if reads.others:
+            columns = [_difference(law, theta, x, memory, "w", step) for step in SPEED * eye]
+            by_w = np.stack(columns, axis=-1) * moves
     gradient, of_memory = _own_slopes(law, theta, x, memory)
-    return Slopes(
-        here,
-        by_q,
-        by_w,
-        by_u,
-        of_memory,
-        by_theta(
-            theta,
-            free,
-            lambda t: law.torque(t, x, memory),
-            gradient,
-            0.0 * x.w,
-        ),
-    )
+    of_theta = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
+    return Slopes(here, by_q, by_w, by_u, of_memory, of_theta)
 
 
-def _diagonal(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Array:
+def _difference(
+    law: Law, theta: Array, x: Inputs, memory: Memory, name: str, step: Array | float
+) -> Array:
+    """Central difference (K, n) of the torque in one of the inputs."""
     value = getattr(x, name)
-    up = law.torque(theta, x._replace(**{name: value + SPEED}), memory)
-    down = law.torque(theta, x._replace(**{name: value - SPEED}), memory)
-    return ((up - down) / (2 * SPEED))[..., None] * np.eye(value.shape[-1])
-
-
-def _columns(law: Law, theta: Array, x: Inputs, memory: Memory, name: str) -> Array:
-    value = getattr(x, name)
-    out = []
-    for step in SPEED * np.eye(value.shape[-1]):
-        up = law.torque(theta, x._replace(**{name: value + step}), memory)
-        down = law.torque(theta, x._replace(**{name: value - step}), memory)
-        out.append((up - down) / (2 * SPEED))
-    return np.stack(out, axis=-1)
+    up, down = (law.torque(theta, x._replace(**{name: value + s * step}), memory) for s in (1, -1))
+    return (up - down) / (2 * SPEED)
 
 
 def _own_slopes(law: Law, theta: Array, x: Inputs, memory: Memory) -> tuple[Array | None, Memory]:

@@ -20,6 +20,7 @@ from frictionid.shooting.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     FreeBlock,
+    Logged,
     Parameter,
     ParameterBlock,
     free_blocks,
@@ -171,16 +172,14 @@ class ShootingProblem:
         u = (calibration.gain * logged.mean + calibration.bias) * driven
         moment = calibration.gain * logged.moment * driven
 
-        def slope(torque: Array, later: Array) -> Array:
-            each = (
-                b.block.torque_slope(estimate, b.parameters, torque, later) for b in self.blocks
-            )
-            return np.concatenate([np.empty((0, *u.shape)), *each])
+        def slope(u: Logged) -> Array:
+            each = (b.block.torque_slope(estimate, b.parameters, u) for b in self.blocks)
+            return np.concatenate([np.empty((0, *u.torque.shape)), *each])
 
-        by = slope(logged.mean, logged.mean_later)
+        by = slope(Logged(logged.mean, logged.mean_later))
         # without what a bias adds: that has no moment
-        zero = 0.0 * moment
-        moment_by = slope(logged.moment, logged.moment_later) - slope(zero, zero)
+        zero = Logged(0.0 * moment, 0.0 * moment)
+        moment_by = slope(Logged(logged.moment, logged.moment_later)) - slope(zero)
         return MotorTorque(
             u, np.moveaxis(by * driven, 0, 1), moment, np.moveaxis(moment_by * driven, 0, 1)
         )

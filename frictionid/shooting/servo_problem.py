@@ -18,7 +18,7 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import applied_voltage
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.shooting.back_emf import BackEMF, sharpened
+from frictionid.shooting.back_emf import with_back_emf
 from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.parameters.actuator import MOTOR
 from frictionid.shooting.parameters.friction import FrictionBlock
@@ -89,7 +89,7 @@ def _inside(estimate: Estimate, connected: Array) -> Estimate:
     friction, n = estimate.friction, estimate.mechanism.n
     theta = np.asarray(friction.theta, dtype=float)
     emf = (kt**2 / R * connected)[:, None]
-    law = BackEMF(sharpened(friction.law))
+    law = with_back_emf(friction.law)
     friction = replace(friction, law=law, theta=np.concatenate([theta, emf], axis=-1))
     calibration = replace(estimate.calibration, gain=np.full(n, kt / R), motor=None)
     return estimate._replace(friction=friction, calibration=calibration)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Plant
 from frictionid.shooting.intervals import Intervals
-from frictionid.shooting.law_derivatives import FreeTheta, LawReads, reads_of
+from frictionid.shooting.law_derivatives import FreeTheta, reads_of
 from frictionid.shooting.problem import Linearisation
 from frictionid.shooting.sensitivities import MotorTorque, end_states
 from frictionid.shooting.tangent import MotionModel
@@ -59,64 +58,40 @@ class SampleWindows(NamedTuple):
         return self._replace(intervals=replace(self.intervals, **new), u=u)
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """The states of windows, with one plant and one friction for each window."""
+def _initial_nodes(samples: SampleWindows, friction: Friction) -> Array:
+    """Nodes (K, s): the smoothed states; memories begin anew in each."""
+    q, w = samples.intervals.q, samples.intervals.w
+    x = Inputs(q, w, samples.u[0], 0.0 * q)
+    memory = friction.law.start(friction.theta[samples.owner], x)
+    return np.concatenate([q, w, *(np.broadcast_to(z, q.shape) for z in memory)], axis=-1)
 
-    samples: SampleWindows
-    plant: Plant
-    friction: Friction
 
-    @property
-    def intervals(self) -> Intervals:
-        return self.samples.intervals
-
-    @cached_property
-    def owner(self) -> Array:
-        return self.samples.owner
-
-    def initial_nodes(self) -> Array:
-        """Nodes (K, s): the smoothed states; memories begin anew in each."""
-        intervals = self.intervals
-        q, w = intervals.q, intervals.w
-        x = Inputs(q, w, self.samples.u[0], 0.0 * q)
-        memory = self.friction.law.start(self.friction.theta[self.owner], x)
-        return np.concatenate([q, w, *(np.broadcast_to(z, q.shape) for z in memory)], axis=-1)
-
-    def linearise(self, nodes: Array) -> Linearisation:
-        """End states of all intervals from nodes (K, s), and their derivatives by these."""
-        part = float(self.intervals.dt.max()) / len(self.samples.u)
-        step_size_of(self.plant, self.friction, part)  # refuses laws that no step resolves
-        fine, reads = max(1, int(np.ceil(part / _FINE))), self._reads()
-        out = Linearisation.zeros(nodes, np.zeros((0, self.intervals.n)))
-        K = len(nodes)
-        for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
-            out.end[rows], out.by_start[rows] = self._end_states(nodes[rows], rows, fine, reads)
-        return out
-
-    def _reads(self) -> LawReads:
-        some = slice(0, 64)
-        q, w, u = self.intervals.q[some], self.intervals.w[some], self.samples.u[0][some]
-        theta = self.friction.theta[self.owner[some]]
-        return reads_of(self.friction.law, theta, Inputs(q, w, u, 0.0 * q))
-
-    def _end_states(
-        self, nodes: Array, rows: Array, fine: int, reads: LawReads
-    ) -> tuple[Array, Array]:
-        n, owner, dt = self.intervals.n, self.owner[rows], self.intervals.dt[rows]
-        model = MotionModel(self.plant[owner], self.friction[owner], _NO_PARAMETER, (), reads)
-        memory = tuple(nodes[:, i : i + n] for i in range(2 * n, nodes.shape[1], n))
-        start = State(nodes[:, :n], nodes[:, n : 2 * n], memory)
-        motor = MotorTorque(
-            self.samples.u[:, rows], np.empty((len(self.samples.u), 0, len(rows), n))
-        )
+def _linearised(
+    samples: SampleWindows, plant: Plant, friction: Friction, nodes: Array
+) -> Linearisation:
+    """End states of all intervals from nodes (K, s), and their derivatives by these."""
+    intervals, u, n, K = samples.intervals, samples.u, samples.intervals.n, len(nodes)
+    owner, law, some = samples.owner, friction.law, slice(0, 64)
+    q, w = intervals.q[some], intervals.w[some]
+    reads = reads_of(law, friction.theta[owner[some]], Inputs(q, w, u[0][some], 0.0 * q))
+    part = float(intervals.dt.max()) / len(u)
+    step_size_of(plant, friction, part)  # refuses laws that no step resolves
+    fine = max(1, int(np.ceil(part / _FINE)))
+    out = Linearisation.zeros(nodes, np.zeros((0, n)))
+    for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
+        model = MotionModel(plant[owner[rows]], friction[owner[rows]], _NO_PARAMETER, (), reads)
+        memory = tuple(nodes[rows, i : i + n] for i in range(2 * n, nodes.shape[1], n))
+        start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
+        motor = MotorTorque(u[:, rows], np.empty((len(u), 0, len(rows), n)))
         with np.errstate(all="ignore"):
-            end = end_states(model, start, motor, dt, fine)
-        memory, law = end.memory, self.friction.law
+            end = end_states(model, start, motor, intervals.dt[rows], fine)
+        memory = end.memory
         if law.sample_time is not None:
-            x = Inputs(end.q, end.w, self.samples.u[-1][rows], 0.0 * end.q)
-            memory = law.advance(model.friction.theta, x, memory, dt[:, None])
-        return np.concatenate([end.q, end.w, *memory], axis=-1), end.by_start
+            x = Inputs(end.q, end.w, u[-1][rows], 0.0 * end.q)
+            memory = law.advance(model.friction.theta, x, memory, intervals.dt[rows, None])
+        out.end[rows] = np.concatenate([end.q, end.w, *memory], axis=-1)
+        out.by_start[rows] = end.by_start
+    return out
 
 
 def solve_states(
@@ -133,14 +108,13 @@ def solve_states(
     the intervals linearised at the solution, and how far [rad] nodes are from the prediction of
     their own window, for each window that has an interval
     """
-    problem = _Problem(samples, plant, friction)
     windows = samples.windows[samples.windows[:, 0] >= 0]
-    nodes = problem.initial_nodes()
-    linearised = problem.linearise(nodes)
+    nodes = _initial_nodes(samples, friction)
+    linearised = _linearised(samples, plant, friction, nodes)
     for _ in range(_ROUNDS):
         with np.errstate(all="ignore"):
             nodes = _moved(samples, linearised, nodes, windows)
-            linearised = problem.linearise(nodes)
+            linearised = _linearised(samples, plant, friction, nodes)
     n = samples.intervals.n
     prediction = predict_windows(samples.intervals, linearised, nodes, windows, np.zeros(n))
     return linearised, np.abs(prediction.moved[..., :n]).max(axis=(1, 2))

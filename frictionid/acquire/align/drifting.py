@@ -22,6 +22,7 @@ from frictionid.shooting import (
     ParameterBlock,
     Settings,
     ShootingProblem,
+    Values,
     free_blocks,
     shooting_problem,
 )
@@ -48,11 +49,9 @@ class DriftBlock(ParameterBlock):
         drift = _drift_of(estimate)
         return (Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT, self.prior),)
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         own = {f: getattr(estimate.calibration, f) for f in Calibration.__dataclass_fields__}
-        return estimate._replace(calibration=ClockCalibration(**own, drift=float(values[0])))
+        return estimate._replace(calibration=ClockCalibration(**own, drift=float(values[0][1])))
 
 
 @dataclass(frozen=True, eq=False)

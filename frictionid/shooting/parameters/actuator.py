@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frictionid.arrays import Array
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     Parameter,
     ParameterBlock,
+    Values,
     check_fixed,
     relative_deviation,
 )
@@ -54,10 +53,8 @@ class ActuatorBlock(ParameterBlock):
             if name not in self.fixed
         )
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         motor = np.array(estimate.calibration.motor, dtype=float)
-        for parameter, value in zip(parameters, values, strict=True):
+        for parameter, value in values:
             motor[MOTOR.index(parameter.name)] = value
         return estimate._replace(calibration=replace(estimate.calibration, motor=motor))

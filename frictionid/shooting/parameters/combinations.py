@@ -9,7 +9,6 @@ torques, the weights are fitted to the changed torques, and the combinations are
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +17,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.shooting.combination_law import CombinationLaw
-from frictionid.shooting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
+from frictionid.shooting.parameters.parameter_block import (
+    Estimate,
+    Parameter,
+    ParameterBlock,
+    Values,
+)
 from frictionid.shooting.torque_samples import TorqueSamples
 
 _TURNS = 12  # Gauss-Newton iterations towards wanted torques
@@ -82,12 +86,10 @@ class CombinationBlock(ParameterBlock):
             for k in range(self.count)
         )
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         law: Any = estimate.friction.law  # of `of`: a CombinationLaw
         step = -self._values(estimate.friction)
-        for parameter, value in zip(parameters, values, strict=True):
+        for parameter, value in values:
             step[parameter.place] += value
         here = replace(estimate.friction, law=law.law, theta=law.origin)
         change = (law.directions @ step[..., None])[..., 0]

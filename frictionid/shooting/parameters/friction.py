@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     Parameter,
     ParameterBlock,
+    Values,
     check_fixed,
     relative_deviation,
 )
@@ -52,11 +52,9 @@ class FrictionBlock(ParameterBlock):
             if name not in self.fixed and (self.support is None or (j, i) in self.support)
         )
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         theta = np.array(estimate.friction.theta, dtype=float)
-        for parameter, value in zip(parameters, values, strict=True):
+        for parameter, value in values:
             theta[parameter.place] = value
         return estimate._replace(friction=replace(estimate.friction, theta=theta))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     Parameter,
     ParameterBlock,
+    Values,
     check_fixed,
     relative_deviation,
 )
@@ -50,11 +50,9 @@ class InertiaBlock(ParameterBlock):
             if b.name not in self.fixed
         )
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         new = np.array(estimate.calibration.base, dtype=float)
-        for parameter, value in zip(parameters, values, strict=True):
+        for parameter, value in values:
             new[parameter.place] = value
         base = inside(estimate.mechanism, np.asarray(estimate.calibration.base), new)
         return estimate._replace(calibration=replace(estimate.calibration, base=base))

@@ -42,6 +42,16 @@ class Parameter(NamedTuple):
     place: tuple[int, ...] = ()
 
 
+Values = Sequence[tuple[Parameter, float]]  # new values of free parameters
+
+
+class Logged(NamedTuple):
+    """Motor torque (..., n) as it was logged, delayed, and its derivative by the delay."""
+
+    torque: Array
+    by_delay: Array
+
+
 class ParameterBlock(ABC):
     """Some of the parameters of a fit, free but for those whose names are `fixed`.
 
@@ -58,19 +68,15 @@ class ParameterBlock(ABC):
         """The free parameters, with their current values."""
 
     @abstractmethod
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
-        """The estimate with other values (E,) of the block's free parameters."""
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        """The estimate with other values of the block's free parameters."""
 
-    def torque_slope(
-        self, estimate: Estimate, parameters: Sequence[Parameter], logged: Array, later: Array
-    ) -> Array:
-        """Derivatives (E, ..., n) of the motor torque; none of a block that does not change it.
+    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
+        """Derivatives (E, ..., n) of the motor torque by the block's `own` E free parameters.
 
-        logged : (..., n), the torque as it was logged, delayed; later : its derivative by the delay
+        None, (0, ..., n), for a block that does not change the torque.
         """
-        return np.empty((0, *logged.shape))
+        return np.empty((0, *u.torque.shape))
 
 
 class FreeBlock(NamedTuple):
@@ -94,7 +100,8 @@ def free_blocks(blocks: Sequence[ParameterBlock], estimate: Estimate) -> tuple[F
 def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) -> Estimate:
     """The estimate with other values (D,) of all free parameters."""
     for own in blocks:
-        estimate = own.block.with_values(estimate, own.parameters, values[own.columns])
+        new = tuple(zip(own.parameters, values[own.columns], strict=True))
+        estimate = own.block.with_values(estimate, new)
     return estimate
 
 

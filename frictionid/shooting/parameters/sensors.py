@@ -15,8 +15,10 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
+    Logged,
     Parameter,
     ParameterBlock,
+    Values,
     prior_deviation,
 )
 
@@ -47,11 +49,9 @@ class _JointSensor(ParameterBlock):
             if d.driven[j] or self.enters == "angle"
         )
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         new = np.array(getattr(estimate.calibration, self.name), dtype=float)
-        for parameter, value in zip(parameters, values, strict=True):
+        for parameter, value in values:
             new[parameter.place[0]] = value
         return estimate._replace(calibration=replace(estimate.calibration, **{self.name: new}))
 
@@ -61,10 +61,8 @@ class GainBlock(_JointSensor):
 
     name, enters, label, low = "gain", "torque", "torque gain", 0.0
 
-    def torque_slope(
-        self, estimate: Estimate, parameters: Sequence[Parameter], logged: Array, later: Array
-    ) -> Array:
-        return logged * _own_joint(parameters, logged)
+    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
+        return u.torque * _own_joint(own, u.torque)
 
 
 class BiasBlock(_JointSensor):
@@ -72,10 +70,8 @@ class BiasBlock(_JointSensor):
 
     name, enters, label = "bias", "torque", "torque bias"
 
-    def torque_slope(
-        self, estimate: Estimate, parameters: Sequence[Parameter], logged: Array, later: Array
-    ) -> Array:
-        return 0.0 * logged + _own_joint(parameters, logged)
+    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
+        return 0.0 * u.torque + _own_joint(own, u.torque)
 
 
 class OffsetBlock(_JointSensor):
@@ -112,16 +108,12 @@ class DelayBlock(ParameterBlock):
         value = float(estimate.calibration.delay)
         return (Parameter(self.name, "torque delay", "s", value, -self.most, self.most, deviation),)
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
-        delay = np.asarray(float(values[0]))
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        delay = np.asarray(float(values[0][1]))
         return estimate._replace(calibration=replace(estimate.calibration, delay=delay))
 
-    def torque_slope(
-        self, estimate: Estimate, parameters: Sequence[Parameter], logged: Array, later: Array
-    ) -> Array:
-        return (estimate.calibration.gain * later)[None]
+    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
+        return (estimate.calibration.gain * u.by_delay)[None]
 
 
 @dataclass(frozen=True)
@@ -133,13 +125,9 @@ class VoltageBlock(ParameterBlock):
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         return (Parameter(self.name, "kt/R", "N m/V", float(estimate.calibration.gain[0])),)
 
-    def with_values(
-        self, estimate: Estimate, parameters: Sequence[Parameter], values: Array
-    ) -> Estimate:
-        gain = np.full(estimate.mechanism.n, float(values[0]))
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        gain = np.full(estimate.mechanism.n, float(values[0][1]))
         return estimate._replace(calibration=replace(estimate.calibration, gain=gain))
 
-    def torque_slope(
-        self, estimate: Estimate, parameters: Sequence[Parameter], logged: Array, later: Array
-    ) -> Array:
-        return logged[None]
+    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
+        return u.torque[None]
