@@ -18,8 +18,8 @@ class Quadratic(Law):
     bounds = ((0.0, np.inf),) * 3
 
     def torque(self, theta, x, memory):
-        drag = theta[..., 2] * abs(x.w)
-        return theta[..., 0] * np.tanh(x.w / self.width) + (theta[..., 1] + drag) * x.w
+        level = theta[..., 0] * np.tanh(x.w / self.width)
+        return level + theta[..., 1] * x.w + theta[..., 2] * (x.w * abs(x.w))
 
     def limit(self, theta, x, memory):
         return theta[..., 0] + 0.0 * x.w  # at break-away

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.friction.smooth_sign import check_smoothing
 
 Memory = tuple[Array, ...]
 
@@ -116,6 +117,11 @@ class Law(ABC):
     def initial(self) -> tuple[tuple[float, ...], ...]:
         """Values to start a fit from, a tuple of P for each start; by default zero, or a bound."""
         return (tuple(min(max(0.0, low), high) for low, high in self.bounds),)
+
+    def __post_init__(self) -> None:
+        """Refuses a smoothing that means nothing."""
+        if "width" in (setting.name for setting in fields(self)):
+            check_smoothing(type(self).__name__, self.width, self.shape or "tanh")
 
     @property
     def has_memory(self) -> bool:

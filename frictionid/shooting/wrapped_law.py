@@ -15,6 +15,9 @@ class WrappedLaw(Law):
     width: float = field()  # without the default of `Law`
     shape: str = field()
 
+    def __post_init__(self) -> None:
+        """The other law has checked its smoothing."""
+
     def __repr__(self) -> str:
         return repr(self.law)
 

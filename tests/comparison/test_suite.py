@@ -126,7 +126,7 @@ def test_the_truth_stands_beside_the_identifiers_where_it_is_one_of_our_laws(pla
     truths = [task for task in tasks(place) if task.name == "truth"]
     assert [task.recipe for task in truths] == [STUDY, INTEGRAL]
     theta = truths[0].identifier.friction.theta[0]
-    assert theta.tolist() == [TRUTH[name][0] for name in AsymmetricStribeck.names]
+    assert theta.tolist() == [TRUTH[name][0] for name in AsymmetricStribeck().names]
     write_dataset(place / "hidden", name="hidden", changes=[("truth.kind", "maxwell_slip")])
     write_dataset(place / "measured", name="measured", changes=[("truth", None)])
     for name in ("hidden", "measured"):

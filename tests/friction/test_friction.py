@@ -14,7 +14,7 @@ from frictionid.friction.laws import (
     NoFriction,
     Stribeck,
 )
-from frictionid.friction.laws.smooth_sign import smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 # one row per joint; the joints differ, so that mixed-up joints show
 STATIC = {

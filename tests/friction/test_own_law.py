@@ -24,7 +24,7 @@ from own_friction import Quadratic as Own
 
 @dataclass(frozen=True)
 class OwnWithGradient(Own):
-    gradient = BuiltIn.gradient
+    levels, drags, gradient = BuiltIn.levels, BuiltIn.drags, BuiltIn.gradient
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.friction.laws.smooth_sign import smooth_sign
 from frictionid.friction.model_files import load_model, save_model
+from frictionid.friction.smooth_sign import smooth_sign
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 

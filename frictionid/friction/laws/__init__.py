@@ -5,13 +5,13 @@ from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, C
 from frictionid.friction.laws.dahl import Dahl
 from frictionid.friction.laws.ensemble import Ensemble, members_of
 from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
-from frictionid.friction.laws.gear_load import GearLoad, MotorLoadQuadratic
+from frictionid.friction.laws.gear_load import GearLoad
 from frictionid.friction.laws.library import Library
 from frictionid.friction.laws.load_dependent import LoadDependent, LoadDependentStribeck
 from frictionid.friction.laws.lstm import LSTM
 from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.friction.laws.mlp import MLP
-from frictionid.friction.laws.motor_load import MotorLoad
+from frictionid.friction.laws.motor_load import MotorLoad, MotorLoadQuadratic
 from frictionid.friction.laws.none import NoFriction
 from frictionid.friction.laws.quadratic import Quadratic
 from frictionid.friction.laws.ripple import Ripple

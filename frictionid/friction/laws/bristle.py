@@ -1,8 +1,8 @@
-"""Bristles between two surfaces: before a joint slips they bend by z [rad], like a spring.
+"""Bristles between two surfaces: before a joint slips they deflect by z [rad], like a spring.
 
-dz/dt = w - |w| z / bend
+dz/dt = w - |w| z / steady
 
-with `bend` [rad] their deflection in steady sliding [CanudasDeWit1995].
+with `steady` [rad] their deflection in steady sliding [CanudasDeWit1995].
 """
 
 from __future__ import annotations
@@ -10,23 +10,23 @@ from __future__ import annotations
 from frictionid.arrays import Array, namespace
 
 
-def bristle_state(z: Array, w: Array, bend: Array, dt: Array) -> Array:
-    """Bend z after dt at the velocity w, exactly; it neither overshoots nor limits the step.
+def bristle_state(z: Array, w: Array, steady: Array, dt: Array) -> Array:
+    """Deflection z after dt at the velocity w, exactly: it neither overshoots nor limits the step.
 
     >>> import numpy as np
     >>> bristle_state(np.array([0.0]), np.array([1.0]), np.array([0.01]), np.array([0.01])).round(5)
     array([0.00632])
     """
-    xp = namespace(z, w, bend)
-    settled = xp.sign(w) * bend
-    return settled + (z - settled) * xp.exp(-xp.abs(w) * dt / bend)
+    xp = namespace(z, w, steady)
+    target = xp.sign(w) * steady
+    return target + (z - target) * xp.exp(-xp.abs(w) * dt / steady)
 
 
-def rate(z: Array, w: Array, bend: Array) -> Array:
+def bristle_rate(z: Array, w: Array, steady: Array) -> Array:
     """dz/dt at the velocity w [rad/s].
 
     >>> import numpy as np
-    >>> rate(np.array([0.0, 0.01]), np.array([1.0, 1.0]), np.array([0.01, 0.01]))
+    >>> bristle_rate(np.array([0.0, 0.01]), np.array([1.0, 1.0]), np.array([0.01, 0.01]))
     array([1., 0.])
     """
-    return w - namespace(w).abs(w) * z / bend
+    return w - namespace(w).abs(w) * z / steady

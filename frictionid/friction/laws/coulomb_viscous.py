@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, by_direction, directions
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.arrays import Array
+from frictionid.friction import Inputs
+from frictionid.friction.laws.levels import LEVEL, by_side
+from frictionid.friction.laws.linear_law import LinearLaw
 
 
 @dataclass(frozen=True)
-class CoulombViscous(Law):
+class CoulombViscous(LinearLaw):
     """Tf = coulomb sgn(w) + viscous w, with sgn smoothed over `width` [rad/s].
 
     The physics step holds a joint at rest by itself; the width only has to be well below the
@@ -25,24 +26,15 @@ class CoulombViscous(Law):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 2
 
-    def __post_init__(self) -> None:
-        check_sign("coulomb_viscous", self.width, self.shape)
+    def levels(self, x: Inputs) -> Mapping[int, Array]:
+        return {0: 1.0}
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] * smooth_sign(x.w, self.width, self.shape) + theta[..., 1] * x.w
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp = namespace(theta, x.w)
-        zero = 0.0 * (theta[..., 0] + x.w)
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return xp.stack([sign + zero, x.w + zero], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] + 0.0 * x.w
+    def drags(self, x: Inputs) -> Mapping[int, Array]:
+        return {1: x.w}
 
 
 @dataclass(frozen=True)
-class AsymmetricCoulombViscous(Law):
+class AsymmetricCoulombViscous(LinearLaw):
     """Coulomb and viscous friction with a Coulomb level of its own in each direction.
 
     `coulomb_positive` holds for w > 0, `coulomb_negative` for w < 0; both are positive numbers.
@@ -54,18 +46,8 @@ class AsymmetricCoulombViscous(Law):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m", "N m s/rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
 
-    def __post_init__(self) -> None:
-        check_sign("coulomb_viscous", self.width, self.shape)
+    def levels(self, x: Inputs) -> Mapping[int, Array]:
+        return dict(enumerate(by_side(x.w, 1.0 + 0.0 * x.w)))
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return self.limit(theta, x, memory) * sign + theta[..., 2] * x.w
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp = namespace(theta, x.w)
-        zero = 0.0 * (theta[..., 0] + x.w)
-        up, down = directions(x.w, smooth_sign(x.w, self.width, self.shape) + zero)
-        return xp.stack([up, down, x.w + zero], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return by_direction(x.w, theta[..., 0], theta[..., 1])
+    def drags(self, x: Inputs) -> Mapping[int, Array]:
+        return {2: x.w}

@@ -9,7 +9,7 @@ from frictionid.arrays import Array
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.bristle import bristle_state
 from frictionid.friction.laws.levels import LEVEL
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 PRESLIDING = (1e-5, 1.0)  # [rad]
 PRESLIDINGS = (0.002, 0.006, 0.02, 0.06)
@@ -31,9 +31,6 @@ class Dahl(Law):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, PRESLIDING)
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple((0.0, 0.0, z) for z in PRESLIDINGS)
-
-    def __post_init__(self) -> None:
-        check_sign("dahl", self.width, self.shape)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         return (theta[..., 2] * smooth_sign(x.w, self.width, self.shape),)

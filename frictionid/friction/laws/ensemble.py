@@ -10,7 +10,6 @@ from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.friction.laws.mlp import MLP
-from frictionid.friction.laws.smooth_sign import check_sign
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Ensemble(Law):
     def __post_init__(self) -> None:
         if type(self.members) is not int or self.members < 2:
             raise InputError(f"ensemble: members = {self.members!r} must be an integer above one")
-        check_sign("ensemble", self.width, self.shape)
+        super().__post_init__()
 
     @property
     def names(self) -> tuple[str, ...]:

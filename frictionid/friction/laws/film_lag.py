@@ -10,53 +10,67 @@ grows while it stands.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, VELOCITY, level, level_by_direction
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.laws.levels import LEVEL, SIDES, StribeckLevel
+from frictionid.friction.smooth_sign import smooth_sign
 
 _LAG = (1e-3, 1.0)  # [s]; what is faster than a millisecond is no memory
 _STARTS = tuple((ws, lag) for lag in (0.01, 0.06) for ws in (0.5, 1.2, 3.0, 8.0, 20.0))
 
 
-@dataclass(frozen=True)
-class FilmLag(Law):
-    """Stribeck friction whose peak follows the speed with the time constant `lag` [s].
+class FilmLaw(Law):
+    """Stribeck friction whose level is that of the film, for one side or for each.
 
     Memory is the film's height z >= 0, written as the speed [rad/s] at which it would be steady; it
     starts so, and advances by the exact solution for a constant speed.
     """
 
-    width: float = 0.02
-    shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "peak", "stribeck_velocity", "viscous", "lag")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m", "rad/s", "N m s/rad", "s")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, VELOCITY, LEVEL, _LAG)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (0.0, 0.0, ws, 0.0, lag) for ws, lag in _STARTS
-    )
+    stribeck = StribeckLevel()
 
-    def __post_init__(self) -> None:
-        check_sign("film_lag", self.width, self.shape)
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (*self.stribeck.names, "viscous", "lag")
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return (*self.stribeck.units, "N m s/rad", "s")
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return (*self.stribeck.bounds, LEVEL, _LAG)
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        return tuple((*self.stribeck.start(ws), 0.0, lag) for ws, lag in _STARTS)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        return (_steady(theta, x),)
+        return (namespace(x.w).abs(x.w) + 0.0 * theta[..., 0],)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         sign = smooth_sign(x.w, self.width, self.shape)
-        return level(theta, memory[0]) * sign + theta[..., 3] * x.w
+        return self.stribeck.at(theta, memory[0], x.w) * sign + theta[..., -2] * x.w
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return (_followed(memory[0], x.w, theta[..., 4], dt),)
+        z, xp = memory[0], namespace(memory[0], x.w)
+        speed = xp.abs(x.w)
+        return (speed + (z - speed) * xp.exp(-dt / theta[..., -1]),)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return level(theta, memory[0]) + 0.0 * x.w
+        return self.stribeck.at(theta, memory[0], x.w) + 0.0 * x.w
 
 
 @dataclass(frozen=True)
-class AsymmetricFilmLag(Law):
+class FilmLag(FilmLaw):
+    """Stribeck friction whose peak follows the speed with the time constant `lag` [s]."""
+
+    width: float = 0.02
+    shape: str = "tanh"
+
+
+@dataclass(frozen=True)
+class AsymmetricFilmLag(FilmLaw):
     """Film lag with its own Coulomb level and peak in each direction, as in `AsymmetricStribeck`.
 
     The film, and with it the Stribeck velocity and the lag, is one for both directions.
@@ -64,44 +78,4 @@ class AsymmetricFilmLag(Law):
 
     width: float = 0.02
     shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = (
-        "coulomb_positive",
-        "coulomb_negative",
-        "peak_positive",
-        "peak_negative",
-        "stribeck_velocity",
-        "viscous",
-        "lag",
-    )
-    units: ClassVar[tuple[str, ...]] = ("N m",) * 4 + ("rad/s", "N m s/rad", "s")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 4 + (VELOCITY, LEVEL, _LAG)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (0.0, 0.0, 0.0, 0.0, ws, 0.0, lag) for ws, lag in _STARTS
-    )
-
-    def __post_init__(self) -> None:
-        check_sign("film_lag", self.width, self.shape)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return (_steady(theta, x),)
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return level_by_direction(theta, memory[0], x.w) * sign + theta[..., 5] * x.w
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return (_followed(memory[0], x.w, theta[..., 6], dt),)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return level_by_direction(theta, memory[0], x.w)
-
-
-def _steady(theta: Array, x: Inputs) -> Array:
-    return namespace(x.w).abs(x.w) + 0.0 * theta[..., 0]
-
-
-def _followed(z: Array, w: Array, lag: Array, dt: Array) -> Array:
-    """Height of the film after dt at the velocity w."""
-    xp = namespace(z, w)
-    speed = xp.abs(w)
-    return speed + (z - speed) * xp.exp(-dt / lag)
+    stribeck = StribeckLevel(SIDES)

@@ -3,7 +3,7 @@
 A gear rubs the more, the more torque it transmits, by tooth flanks that slide under pressure. What
 presses them is the motor's torque u on one side and the external torque te on the other; what te is
 the mechanism says: on the joint of a pendulum it is the torque of gravity, -m g l sin q, no bearing
-force. These are the extended friction models M3 to M6 of servos [Duclusaud2025], and a plainer one.
+force. These are the extended friction models M3 to M6 of servos [Duclusaud2025].
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, VELOCITY
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.laws.motor_load import SHARE
+from frictionid.friction.smooth_sign import smooth_sign
 
-_SHARE = (0.0, 1.0)
 _EXPONENT = (0.5, 10.0)
 _SMALLEST = 1e-300
 
@@ -53,8 +53,8 @@ class GearLoad(Law):
         *("rad/s", "1"),
     )
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (
-        *(LEVEL, LEVEL, _SHARE, _SHARE),
-        *(LEVEL, _SHARE, _SHARE, LEVEL, LEVEL),
+        *(LEVEL, LEVEL, SHARE, SHARE),
+        *(LEVEL, SHARE, SHARE, LEVEL, LEVEL),
         *(VELOCITY, _EXPONENT),
     )
     # not zero: there |motor u - external te| has no slope
@@ -63,7 +63,7 @@ class GearLoad(Law):
     )
 
     def __post_init__(self) -> None:
-        check_sign("gear_load", self.width, self.shape)
+        super().__post_init__()
         if not 0.0 <= self.moment < math.inf:
             raise InputError(
                 f"gear_load: moment = {self.moment} N m must be finite and not negative; it is "
@@ -117,39 +117,6 @@ class GearLoad(Law):
         """Speed in Stribeck velocities; hardly above zero at rest, where it has a logarithm."""
         xp = namespace(theta, x.w)
         return (xp.abs(x.w) + _SMALLEST) / theta[..., 9]
-
-
-@dataclass(frozen=True)
-class MotorLoadQuadratic(Law):
-    """Tf = (coulomb + loss |u| + rise u^2) sgn(w) + viscous w, sgn smoothed over `width` [rad/s].
-
-    Beyond the share `loss` of the motor torque u that a gear swallows (see `MotorLoad`), more of it
-    is lost the harder the motor pulls. `rise` may stand for the gear, and for what holds the motor
-    back at high currents and is told in no log: a supply that gives in, heat, saturation.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "loss", "rise")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "1", "1/(N m)")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, _SHARE, LEVEL)
-
-    def __post_init__(self) -> None:
-        check_sign("motor_load_quadratic", self.width, self.shape)
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return self.limit(theta, x, memory) * sign + theta[..., 1] * x.w
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp = namespace(theta, x.w)
-        zero = 0.0 * (theta[..., 0] + x.w)
-        sign = smooth_sign(x.w, self.width, self.shape) + zero
-        return xp.stack([sign, x.w + zero, xp.abs(x.u) * sign, x.u**2 * sign], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        loss = theta[..., 2] * namespace(theta, x.u).abs(x.u) + theta[..., 3] * x.u**2
-        return theta[..., 0] + loss + 0.0 * x.w
 
 
 def _size(x: Array) -> Array:

@@ -1,16 +1,79 @@
-"""The level of sliding friction that laws share: Coulomb, and a peak that falls off with speed."""
+"""The level of sliding friction that laws share: Coulomb, and a peak that falls off with speed.
+
+A law has one level, or one for each direction (`SIDES`): `_positive` ones hold for w > 0,
+`_negative` ones elsewhere; both are positive numbers.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace
 
 Range = tuple[float, float]
 
 LEVEL: Range = (0.0, float("inf"))
-# slower dips hide where joints come to rest and are never seen, faster ones are levels themselves
+# slower peaks hide where joints come to rest and are never seen, faster ones are levels themselves
 VELOCITY: Range = (0.3, 30.0)
 # a factor of 1.8 apart: the best of them lies in the valley of the best fit
 VELOCITIES = (0.4, 0.7, 1.2, 2.0, 3.5, 6.5, 11.0, 20.0)
+SIDES = ("_positive", "_negative")
+
+
+class StribeckLevel(NamedTuple):
+    """Level coulomb + peak exp(-(s/stribeck_velocity)^2) at a speed s, for some `sides`.
+
+    Its parameters come first in theta: coulomb of each side, peak of each side, stribeck_velocity.
+
+    >>> StribeckLevel(SIDES).names[:2]
+    ('coulomb_positive', 'coulomb_negative')
+    """
+
+    sides: tuple[str, ...] = ("",)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        levels = (f"{name}{side}" for name in ("coulomb", "peak") for side in self.sides)
+        return (*levels, "stribeck_velocity")
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units."""
+        return ("N m",) * (2 * len(self.sides)) + ("rad/s",)
+
+    @property
+    def bounds(self) -> tuple[Range, ...]:
+        """Their bounds."""
+        return (LEVEL,) * (2 * len(self.sides)) + (VELOCITY,)
+
+    def start(self, velocity: float) -> tuple[float, ...]:
+        """Values to start a fit from: there its first step is linear least squares."""
+        return (0.0,) * (2 * len(self.sides)) + (velocity,)
+
+    def at(self, theta: Array, speed: Array, w: Array) -> Array:
+        """Level (..., n) [N m] at a speed, in the direction of w."""
+        n, left = len(self.sides), stribeck_factor(speed, theta[..., 2 * len(self.sides)])
+        return on_side(w, *(theta[..., i] + theta[..., n + i] * left for i in range(n)))
+
+    def at_rest(self, theta: Array, w: Array) -> Array:
+        """Break-away level (..., n) [N m] in the direction of w."""
+        n = len(self.sides)
+        return on_side(w, *(theta[..., i] + theta[..., n + i] for i in range(n))) + 0.0 * w
+
+    def mean_at_rest(self, theta: Array) -> Array:
+        """Mean break-away level (..., n) [N m] of the sides."""
+        n = len(self.sides)
+        return sum(theta[..., i] for i in range(2 * n)) / n
+
+    def gradient(self, theta: Array, w: Array, sign: Array) -> list[Array]:
+        """Derivatives (..., n) of level(|w|) sign in its parameters."""
+        n, ws = len(self.sides), theta[..., 2 * len(self.sides)]
+        left, signs = stribeck_factor(w, ws), by_side(w, sign, n)
+        peaks = sum(theta[..., n + i] * side for i, side in enumerate(signs))
+        by_velocity = peaks * left * (2.0 * w**2 / ws**3)
+        zero = 0.0 * by_velocity
+        return [*(side + zero for side in signs), *(side * left for side in signs), by_velocity]
 
 
 def stribeck_factor(speed: Array, velocity: Array) -> Array:
@@ -23,22 +86,6 @@ def stribeck_factor(speed: Array, velocity: Array) -> Array:
     return namespace(speed, velocity).exp(-((speed / velocity) ** 2))
 
 
-def level(theta: Array, speed: Array) -> Array:
-    """Level at a speed >= 0 [N m]; theta begins with coulomb, peak, stribeck_velocity."""
-    return theta[..., 0] + theta[..., 1] * stribeck_factor(speed, theta[..., 2])
-
-
-def level_by_direction(theta: Array, speed: Array, w: Array) -> Array:
-    """Level at a speed in the direction of w [N m], of the positive side only where w > 0.
-
-    theta begins with coulomb and peak for each side, as in `AsymmetricStribeck`.
-    """
-    left = stribeck_factor(speed, theta[..., 4])
-    return by_direction(
-        w, theta[..., 0] + theta[..., 2] * left, theta[..., 1] + theta[..., 3] * left
-    )
-
-
 def above_zero(level: Array) -> Array:
     """The level, or zero where it is negative: friction does not drive.
 
@@ -49,22 +96,22 @@ def above_zero(level: Array) -> Array:
     return namespace(level).maximum(level, 0.0 * level)
 
 
-def by_direction(w: Array, positive: Array, negative: Array) -> Array:
-    """Entries of `positive` where w > 0, of `negative` elsewhere.
+def on_side(w: Array, *sides: Array) -> Array:
+    """Of two arrays the first where w > 0, the second elsewhere; a single one as it is.
 
     >>> import numpy as np
-    >>> by_direction(np.array([-1.0, 0.0, 1.0]), np.array(5.0), np.array(3.0))
+    >>> on_side(np.array([-1.0, 0.0, 1.0]), np.array(5.0), np.array(3.0))
     array([3., 3., 5.])
     """
-    return namespace(w, positive, negative).where(w > 0, positive, negative)
+    return namespace(w, *sides).where(w > 0, *sides) if len(sides) > 1 else sides[0]
 
 
-def directions(w: Array, values: Array) -> tuple[Array, Array]:
-    """Values where w > 0 and zero elsewhere, and the other way round.
+def by_side(w: Array, values: Array, sides: int = 2) -> list[Array]:
+    """Values where w > 0 and zero elsewhere, and the other way round; for one side, as they are.
 
     >>> import numpy as np
-    >>> directions(np.array([-1.0, 1.0]), np.array([2.0, 3.0]))
-    (array([0., 3.]), array([2., 0.]))
+    >>> by_side(np.array([-1.0, 1.0]), np.array([2.0, 3.0]))
+    [array([0., 3.]), array([2., 0.])]
     """
     zero = 0.0 * values
-    return by_direction(w, values, zero), by_direction(w, zero, values)
+    return [values] if sides == 1 else [on_side(w, values, zero), on_side(w, zero, values)]

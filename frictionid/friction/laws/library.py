@@ -19,8 +19,8 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, stribeck_factor
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.laws.levels import LEVEL, on_side, stribeck_factor
+from frictionid.friction.smooth_sign import smooth_sign
 
 _FREE = (-math.inf, math.inf)
 _FALLEN = 1.5  # times its velocity: there a tenth of a peak is left
@@ -83,6 +83,7 @@ class Library(Law):
     def __post_init__(self) -> None:
         for name in ("widths", "powers", "velocities", "harmonics"):
             object.__setattr__(self, name, tuple(getattr(self, name)))  # model files give lists
+        super().__post_init__()
         _check(self)
 
     @property
@@ -261,15 +262,15 @@ def _loads(law: Library) -> list[Candidate]:
 def _offsets(law: Library) -> list[Candidate]:
     """The even twin of each level, of each peak and of w: what both directions differ by."""
 
-    def by_direction(x: Inputs) -> Array:
-        return namespace(x.w).where(x.w > 0, _one(x), -_one(x))
+    def direction(x: Inputs) -> Array:
+        return on_side(x.w, _one(x), -_one(x))
 
     def one(twin: Candidate) -> Candidate:
         def value(x: Inputs) -> Array:
-            return by_direction(x) * twin.value(x)
+            return direction(x) * twin.value(x)
 
         formula = f"sgn(w) {twin.formula}"
-        level = None if twin.level is None else by_direction
+        level = None if twin.level is None else direction
         name, family = f"offset_{twin.name}", f"offset_{twin.family}"
         return Candidate(name, twin.unit, family, formula, _FREE, value, level, twin.fast)
 
@@ -286,7 +287,6 @@ def _others(law: Library) -> list[Candidate]:
 
 
 def _check(law: Library) -> None:
-    check_sign("library", law.width, law.shape)
     for name, values in (("widths", law.widths), ("velocities", law.velocities)):
         fine = all(type(v) in (int, float) and 0 < v < math.inf for v in values)
         if not fine or len({f"{v:g}" for v in values}) < len(values):

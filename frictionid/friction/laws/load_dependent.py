@@ -7,17 +7,21 @@ they are pressed, the more they rub [Armstrong1994].
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, VELOCITIES, VELOCITY, level, stribeck_factor
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.laws.levels import LEVEL, VELOCITIES, StribeckLevel
+from frictionid.friction.laws.linear_law import LinearLaw
+from frictionid.friction.smooth_sign import smooth_sign
+
+_STRIBECK = StribeckLevel()
 
 
 @dataclass(frozen=True)
-class LoadDependent(Law):
+class LoadDependent(LinearLaw):
     """Tf = (coulomb + load_coefficient load) sgn(w) + viscous w, sgn smoothed over `width` [rad/s].
 
     `load_coefficient` is the coefficient of friction times the radius at which the bearing rubs.
@@ -30,21 +34,11 @@ class LoadDependent(Law):
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
     uses_load = True
 
-    def __post_init__(self) -> None:
-        check_sign("load_dependent", self.width, self.shape)
+    def levels(self, x: Inputs) -> Mapping[int, Array]:
+        return {0: 1.0, 1: x.load}
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return self.limit(theta, x, memory) * sign + theta[..., 2] * x.w
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp = namespace(theta, x.w)
-        zero = 0.0 * (theta[..., 0] + x.w)
-        sign = smooth_sign(x.w, self.width, self.shape) + zero
-        return xp.stack([sign, x.load * sign, x.w + zero], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] + theta[..., 1] * x.load + 0.0 * x.w
+    def drags(self, x: Inputs) -> Mapping[int, Array]:
+        return {2: x.w}
 
 
 @dataclass(frozen=True)
@@ -56,35 +50,23 @@ class LoadDependentStribeck(Law):
 
     width: float = 0.02
     shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = (
-        "coulomb",
-        "peak",
-        "stribeck_velocity",
-        "load_coefficient",
-        "viscous",
-    )
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m", "rad/s", "N m/N", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, VELOCITY, LEVEL, LEVEL)
+    names: ClassVar[tuple[str, ...]] = (*_STRIBECK.names, "load_coefficient", "viscous")
+    units: ClassVar[tuple[str, ...]] = (*_STRIBECK.units, "N m/N", "N m s/rad")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (*_STRIBECK.bounds, LEVEL, LEVEL)
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (0.0, 0.0, ws, 0.0, 0.0) for ws in VELOCITIES
+        (*_STRIBECK.start(ws), 0.0, 0.0) for ws in VELOCITIES
     )
     uses_load = True
 
-    def __post_init__(self) -> None:
-        check_sign("load_dependent", self.width, self.shape)
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return (level(theta, x.w) + theta[..., 3] * x.load) * sign + theta[..., 4] * x.w
+        level = _STRIBECK.at(theta, x.w, x.w) + theta[..., 3] * x.load
+        return level * smooth_sign(x.w, self.width, self.shape) + theta[..., 4] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp = namespace(theta, x.w)
-        ws = theta[..., 2]
-        left = stribeck_factor(x.w, ws)
-        zero = 0.0 * left
-        sign = smooth_sign(x.w, self.width, self.shape) + zero
-        by_ws = theta[..., 1] * sign * left * (2.0 * x.w**2 / ws**3)
-        return xp.stack([sign, sign * left, by_ws, x.load * sign, x.w + zero], axis=-1)
+        sign = smooth_sign(x.w, self.width, self.shape) + 0.0 * theta[..., 0]
+        columns = _STRIBECK.gradient(theta, x.w, sign)
+        columns += [x.load * sign, x.w + 0.0 * sign]
+        return namespace(theta, x.w).stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] + theta[..., 1] + theta[..., 3] * x.load + 0.0 * x.w
+        return _STRIBECK.at_rest(theta, x.w) + theta[..., 3] * x.load

@@ -26,7 +26,7 @@ from frictionid.friction.laws.network_law import (
     stacked,
     within,
 )
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 _KEEP = 1.0  # offset of the gates that keep what cells hold [Gers2000]
 
@@ -61,7 +61,7 @@ class LSTM(NetworkLaw):
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("lstm", self.hidden))
         check_samples("lstm", "cells", self.cells, self.sample_time)
-        check_sign("lstm", self.width, self.shape)
+        super().__post_init__()
         for name in ("odd", "dissipative", "monotone_tail"):
             if self.free and getattr(self, name):
                 raise InputError(

@@ -29,7 +29,7 @@ from frictionid.friction.laws.network_law import (
     stacked,
     within,
 )
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class MLP(NetworkLaw):
         object.__setattr__(self, "hidden", check_hidden("mlp", self.hidden))
         if type(self.others) is not int or self.others < 0:
             raise InputError(f"mlp: others = {self.others!r} must be a number of joints, or 0")
-        check_sign("mlp", self.width, self.shape)
+        super().__post_init__()
 
     @property
     def scales(self) -> tuple[Scale, ...]:

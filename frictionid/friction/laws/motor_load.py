@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.smooth_sign import smooth_sign
+from frictionid.friction import Inputs
+from frictionid.friction.laws.levels import LEVEL, Range
+from frictionid.friction.laws.linear_law import LinearLaw
+
+SHARE: Range = (0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class MotorLoad(Law):
+class MotorLoad(LinearLaw):
     """Tf = (coulomb + loss |u|) sgn(w) + viscous w, with sgn smoothed over `width` [rad/s].
 
     `loss` is the share of the motor torque u that the gear swallows: it passes on 1 - loss of it
@@ -24,17 +28,32 @@ class MotorLoad(Law):
     shape: str = "tanh"
     names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "loss")
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "1")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")),) * 2 + ((0.0, 1.0),)
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, SHARE)
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return self.limit(theta, x, memory) * sign + theta[..., 1] * x.w
+    def levels(self, x: Inputs) -> Mapping[int, Array]:
+        return {0: 1.0, 2: namespace(x.u).abs(x.u)}
 
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp = namespace(theta, x.w)
-        zero = 0.0 * (theta[..., 0] + x.w)
-        sign = smooth_sign(x.w, self.width, self.shape) + zero
-        return xp.stack([sign, x.w + zero, xp.abs(x.u) * sign], axis=-1)
+    def drags(self, x: Inputs) -> Mapping[int, Array]:
+        return {1: x.w}
 
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] + theta[..., 2] * namespace(theta, x.u).abs(x.u) + 0.0 * x.w
+
+@dataclass(frozen=True)
+class MotorLoadQuadratic(LinearLaw):
+    """Tf = (coulomb + loss |u| + rise u^2) sgn(w) + viscous w, sgn smoothed over `width` [rad/s].
+
+    Beyond the share `loss` of the motor torque u that a gear swallows (see `MotorLoad`), more of it
+    is lost the harder the motor pulls. `rise` may stand for the gear, and for what weakens the
+    motor at high currents and is in no log: a supply that gives in, heat, saturation.
+    """
+
+    width: float = 0.02
+    shape: str = "tanh"
+    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "loss", "rise")
+    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "1", "1/(N m)")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, SHARE, LEVEL)
+
+    def levels(self, x: Inputs) -> Mapping[int, Array]:
+        return {0: 1.0, 2: namespace(x.u).abs(x.u), 3: x.u**2}
+
+    def drags(self, x: Inputs) -> Mapping[int, Array]:
+        return {1: x.w}

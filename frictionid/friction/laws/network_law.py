@@ -21,7 +21,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.layers import count, drawn
-from frictionid.friction.laws.levels import LEVEL, Range, by_direction
+from frictionid.friction.laws.levels import LEVEL, Range, on_side
 
 FREE: Range = (-float("inf"), float("inf"))
 SPEED: Range = (1e-3, float("inf"))
@@ -198,7 +198,7 @@ def side_of(w: Array) -> Array:
     array([-1., -1.,  1.])
     """
     one = 1.0 + 0.0 * w
-    return by_direction(w, one, -one)
+    return on_side(w, one, -one)
 
 
 def fine(share: Array) -> Array:

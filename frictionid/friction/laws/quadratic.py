@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction import Inputs
 from frictionid.friction.laws.levels import LEVEL
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.laws.linear_law import LinearLaw
 
 
 @dataclass(frozen=True)
-class Quadratic(Law):
+class Quadratic(LinearLaw):
     """Tf = coulomb sgn(w) + viscous w + drag w |w|, with sgn smoothed over `width` [rad/s].
 
     The drag is that of the air, or of oil that is churned; it may also stand for what the torque
@@ -25,19 +26,8 @@ class Quadratic(Law):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "N m s^2/rad^2")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
 
-    def __post_init__(self) -> None:
-        check_sign("quadratic", self.width, self.shape)
+    def levels(self, x: Inputs) -> Mapping[int, Array]:
+        return {0: 1.0}
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        sign = smooth_sign(x.w, self.width, self.shape)
-        drag = theta[..., 2] * namespace(x.w).abs(x.w)
-        return theta[..., 0] * sign + (theta[..., 1] + drag) * x.w
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp = namespace(theta, x.w)
-        zero = 0.0 * (theta[..., 0] + x.w)
-        sign = smooth_sign(x.w, self.width, self.shape)
-        return xp.stack([sign + zero, x.w + zero, x.w * xp.abs(x.w) + zero], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] + 0.0 * x.w
+    def drags(self, x: Inputs) -> Mapping[int, Array]:
+        return {1: x.w, 2: x.w * namespace(x.w).abs(x.w)}

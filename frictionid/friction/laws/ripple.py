@@ -45,6 +45,7 @@ class Ripple(Law):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "harmonics", tuple(self.harmonics))  # model files give lists
+        super().__post_init__()
         _check(self)
 
     @property
@@ -72,24 +73,31 @@ class Ripple(Law):
         return tuple((*start, *flat) for start in self.law.initial)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        law = self.law
-        viscous = theta[..., len(law.names) - 1] * x.w
-        level = law.torque(theta, x, memory) - viscous
+        level, viscous = self._parts(theta, x)
         return self._height(theta, x) * level + viscous
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
-        xp, law = namespace(theta, x.w), self.law
-        last = len(law.names) - 1
-        of_law = law.gradient(theta, x)
-        viscous = theta[..., last] * x.w
-        level = law.torque(theta, x, ()) - viscous
+        own, _ = self._split(theta)
+        level, _ = self._parts(theta, x)
+        of_law = self.law.gradient(own, x)
         height = self._height(theta, x) + 0.0 * level
-        columns = [height * of_law[..., i] for i in range(last)]
-        columns += [of_law[..., last] + 0.0 * level, *(level * wave for wave in self._waves(x))]
-        return xp.stack(columns, axis=-1)
+        columns = [height * of_law[..., i] for i in range(own.shape[-1] - 1)]
+        columns += [of_law[..., -1] + 0.0 * level, *(level * wave for wave in self._waves(x))]
+        return namespace(theta, x.w).stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self._height(theta, x) * self.law.limit(theta, x, memory)
+        return self._height(theta, x) * self.law.limit(self._split(theta)[0], x, memory)
+
+    def _split(self, theta: Array) -> tuple[Array, Array]:
+        """Parameters of the law, viscous friction last, and amplitudes of the waves."""
+        size = theta.shape[-1] - 2 * len(self.harmonics)
+        return theta[..., :size], theta[..., size:]
+
+    def _parts(self, theta: Array, x: Inputs) -> tuple[Array, Array]:
+        """Torque that ripples, level(w) sgn(w), and viscous friction, which does not."""
+        own, _ = self._split(theta)
+        viscous = own[..., -1] * x.w
+        return self.law.torque(own, x, ()) - viscous, viscous
 
     def _waves(self, x: Inputs) -> Iterator[Array]:
         xp = namespace(x.q)
@@ -99,15 +107,13 @@ class Ripple(Law):
 
     def _height(self, theta: Array, x: Inputs) -> Array:
         """Level at this angle over its mean, >= 0."""
-        first = len(self.law.names)
-        waves = enumerate(self._waves(x), first)
-        return 1.0 + sum(theta[..., i] * wave for i, wave in waves)
+        _, amplitudes = self._split(theta)
+        return 1.0 + sum(amplitudes[..., i] * wave for i, wave in enumerate(self._waves(x)))
 
 
 def _check(law: Ripple) -> None:
     if law.base not in BASES:
         raise InputError(f"ripple: base = {law.base!r} is unknown; known are {', '.join(BASES)}")
-    BASES[law.base](law.width, law.shape)  # checks them
     known = all(type(k) is int and k > 0 for k in law.harmonics)
     if not law.harmonics or not known or len(set(law.harmonics)) < len(law.harmonics):
         raise InputError(

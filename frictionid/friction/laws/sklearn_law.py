@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.smooth_sign import smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True, eq=False)

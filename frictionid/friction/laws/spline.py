@@ -18,8 +18,8 @@ from typing import Any
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, above_zero, by_direction
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.laws.levels import LEVEL, above_zero, on_side
+from frictionid.friction.smooth_sign import smooth_sign
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 _RISE = (-float("inf"), float("inf"))
@@ -43,7 +43,8 @@ class Spline(Law):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))  # model files give lists
-        _check(self.knots, self.degree, self.width, self.shape)
+        super().__post_init__()
+        _check(self.knots, self.degree)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -86,7 +87,8 @@ class AsymmetricSpline(Law):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", tuple(self.knots))
-        _check(self.knots, self.degree, self.width, self.shape)
+        super().__post_init__()
+        _check(self.knots, self.degree)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -112,22 +114,19 @@ class AsymmetricSpline(Law):
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         half, side = theta.shape[-1] // 2, self._side
         positive = side.torque(theta[..., :half], x, memory)
-        return by_direction(x.w, positive, side.torque(theta[..., half:], x, memory))
+        return on_side(x.w, positive, side.torque(theta[..., half:], x, memory))
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         half, side = theta.shape[-1] // 2, self._side
         up, down = (side.gradient(part, x) for part in (theta[..., :half], theta[..., half:]))
         w, zero = x.w[..., None], 0.0 * up
-        return namespace(up).concat(
-            [by_direction(w, up, zero), by_direction(w, zero, down)], axis=-1
-        )
+        return namespace(up).concat([on_side(w, up, zero), on_side(w, zero, down)], axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return by_direction(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
+        return on_side(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
 
 
-def _check(knots: Sequence[Any], degree: Any, width: float, shape: str) -> None:
-    check_sign("spline", width, shape)
+def _check(knots: Sequence[Any], degree: Any) -> None:
     if type(degree) is not int or not 1 <= degree <= 3:
         raise InputError(f"spline: degree = {degree!r} must be 1, 2 or 3")
     numbers = all(type(knot) in (int, float) and math.isfinite(knot) for knot in knots)

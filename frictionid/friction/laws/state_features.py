@@ -10,7 +10,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Inputs
 from frictionid.friction.laws.levels import Range
 from frictionid.friction.laws.network_law import Scale
-from frictionid.friction.laws.smooth_sign import smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 _ABOVE: Range = (1e-9, float("inf"))
 SCALES = (

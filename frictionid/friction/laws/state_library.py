@@ -19,7 +19,7 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 _FREE = (-math.inf, math.inf)
 _LARGEST = 2000
@@ -70,7 +70,7 @@ class StateLibrary(Law):
                 raise InputError(f"state_library: {name} = {value!r} must be a number above 0")
         if not isinstance(self.turning, bool):
             raise InputError(f"state_library: turning = {self.turning!r} must be true or false")
-        check_sign("state_library", self.width, "tanh")
+        super().__post_init__()
         size = math.comb(len(_variables(self)) + self.degree, self.degree)
         if size > 10 * _LARGEST or len(_monomials(self)) > _LARGEST:
             raise InputError(

@@ -17,7 +17,6 @@ from frictionid.friction.laws.network_law import (
     check_samples,
     stacked,
 )
-from frictionid.friction.laws.smooth_sign import check_sign
 from frictionid.friction.laws.state_features import (
     SCALES,
     check_joints,
@@ -47,7 +46,7 @@ class StateLSTM(NetworkLaw):
         object.__setattr__(self, "hidden", check_hidden("state_lstm", self.hidden))
         check_samples("state_lstm", "cells", self.cells, self.sample_time)
         check_joints("state_lstm", self.joints, self.turning)
-        check_sign("state_lstm", self.width, "tanh")
+        super().__post_init__()
 
     @property
     def gate_sizes(self) -> tuple[int, int]:

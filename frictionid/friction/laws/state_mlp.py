@@ -8,7 +8,6 @@ from frictionid.arrays import Array
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.laws.layers import check_hidden, outputs
 from frictionid.friction.laws.network_law import Features, NetworkLaw, Scale
-from frictionid.friction.laws.smooth_sign import check_sign
 from frictionid.friction.laws.state_features import (
     SCALES,
     check_joints,
@@ -35,7 +34,7 @@ class StateMLP(NetworkLaw):
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("state_mlp", self.hidden))
         check_joints("state_mlp", self.joints, self.turning)
-        check_sign("state_mlp", self.width, "tanh")
+        super().__post_init__()
 
     @property
     def scales(self) -> tuple[Scale, ...]:

@@ -10,8 +10,8 @@ from itertools import pairwise
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, by_direction, directions
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.laws.levels import LEVEL, by_side, on_side
+from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Table(Law):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "speeds", tuple(self.speeds))  # model files give lists
-        check_sign("table", self.width, self.shape)
+        super().__post_init__()
         known = all(type(v) in (int, float) and math.isfinite(v) for v in self.speeds)
         order = zip((0.0, *self.speeds), self.speeds, strict=False)
         if len(self.speeds) < 2 or not known or not all(a < b for a, b in order):
@@ -77,7 +77,7 @@ class Table(Law):
         sign = smooth_sign(x.w, self.width, self.shape)
         edges = [1.0 + 0.0 * x.w, *self._climbed(x), 0.0 * x.w]
         shares = [(a - b) * sign for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        up, down = zip(*(directions(x.w, share) for share in shares), strict=True)
+        up, down = zip(*(by_side(x.w, share) for share in shares), strict=True)
         zero = 0.0 * (theta[..., 0] + x.w)
         return xp.stack([part + zero for part in (*up, *down)], axis=-1)
 
@@ -85,7 +85,7 @@ class Table(Law):
         return self._value(theta, x, 0)
 
     def _value(self, theta: Array, x: Inputs, i: int) -> Array:
-        return by_direction(x.w, theta[..., i], theta[..., len(self.speeds) + i])
+        return on_side(x.w, theta[..., i], theta[..., len(self.speeds) + i])
 
     def _climbed(self, x: Inputs) -> Iterator[Array]:
         """Part (..., n) of each step between speeds that lies below |w|."""

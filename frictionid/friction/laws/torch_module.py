@@ -19,7 +19,7 @@ from frictionid.friction.laws.network_law import (
     stacked,
     within,
 )
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,6 @@ class TorchModule(NetworkLaw):
     width: float = 0.02
     shape: str = "tanh"
     left_out_of_files = ("module",)
-
-    def __post_init__(self) -> None:
-        check_sign("torch_module", self.width, self.shape)
 
     @property
     def sizes(self) -> tuple[int, ...]:

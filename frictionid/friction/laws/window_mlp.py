@@ -27,7 +27,7 @@ from frictionid.friction.laws.network_law import (
     stacked,
     within,
 )
-from frictionid.friction.laws.smooth_sign import check_sign, smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class WindowMLP(NetworkLaw):
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", check_hidden("window_mlp", self.hidden))
         check_samples("window_mlp", "samples", self.samples, self.sample_time)
-        check_sign("window_mlp", self.width, self.shape)
+        super().__post_init__()
         if type(self.presliding) not in (int, float) or not 0 <= self.presliding < math.inf:
             raise InputError(
                 f"window_mlp: presliding = {self.presliding!r} rad must be zero or positive"

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array, hstack
 
 from frictionid.arrays import Array
-from frictionid.friction.laws.smooth_sign import smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 from frictionid.identifiers.residual import Problem
 
 _FINE = 30.0  # how much closer nodes stand at rest than at the highest speed

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
 
+from frictionid.errors import InputError
 from frictionid.friction import Law
 from frictionid.friction.laws import CoulombViscous, check_law
 
@@ -212,8 +213,6 @@ VIOLATIONS = [
     (Curved(), "is_linear is True, so the torque must be gradient times theta"),
     (Manifold(), "20 parameters need a gradient, or is_network = True"),
     (Learning(), "reads_window is True, so its memory must not depend on theta"),
-    (Plain(width=-1.0), "width = -1.0 rad/s must be zero, or a finite number above"),
-    (described(shape="step"), "shape = 'step' must be"),
     (Summed(), "must not depend on the others"),
     (Flat(), "must not depend on the others in its batch"),
     (Loaded(), "uses_load is False"),
@@ -249,3 +248,10 @@ def test_a_law_may_document_another_limit():
 def test_laws_without_a_gradient_or_a_width_pass():
     check_law(Plain())
     check_law(Rough())
+
+
+def test_laws_of_ones_own_refuse_a_smoothing_that_means_nothing():
+    with pytest.raises(InputError, match="Plain: width = -1.0 rad/s must be positive and finite"):
+        Plain(width=-1.0)
+    with pytest.raises(InputError, match="shape = 'step' is unknown; known are tanh, arctan"):
+        described(shape="step")

@@ -138,6 +138,6 @@ def test_truth_in_truth_out_with_two_joints_and_levels_of_each_direction():
 def test_friction_without_memory_has_the_least_lag_there_is():
     problem = explained_by(Stribeck(), THETA[:, :-1])
     found = LeastSquares(FilmLag()).fit(problem, everything(problem), 0)
-    assert found.theta[0, 0, 4] == FilmLag.bounds[4][0]
+    assert found.theta[0, 0, 4] == FilmLag().bounds[4][0]
     # along recorded nodes a film sees the mean of both ends: half an interval of lag remains
     np.testing.assert_allclose(found.theta[0, :, :4], THETA[:, :-1], rtol=0.05)

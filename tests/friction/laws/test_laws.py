@@ -27,7 +27,7 @@ from frictionid.friction.laws import (
     Stribeck,
     check_law,
 )
-from frictionid.friction.laws.smooth_sign import smooth_sign
+from frictionid.friction.smooth_sign import smooth_sign
 
 LAWS = [
     NoFriction(),

@@ -1,4 +1,4 @@
-"""Smooth stand-ins for sgn(w), with their width written in rad/s."""
+"""Smooth stand-ins for sgn(w), with their width in rad/s."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def smooth_sign(w: Array, width: float, shape: str = "tanh") -> Array:
     raise ValueError(f"the shape of a smooth sign must be 'tanh' or 'arctan', got {shape!r}")
 
 
-def check_sign(law: str, width: float, shape: str) -> None:
+def check_smoothing(law: str, width: float, shape: str) -> None:
     """Refuse settings of a smooth sign that mean nothing.
 
     Raises
@@ -40,9 +40,9 @@ def check_sign(law: str, width: float, shape: str) -> None:
     InputError
         Naming the law, the setting and its value.
 
-    >>> check_sign("stribeck", 0.0, "tanh")
+    >>> check_smoothing("Stribeck", 0.0, "tanh")
     Traceback (most recent call last):
-    frictionid.errors.InputError: stribeck: width = 0.0 rad/s must be positive and finite
+    frictionid.errors.InputError: Stribeck: width = 0.0 rad/s must be positive and finite
     """
     if not 0 < width < math.inf:
         raise InputError(f"{law}: width = {width} rad/s must be positive and finite")
