@@ -14,7 +14,7 @@ def check(
     published: Annotated[
         Path | None, typer.Option(help="Model file to compare with the data.")
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Everything, as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
 ) -> None:
     """Report errors in recordings, what the recordings identify, and what to record next.
@@ -22,13 +22,13 @@ def check(
     The exit status is 0 where the data are good, 1 doubtful, 2 unusable as they stand.
     """
     from frictionid.check import LEVELS
-    from frictionid.check import check as judged
+    from frictionid.check import check as check_dataset
     from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.report.diagnostics import as_json, show_verdict
 
     model = friction_of(published) if published else None
-    verdict = judged(load_dataset(dataset, data), model)
+    verdict = check_dataset(load_dataset(dataset, data), model)
     if json:
         print(as_json(verdict))
     else:

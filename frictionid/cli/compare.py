@@ -22,8 +22,10 @@ def compare(
         Path | None, typer.Option(help="Folder with the tables of the suite's one data set.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>].")] = None,
-    jobs: Annotated[int, typer.Option(min=0, help="Tasks side by side; 0: one per core.")] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep what is already done.")] = False,
+    jobs: Annotated[
+        int, typer.Option(min=0, help="Number of parallel tasks; 0: one per core.")
+    ] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep finished tasks.")] = False,
     device: Annotated[
         Device | None, typer.Option(help="Where networks are trained, whatever the suite says.")
     ] = None,

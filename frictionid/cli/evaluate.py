@@ -20,7 +20,7 @@ def evaluate(
     ] = None,
     law: Annotated[
         list[str] | None,
-        typer.Option(help="Law of one's own of the models, module:Class; may be repeated."),
+        typer.Option(help="Class of a law that is not built in, module:Class; repeatable."),
     ] = None,
     whole: Annotated[
         bool, typer.Option(help="Also simulate whole recordings from their start.")

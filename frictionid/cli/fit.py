@@ -19,19 +19,19 @@ def fit(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="A setting, e.g. symmetric=false; repeatable.")
     ] = None,
-    recipe: Annotated[str, typer.Option(help="Recipe: integral, or the study's.")] = "integral",
+    recipe: Annotated[str, typer.Option(help="One-step recipe: integral, or study.")] = "integral",
     data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
     sample_time: Annotated[
         float | None, typer.Option(help="Use samples at least this far apart [s].")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
-    by: Annotated[str | None, typer.Option(help="shooting: refine what the recipe finds.")] = None,
+    by: Annotated[str | None, typer.Option(help="shooting: refine the fit of the recipe.")] = None,
     free: Annotated[
-        str, typer.Option(help="Blocks: friction,inertia,delay,gain,bias,offset,actuator.")
+        str, typer.Option(help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator.")
     ] = "friction",
     fixed: Annotated[
         list[str] | None,
-        typer.Option(help="A parameter that stays, e.g. inertia.gravity_2; repeatable."),
+        typer.Option(help="A parameter that is not free, e.g. inertia.gravity_2; repeatable."),
     ] = None,
 ) -> None:
     """Fit friction to all recordings of a data set."""

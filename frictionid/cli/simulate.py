@@ -11,7 +11,7 @@ import typer
 def simulate(
     rig: Annotated[Path, typer.Argument(help="Settings of the rig, a rig.toml.")],
     out: Annotated[Path, typer.Option(help="Folder of the data set to write.")],
-    seed: Annotated[int | None, typer.Option(min=0, help="In place of the rig's own seed.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the rig's.")] = None,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Exact angles.")] = False,
 ) -> None:
     """Simulate recordings of a rig with known friction."""

@@ -18,7 +18,7 @@ def suggest(
         str, typer.Option(help='Prior, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].')
     ] = "",
     recordings: Annotated[
-        int, typer.Option(help="How many; several are written to OUT_1.csv ...")
+        int, typer.Option(help="Number of recordings; several are written to OUT_1.csv ...")
     ] = 4,
     length: Annotated[float, typer.Option(help="Length of each [s].")] = 5.0,
     families: Annotated[str, typer.Option(help="Wave forms.")] = "multisine,chirp",
@@ -30,9 +30,11 @@ def suggest(
         float, typer.Option(help="Angle noise, standard deviation [deg], or [mm].")
     ] = 0.1,
     robust: Annotated[
-        bool, typer.Option("--robust", help="Good also at half and twice the prior friction.")
+        bool, typer.Option("--robust", help="Design also for half and twice the prior friction.")
     ] = False,
-    effort: Annotated[int, typer.Option(help="Random signals to start from.")] = 600,
+    effort: Annotated[
+        int, typer.Option(help="Number of random signals that the search starts from.")
+    ] = 600,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
 ) -> None:

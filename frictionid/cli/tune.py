@@ -15,10 +15,12 @@ def tune(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>-tune].")] = None,
     trials: Annotated[
-        int | None, typer.Option(min=1, help="Of each study, in place of the suite's.")
+        int | None, typer.Option(min=1, help="Number of trials of each study [the suite's].")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=0, help="Trials side by side; 0: one per core.")] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep what is already done.")] = False,
+    jobs: Annotated[
+        int, typer.Option(min=0, help="Number of parallel trials; 0: one per core.")
+    ] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep finished trials.")] = False,
 ) -> None:
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
     from joblib import cpu_count

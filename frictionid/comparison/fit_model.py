@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+from frictionid.arrays import Array
 from frictionid.comparison.equations import with_equations
 from frictionid.comparison.methods import Method
 from frictionid.comparison.training_set import training_set
@@ -13,8 +14,23 @@ from frictionid.evaluation import EstimatedStates, Prepared, Protocol, velocity_
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.identifiers.residual import Problem
 from frictionid.mechanics import plant_of
 from frictionid.shooting import document_of
+
+
+@dataclass(frozen=True)
+class _NotFixed(Identifier):
+    """An identifier whose friction shooting refines, also where it is given."""
+
+    inner: Identifier
+
+    @property
+    def uses_mechanism(self) -> bool:
+        return self.inner.uses_mechanism
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        return self.inner.fit(problem, weights, seed)
 
 
 def fit_model(
@@ -26,9 +42,10 @@ def fit_model(
 ) -> Friction:
     """Friction (n, P) fitted to all recordings, with its calibration where the recipe has one.
 
-    Sample time and history are those of the protocol, so that the intervals are those of a
-    comparison. The provenance names data, identifier, recipe and seed. Where the recipe shoots, it
-    has the whole result as `refined`, see `document_of`; of laws that have one, the `equation`.
+    Given friction is refined where the recipe shoots. Sample time and history are those of the
+    protocol, so that the intervals are those of a comparison. The provenance names data,
+    identifier, recipe and seed. Where the recipe shoots, it has the whole result as `refined`, see
+    `document_of`; of sparse laws, the `equation`.
 
     Raises
     ------
@@ -47,7 +64,7 @@ def fit_model(
     estimated = EstimatedStates(dataset, protocol.sample_time)
     prepared = Prepared(dataset, protocol, estimated, plant_of(dataset))
     training = training_set(prepared, [recipe])
-    fit = recipe.fit(identifier, training, seed)
+    fit = recipe.fit(_NotFixed(identifier), training, seed)
     friction = with_equations(fit)[-1]
     provenance: dict[str, Any] = {
         "dataset": dataset.name,

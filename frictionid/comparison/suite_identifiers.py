@@ -1,4 +1,4 @@
-"""Identifiers of a suite: ours by their kind, or those of one's own module; where they train."""
+"""Identifiers of a suite: built-in ones by their kind, others by module and class."""
 
 from __future__ import annotations
 

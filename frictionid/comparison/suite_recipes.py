@@ -97,8 +97,8 @@ def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
     return [recipe_of(entry, steps) for entry in entries]
 
 
-def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Method:
-    """Recipe of its table; `own` are one-step recipes that it may name as its start.
+def recipe_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) -> Method:
+    """Recipe of its table; `one_step` has those that it may name.
 
     Raises
     ------
@@ -115,16 +115,16 @@ def recipe_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Me
                 f"{entry.where}: {[*steps, *shots][0]} does not go with calibration: "
                 "name a recipe by like"
             )
-        return _calibrated(entry, own)
+        return _calibrated(entry, one_step)
     if steps:
         raise InputError(
             f"{entry.where}: {steps[0]} belongs to one-step recipes, name one as start"
         )
-    return shooting_of(entry, own)
+    return shooting_of(entry, one_step)
 
 
 def one_step_of(entry: RecipeEntry) -> Recipe:
-    """One-step recipe of its table: the study's or ours by name, or one's own."""
+    """One-step recipe of its table: "study" and "integral" by name, others by their keys."""
     given = entry.keys(ONE_STEP, "states")
     if shots := list(entry.keys(SHOOTING, *_BLOCK_KEYS)):
         raise InputError(f'{entry.where}: {shots[0]} needs by = "shooting"')
@@ -146,16 +146,16 @@ def one_step_of(entry: RecipeEntry) -> Recipe:
         raise InputError(f"{entry.where}: {text}") from None
 
 
-def shooting_of(entry: RecipeEntry, own: Mapping[str, Recipe] | None = None) -> Shooting:
+def shooting_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) -> Shooting:
     """Shooting with the blocks and settings of its table."""
-    start = one_step_named(entry.start or INTEGRAL.name, own, f"{entry.where}: start")
+    start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
     free, fixed = entry.free or ["friction"], entry.fixed or []
     blocks = blocks_of(free, fixed, entry.priors or {}, entry.where)
     settings = SHOOTING.build(entry.keys(SHOOTING), entry.where)
     return Shooting(entry.name, blocks, settings, start)
 
 
-def _calibrated(entry: RecipeEntry, own: Mapping[str, Recipe] | None) -> CalibratedRecipe:
+def _calibrated(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None) -> CalibratedRecipe:
     """The recipe that `like` names, on data corrected by the calibration of its table."""
     calibration, like, where = entry.calibration, entry.like, f"{entry.where}, calibration"
     if calibration is None or like is None:
@@ -163,7 +163,7 @@ def _calibrated(entry: RecipeEntry, own: Mapping[str, Recipe] | None) -> Calibra
         raise InputError(
             f"{entry.where}: the key {lost!r} is missing; calibration and like go together"
         )
-    step = one_step_named(like, own, f"{entry.where}: like")
+    step = one_step_named(like, one_step, f"{entry.where}: like")
     blocks = blocks_of(calibration.free, calibration.fixed, {}, where)
     use = calibration.use or [name for name in calibration.free if name in PARTS]
     friction = built({"kind": calibration.friction}, IDENTIFIERS, where)
@@ -205,9 +205,9 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
     return {block: tuple(names) for block, names in parts.items()}
 
 
-def one_step_named(name: str, own: Mapping[str, Recipe] | None, where: str) -> Recipe:
-    """One-step recipe of a name: the study's or ours, or one of a suite's own."""
-    known = {**RECIPES, **(own or {})}
+def one_step_named(name: str, one_step: Mapping[str, Recipe] | None, where: str) -> Recipe:
+    """One-step recipe of a name: "study", "integral", or one of a suite."""
+    known = {**RECIPES, **(one_step or {})}
     if name == _SHOOTING.name:
         raise InputError(f"{where} = {name!r} must be a one-step recipe")
     if name not in known:

@@ -79,18 +79,18 @@ def _tasks_on(
 ) -> list[Task]:
     """Tasks of one data set."""
     every = [*identifiers, *_truth(benchmark)]
-    distinct([own.name for own in every], "identifiers")
-    for own in every:
-        _check_given(own, (benchmark.dataset, *benchmark.tests))
-    pairs = [(recipe, own) for recipe in recipes for own in every if own.uses(recipe)]
-    for recipe, own in pairs:
+    distinct([named.name for named in every], "identifiers")
+    for named in every:
+        _check_given(named, (benchmark.dataset, *benchmark.tests))
+    pairs = [(recipe, named) for recipe in recipes for named in every if named.uses(recipe)]
+    for recipe, named in pairs:
         try:
-            recipe.check(own.identifier)
+            recipe.check(named.identifier)
         except InputError as error:
-            raise InputError(f"identifier {own.name!r}: {error}") from None
+            raise InputError(f"identifier {named.name!r}: {error}") from None
     return [
-        Task(benchmark, own.name, own.identifier, recipe, seed)
-        for recipe, own in pairs
+        Task(benchmark, named.name, named.identifier, recipe, seed)
+        for recipe, named in pairs
         for seed in seeds
     ]
 
@@ -133,11 +133,11 @@ def _truth(benchmark: Benchmark) -> list[NamedIdentifier]:
     return [NamedIdentifier("truth", Published(friction))]
 
 
-def _check_given(own: NamedIdentifier, datasets: Sequence[Dataset]) -> None:
+def _check_given(named: NamedIdentifier, datasets: Sequence[Dataset]) -> None:
     """Complain about a given friction that is not one of these mechanisms."""
-    if not isinstance(own.identifier, Published):
+    if not isinstance(named.identifier, Published):
         return
-    friction, where = own.identifier.friction, f"identifier {own.name!r}"
+    friction, where = named.identifier.friction, f"identifier {named.name!r}"
     for dataset in datasets:
         try:
             plant = plant_of(dataset, friction.parameters)

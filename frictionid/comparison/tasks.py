@@ -81,9 +81,9 @@ def lock(
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        found = [path.name for path in folder.glob("[!.]*")]
-        if found and file not in found:
-            other = min(found)
+        names = [path.name for path in folder.glob("[!.]*")]
+        if names and file not in names:
+            other = min(names)
             raise InputError(f"{folder}: holds no {what} but {other!r}: choose another --out")
         held = FileLock(folder / ".lock", timeout=0)
         held.acquire()

@@ -185,7 +185,7 @@ def test_report_makes_tables_anew_and_fits_nothing(place, call, monkeypatch):
     assert [results.folder for results in made] == [Path("made")] * 2
 
 
-def test_models_of_one_name_are_told_apart_by_their_folders(place, call):
+def test_models_of_one_name_are_distinguished_by_their_folders(place, call):
     for folder in ("a", "b"):
         call("fit", "tiny", "--identifier", "none", "--out", f"{folder}/model.json")
     code, _, _ = call(
@@ -268,7 +268,7 @@ def test_ctrl_c_while_reading_is_130(place, call, monkeypatch):
     assert not (place / "none").exists()
 
 
-def test_what_is_no_ones_mistake_is_not_hidden(call, monkeypatch):
+def test_a_defect_of_the_program_is_not_hidden(call, monkeypatch):
     from frictionid.comparison import suite
 
     def fail(*_):

@@ -1,4 +1,4 @@
-"""The comparison: blind to what is held out, the same however it is run, strict with parts."""
+"""The comparison: independent of what is held out, the same however it is run, strict."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -31,11 +31,11 @@ def benchmark(data=None, split=None, protocol=PROTOCOL, tests=()):
     return Benchmark(data, make_folds(data.recordings, split or Split(count=3)), protocol, tests)
 
 
-# --- Blind to what is held out -------------------------------------------------------------------
+# --- Independent of what is held out -------------------------------------------------------------
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
-def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(recipe):
+def test_a_fold_does_not_depend_on_the_recordings_that_it_holds_out(recipe):
     whole = benchmark()
     before = run(whole, FIT, recipe)
     for held in (0, 7):
@@ -48,7 +48,7 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(recipe):
         assert not np.array_equal(before.overall.theta, other.overall.theta)
 
 
-def test_a_fold_is_blind_to_the_block_that_it_holds_out():
+def test_a_fold_does_not_depend_on_the_block_that_it_holds_out():
     split = Split(count=4, kind="blocks", gap=0.25)
     whole = benchmark(split=split)
     before = run(whole, FIT, STUDY)
@@ -124,7 +124,7 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     np.testing.assert_allclose(thetas[1], 1.01 * np.array(thetas[0]))
 
 
-def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
+def test_fixed_friction_is_scored_once_and_written_for_each_recipe_and_seed(tmp_path):
     whole = benchmark()
     calls = []
 
@@ -154,7 +154,7 @@ def test_what_no_recipe_changes_is_computed_once_and_written_for_each(tmp_path):
         assert score_frame(found["rows"]["tiny"]).equals(alone.scores)
 
 
-def test_the_table_of_a_few_lines_of_python():
+def test_compare_gives_the_scores_of_each_identifier_by_each_recipe():
     data = dataset()
     folds = make_folds(data.recordings, Split(count=3))
     identifiers = {"none": Frictionless(), "stribeck": LeastSquares(Stribeck())}
@@ -172,7 +172,7 @@ def test_the_table_of_a_few_lines_of_python():
         best.value("rollout", "median", 0.3)
 
 
-def test_a_test_set_is_judged_by_what_all_data_gave():
+def test_a_test_set_is_scored_with_the_friction_of_all_data():
     test = dataset(name="test", recordings=recordings()[:3])
     result = run(benchmark(tests=(test,)), FIT, INTEGRAL)
     assert set(result.tests) == {"test"}
@@ -183,7 +183,7 @@ def test_a_test_set_is_judged_by_what_all_data_gave():
     assert shown == {"tiny": "fold", "test": "all"}
 
 
-def test_models_that_bring_their_own_mechanism_are_judged_with_it():
+def test_models_with_their_own_mechanism_are_scored_with_it():
     friction = replace(true_friction(TRUTH), parameters={"mass": 0.4})
     wrong, right = (
         run(benchmark(), Published(given), INTEGRAL) for given in (friction, true_friction(TRUTH))
@@ -226,7 +226,7 @@ def test_recipes_that_make_no_sense_are_refused(change, words):
         replace(INTEGRAL, **change)
 
 
-# --- Contests that cannot be held ----------------------------------------------------------------
+# --- Benchmarks that cannot be prepared ----------------------------------------------------------
 
 ABSURD = {
     "long horizons": ({"protocol": Protocol(horizons=(9.0,))}, "9.15 s of motion"),
@@ -253,7 +253,7 @@ ABSURD = {
 
 
 @pytest.mark.parametrize(("change", "words"), ABSURD.values(), ids=ABSURD.keys())
-def test_contests_that_cannot_be_held_are_refused_before_anything_is_fitted(change, words):
+def test_benchmarks_that_cannot_be_prepared_are_refused_before_anything_is_fitted(change, words):
     change = {"protocol": PROTOCOL, **change}
     with pytest.raises(InputError, match=words) as caught:
         prepare_benchmark(benchmark(**change), RECIPES)
@@ -268,7 +268,7 @@ def test_recordings_may_differ_in_length():
     assert set(result.scores.fold) == {"0", "1", "2", "all"}
 
 
-# --- Identifiers that break the contract ---------------------------------------------------------
+# --- Identifiers that violate the protocol -------------------------------------------------------
 
 
 def made(theta):
@@ -293,7 +293,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("theta", "words"), BROKEN.values(), ids=BROKEN.keys())
-def test_what_an_identifier_gives_is_checked(theta, words, tmp_path):
+def test_the_friction_of_an_identifier_is_checked(theta, words, tmp_path):
     whole = benchmark()
     task = Task(whole, "broken", made(theta), INTEGRAL, 0)
     with pytest.raises(InputError, match=words) as caught:
@@ -302,7 +302,7 @@ def test_what_an_identifier_gives_is_checked(theta, words, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_is_fitted_has_the_batch_of_its_weights():
+def test_fitted_friction_has_the_batch_axis_of_the_weights():
     shared = prepare_benchmark(benchmark(), [INTEGRAL])
     problem = shared.training.problems["integral"]
     weights = np.ones((2, len(problem.r)))

@@ -89,7 +89,7 @@ def test_a_task_comes_back_from_its_file(peers, tmp_path: Path) -> None:
         np.testing.assert_array_equal(mine, read)
 
 
-def test_the_ways_of_the_peer_agree_and_come_near_the_truth(peers) -> None:
+def test_the_methods_of_the_peer_agree_and_come_near_the_truth(peers) -> None:
     """Each in its own process; what is left is the peer's step, and that starts are smoothed."""
     need_toolbox()
     dataset = simulate(short(peers.truths(load_rig(peers.RIG))["coulomb_viscous"]))
@@ -109,7 +109,7 @@ def test_ours_comes_nearer(peers) -> None:
     assert np.all(peers.error_of(theta, "coulomb_viscous", dataset) < 0.01)
 
 
-def test_the_end_of_a_side_is_told(peers) -> None:
+def test_a_tool_that_ends_is_reported(peers) -> None:
     task = peers.task_of(simulate(short(load_rig(peers.RIG))))
     with pytest.raises(RuntimeError, match="no_side.py: .*No such file"):
         peers.solve(task, "no_side.py")

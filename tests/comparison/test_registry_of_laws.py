@@ -25,7 +25,7 @@ from frictionid.identifiers import LeastSquares
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_every_law_keeps_to_the_contract_and_comes_back_from_its_file(name, tmp_path):
+def test_every_law_satisfies_the_protocol_and_survives_its_file(name, tmp_path):
     needed = [f for f in fields(LAWS[name]) if f.default is MISSING]
     law = LAWS[name](*(0.5 for _ in needed))
     check_law(law, level=not name.startswith("state_"))

@@ -42,7 +42,7 @@ def test_with_noise_our_errors_are_at_most_0_6_of_the_studys(clean: Dataset) -> 
     assert (errors(clean, INTEGRAL) <= 0.6 * errors(clean, STUDY)).all()
 
 
-def test_leaving_resting_joints_open_is_what_makes_the_curves_right(clean: Dataset) -> None:
+def test_the_stiction_mask_makes_the_curves_accurate(clean: Dataset) -> None:
     """The same recipe that fits all rows alike is far off: its friction at rest is no law."""
     alike = Recipe("alike", INTEGRAL.states, INTEGRAL.scheme, velocity_threshold=0.0)
     assert (errors(clean, INTEGRAL) < 0.7 * errors(clean, alike)).all()

@@ -1,5 +1,7 @@
 """Suites: what they make, and every mistake in one line that names file, key and way out."""
 
+import re
+
 import numpy as np
 import pytest
 import tomli_w
@@ -11,7 +13,6 @@ from hypothesis import strategies as st
 from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_identifiers import identifier_named
-from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.states import RTS, SavitzkyGolay
 from frictionid.errors import InputError
@@ -168,7 +169,7 @@ def test_one_data_set_may_have_its_tables_elsewhere_and_several_may_not(place, t
         tasks(place, [("datasets", [{"path": "tiny"}, {"path": "apart"}])], tables)
 
 
-def test_without_tables_both_ways_out_are_told(place, monkeypatch):
+def test_missing_tables_are_an_error_that_names_both_remedies(place, monkeypatch):
     monkeypatch.delenv("FRICTIONID_DATA", raising=False)
     write_dataset(place / "gone", name="gone", changes=[("collection", "pendulums")])
     with pytest.raises(InputError, match="--data FOLDER, or set FRICTIONID_DATA"):
@@ -293,20 +294,76 @@ def test_friction_files_are_read_by_the_names_of_the_laws(place):
     assert friction_of(place / "model.json").law == CoulombViscous()
 
 
-@pytest.mark.parametrize(
-    "names", [("initial_states", "true_initial_states"), ("starts", "true_starts")], ids=str
-)
-def test_keys_of_older_suites_mean_the_same(place, names):
-    table = suite(list(zip(names, ("model", True), strict=True)))
-    file = write_toml(place / "renamed.toml", table)
-    protocol = tasks_of(load_suite(file), file)[0].benchmark.protocol
+# A suite of an older version: every key that has another name now, under its old one.
+OLDER = """
+name = "older"
+starts = "model"
+true_starts = true
+horizons = [0.1]
+folds = { count = 3 }
+datasets = [{ path = "tiny" }]
+
+[[recipes]]
+name = "mine"
+states = { kind = "rts" }
+scheme = "integral"
+rest = 0.05
+
+[[recipes]]
+name = "corrected"
+like = "mine"
+rig = { free = ["friction", "delay"] }
+
+[[identifiers]]
+kind = "sindy"
+sets = false
+sure = 1.0
+search = { sure = { low = 0.5, high = 3.0 } }
+
+[[identifiers]]
+kind = "sindy_dynamics"
+sure = 2.0
+recipes = ["mine"]
+"""
+RENAMED = {
+    "starts": "initial_states",
+    "true_starts": "true_initial_states",
+    "rest": "velocity_threshold",
+    "rig": "calibration",
+    "sets": "search_sets",
+    "sure": "n_standard_errors",
+}
+
+
+def test_an_older_suite_means_the_same_under_its_old_keys(place):
+    text = OLDER
+    for old, new in RENAMED.items():
+        text = re.sub(rf"\b{old} =", f"{new} =", text)
+    suites = []
+    for name, content in (("older", OLDER), ("newer", text)):
+        (place / f"{name}.toml").write_text(content)
+        suites.append(load_suite(place / f"{name}.toml"))
+    assert suites[0].document() == suites[1].document()
+    older, newer = (tasks_of(suite, place / "older.toml") for suite in suites)
+    settings = [
+        [(t.name, t.identifier, t.recipe, t.benchmark.protocol) for t in ts]
+        for ts in (older, newer)
+    ]
+    assert repr(settings[0]) == repr(settings[1])
+    protocol = newer[0].benchmark.protocol
     assert (protocol.initial_states, protocol.true_initial_states) == ("model", True)
 
 
-def test_the_key_rest_of_older_recipes_is_the_velocity_threshold():
-    entry = {"name": "mine", "states": {"kind": "rts"}, "scheme": "integral"}
-    old, new = (
-        recipe_of(RecipeEntry.model_validate({**entry, key: 0.05}))
-        for key in ("rest", "velocity_threshold")
-    )
-    assert old == new and new.velocity_threshold == 0.05
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ([("starts", "model"), ("initial_states", "model")], "'starts' is the old name of 'init"),
+        (
+            [("identifiers.1", {"kind": "sindy", "sure": 1.0, "n_standard_errors": 1.0})],
+            "'sure' is the old name of 'n_standard_errors': give one of them",
+        ),
+    ],
+)
+def test_a_key_under_both_names_is_refused(place, changes, names):
+    with pytest.raises(InputError, match=names):
+        tasks(place, changes)

@@ -153,7 +153,7 @@ def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, monk
     assert {name: after[name] for name in done} == done  # what was done has not been done again
 
 
-def test_tasks_that_are_given_up_are_not_told_of():
+def test_cancelled_tasks_give_no_warning():
     code = (
         "import time; from frictionid.comparison.processes import side_by_side; "
         "found = side_by_side(time.sleep, [(t,) for t in (0, 0.5, 0.5, 0.5)], 2); "
@@ -219,7 +219,7 @@ def test_without_resume_everything_is_made_anew(place):
 
 
 @pytest.mark.parametrize("seeded", [False, True])
-def test_what_draws_nothing_is_fitted_once_for_all_seeds(place, seeded, tmp_path, monkeypatch):
+def test_unseeded_identifiers_are_fitted_once_for_all_seeds(place, seeded, tmp_path, monkeypatch):
     recipes = [{"name": "study"}, {"name": "integral"}]
     own = {"kind": "slow_part:Counted", "draws": seeded}
     changes = [("recipes", recipes), ("seeds", [0, 1, 2]), ("identifiers", [own])]
@@ -234,7 +234,7 @@ def test_what_draws_nothing_is_fitted_once_for_all_seeds(place, seeded, tmp_path
     assert set(table["seed"]) == {0, 1, 2}
 
 
-def test_what_does_not_belong_to_a_comparison_any_more_is_gone(place):
+def test_results_of_tasks_that_left_the_suite_are_removed(place):
     quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
     file = write_suite(place, [SUITE[0], ("identifiers", list(quick))], "quick.toml")
     out = place / "shrunk"
@@ -265,7 +265,7 @@ def test_a_data_set_that_changed_is_compared_anew(place):
 # --- What a folder holds -------------------------------------------------------------------------
 
 
-def test_scores_have_the_columns_of_the_issue_and_one_row_for_each_key(place):
+def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
     table = pd.read_csv(place / "whole" / "scores.csv", dtype={"fold": str, "joint": str})
     assert tuple(table.columns) == COLUMNS
     assert COLUMNS[:11] == tuple(
@@ -331,7 +331,7 @@ def test_timings_stand_apart(place):
     assert set(table["part"]) == {"prepare", "fit", "score"}
 
 
-def test_tables_are_made_of_what_is_finished(place, tmp_path):
+def test_tables_show_the_finished_tasks(place, tmp_path):
     for path in (place / "whole").rglob("*.json"):
         copy = tmp_path / path.relative_to(place / "whole")
         copy.parent.mkdir(exist_ok=True)

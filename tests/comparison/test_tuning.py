@@ -81,7 +81,7 @@ def suite(place, search=None, tuning=None, **entry):
     return load_suite(file), file
 
 
-# --- The best settings ----------------------------------------------------------------------------
+# --- The best settings ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("sampler", "trials"), [("tpe", 15), ("gp", 9)])
@@ -154,7 +154,7 @@ def test_settings_that_cannot_be_fitted_fail_alone(place, tmp_path):
         tune([never], tuning, tmp_path / "b")
 
 
-# --- What it may see ------------------------------------------------------------------------------
+# --- What it may see -----------------------------------------------------------------------------
 
 
 def test_held_out_recordings_change_nothing_of_their_folds_study(place, tmp_path):
@@ -173,7 +173,7 @@ def test_held_out_recordings_change_nothing_of_their_folds_study(place, tmp_path
         assert a[fold].trials[0].value != b[fold].trials[0].value
 
 
-def test_parts_of_blocks_leave_the_held_out_block_and_its_gap():
+def test_nested_folds_leave_out_the_held_out_block_and_its_gap():
     gap = 0.1
     own = benchmark(Split(count=3, kind="blocks", gap=gap))
     for fold in range(3):
@@ -197,7 +197,7 @@ def samples(part):
     return out
 
 
-def test_shuffled_samples_part_nothing(place, tmp_path):
+def test_tuning_cannot_be_nested_in_shuffled_folds(place, tmp_path):
     shuffled = tuning_task(place, benchmark(Split(count=3, kind="shuffled")))
     with pytest.raises(InputError, match="nested .* shuffled .*tune.nested = false"):
         tune([shuffled], Tuning(trials=1, folds=2), tmp_path)
@@ -205,11 +205,11 @@ def test_shuffled_samples_part_nothing(place, tmp_path):
     assert result.fold is None
 
 
-# --- Interruptions --------------------------------------------------------------------------------
+# --- Interruptions -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("after", [1, 7])
-def test_what_was_interrupted_is_resumed_with_the_same_trials(place, tmp_path, after):
+def test_an_interrupted_search_is_resumed_with_the_same_trials(place, tmp_path, after):
     tuning = Tuning(trials=7, folds=2, nested=False, samplers=["tpe"])
     whole = tune([tuning_task(place)], tuning, tmp_path / "whole")
     finished = []
@@ -253,7 +253,7 @@ def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path
     assert len(anew.trials) == 2 and anew.trials[0].value != first.trials[0].value
 
 
-# --- Suites and pages -----------------------------------------------------------------------------
+# --- Suites and pages ----------------------------------------------------------------------------
 
 
 def test_the_written_suite_runs_with_the_chosen_settings(place, tmp_path):

@@ -50,7 +50,7 @@ class Study:
         for t in self._finished():
             value = math.nan if t.value is None else float(t.value)
             error = str(t.user_attrs.get("error", ""))
-            of_suite = bool(t.user_attrs.get("own"))
+            of_suite = bool(t.user_attrs.get("suite"))
             out.append(Trial(self._settings(t.params), value, error, of_suite))
         return tuple(out)
 
@@ -72,7 +72,7 @@ class Study:
 
     @property
     def held_out(self) -> Mapping[str, float | None] | None:
-        """Scores on the held-out fold, of the "chosen" and the suite's "own" settings."""
+        """Scores on the held-out fold, of the "chosen" and the "suite" settings."""
         scores: Mapping[str, float | None] | None = self.optuna_study.user_attrs.get("held_out")
         return scores
 
@@ -138,7 +138,7 @@ def open_study(storage: Any, name: str, digest: str, first: Mapping[str, Any] | 
     study = optuna.create_study(study_name=name, storage=storage)
     study.set_user_attr("digest", digest)
     if first is not None:
-        study.enqueue_trial(dict(first), user_attrs={"own": True})
+        study.enqueue_trial(dict(first), user_attrs={"suite": True})
     return study
 
 
@@ -151,13 +151,13 @@ def as_params(search: Mapping[str, Space], settings: Mapping[str, Any]) -> dict[
 
 
 def _set_unfinished_aside(study: Any) -> None:
-    """Mark the trials that ran when a search was interrupted, and queue the suite's own again."""
+    """Mark the trials that ran when a search was interrupted, and queue the suite's again."""
     states = _states()
     for trial in study.get_trials(deepcopy=False, states=(states.RUNNING,)):
         study._storage.set_trial_user_attr(trial._trial_id, "interrupted", True)
         study.tell(trial.number, state=states.FAIL)
-        if trial.user_attrs.get("own"):
-            study.enqueue_trial(trial.params, user_attrs={"own": True})
+        if trial.user_attrs.get("suite"):
+            study.enqueue_trial(trial.params, user_attrs={"suite": True})
 
 
 def _states() -> Any:

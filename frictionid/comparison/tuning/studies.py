@@ -174,7 +174,7 @@ def _digest(spec: StudySpec, data: NestedData) -> str:
 def _score_held_out(
     specs: Sequence[StudySpec], studies: Sequence[Study], data: NestedData, jobs: int
 ) -> None:
-    """Score on each fold what was chosen without it, beside the suite's own settings."""
+    """Score on each fold what was chosen without it, beside the suite's settings."""
     nested = [
         (spec, study)
         for spec, study in zip(specs, studies, strict=True)
@@ -190,7 +190,7 @@ def _score_held_out(
         scores[i] = score.held_out if math.isfinite(score.held_out) else None
         first = i - i % 2  # of the two calls of a study
         if first in scores and first + 1 in scores:
-            nested[i // 2][1].set_held_out({"chosen": scores[first], "own": scores[first + 1]})
+            nested[i // 2][1].set_held_out({"chosen": scores[first], "suite": scores[first + 1]})
 
 
 def _best(spec: StudySpec, study: Study) -> Trial:
@@ -204,6 +204,6 @@ def _result(spec: StudySpec, study: Study) -> StudyResult:
     _best(spec, study)
     of_suite = [trial.value for trial in study.trials if trial.of_suite]
     held = study.held_out or {}
-    scores = [math.nan if (v := held.get(key)) is None else v for key in ("chosen", "own")]
+    scores = [math.nan if (v := held.get(key)) is None else v for key in ("chosen", "suite")]
     suite_value = of_suite[-1] if of_suite else math.nan
     return StudyResult(*spec, study.trials, suite_value, *scores)
