@@ -147,7 +147,7 @@ WRONG = {
     "cut off": ("cut.mp4", RIG, "no video that can be read, or has lost its end"),
     "no pictures": ("empty", RIG, "no pictures there"),
     "no dot": ("even.mov", RIG.replace("210.0", "120.0"), "is in no frame"),
-    "same hue": ("even.mov", RIG.replace("210.0", "20.0"), "cannot be told from each other"),
+    "same hue": ("even.mov", RIG.replace("210.0", "20.0"), "cannot be distinguished"),
     "outside": ("even.mov", RIG.replace("320.0", "900.0"), "lies outside the picture"),
     "lengths": ("even.mov", RIG.replace("0.175", "0.4"), "have the ratio"),
     "no colour": ("even.mov", RIG.replace("hue = 210.0", ""), "neither a colour nor a place"),

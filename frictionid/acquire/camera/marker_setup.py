@@ -132,7 +132,7 @@ class MarkerSetup(Strict):
             if 0 < distance < MIN_HUE_DISTANCE:
                 raise ValueError(
                     f"the hues of {a.name!r} and {b.name!r} are {distance:g} deg apart and cannot "
-                    f"be told from each other; use colours {MIN_HUE_DISTANCE:g} deg apart, or the "
+                    f"be distinguished; use colours {MIN_HUE_DISTANCE:g} deg apart, or the "
                     "same hue"
                 )
         return markers

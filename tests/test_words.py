@@ -1,0 +1,159 @@
+"""Words: public names and messages use the field's terms, none that was retired.
+
+Right of each retired word stands what the field says. Words that are ordinary English as well are
+retired as names only.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fixtures.paths import ROOT
+
+PACKAGE = ROOT / "frictionid"
+# Nowhere in a name.
+WORDS = {
+    "bent": "bristle state",
+    "cautions": "warnings",
+    "contest": "benchmark",
+    "course": "trajectory",
+    "dip": "Stribeck factor",
+    "doubts": "warnings",
+    "faced": "prepared for",
+    "grip": "stiction",
+    "ground": "prepared data",
+    "hats": "hat basis",
+    "lamp": "sync LED",
+    "lane": "study",
+    "lessons": "training set",
+    "marks": "markers",
+    "matter": "summary data",
+    "observer": "state estimator",
+    "pace": "step size",
+    "practice": "synthetic",
+    "remarks": "text",
+    "sided": "by direction",
+    "spot": "blob",
+    "stride": "adaptive step",
+    "stuck": "frozen torque",
+    "supports": "active sets",
+    "told": "nominal",
+}
+# Not as a whole name: in a longer one they are ordinary English, as in `at_rest`.
+WHOLE = {
+    "alone": "partial regression",
+    "rest": "velocity threshold",
+    "starts": "initial states",
+    "sure": "number of standard errors",
+    "way": "method",
+    "why": "memory analysis",
+}
+MESSAGES = ("at the door", "contest", "doubts", "faced", "grip", "hats", "lane", "lessons", "told")
+ALLOWED = {"ground_truth"}  # terms of the field that hold a retired word
+
+
+def words(name: str) -> set[str]:
+    """Words of a name in snake or camel case.
+
+    >>> sorted(words("HatsOf_ground"))
+    ['ground', 'hats', 'of']
+    """
+    for term in ALLOWED:
+        name = name.replace(term, "")
+    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
+
+
+def public_names(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and name of what others can use: the module, classes, functions, arguments, fields."""
+    yield 1, path.parent.name if path.stem == "__init__" else path.stem
+    yield from _public(ast.parse(path.read_text()).body)
+
+
+def _public(body: list[ast.stmt]) -> Iterator[tuple[int, str]]:
+    for node in body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield node.lineno, node.name
+            yield from _public(node.body)
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield node.lineno, node.name
+            arguments = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+            yield from ((argument.lineno, argument.arg) for argument in arguments)
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            yield node.lineno, node.target.id
+
+
+def messages(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and text of every string that is no docstring."""
+    tree = ast.parse(path.read_text())
+    documented = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and node.body
+        and isinstance(node.body[0], ast.Expr)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if id(node) not in documented and " " in node.value.strip():
+                yield node.lineno, node.value
+
+
+def retired(path: Path) -> list[str]:
+    """Retired words in the public names and the messages of a file."""
+    found = [
+        f"{path.name}:{line}: {name}: the field says {(WORDS | WHOLE)[word]!r}"
+        for line, name in public_names(path)
+        for word in sorted(words(name) & WORDS.keys() | {name} & WHOLE.keys())
+    ]
+    for line, text in messages(path):
+        for word in MESSAGES:
+            if re.search(rf"\b{word}\b", text):
+                found.append(f"{path.name}:{line}: the message {text!r} says {word!r}")
+    return found
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE))
+)
+def test_no_retired_word_is_left(path: Path) -> None:
+    assert retired(path) == []
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "data" / "README.md"]
+TEMPLATES = sorted(PACKAGE.rglob("*.j2"))
+
+
+@pytest.mark.parametrize("path", [*PAGES, *TEMPLATES], ids=lambda path: path.name)
+def test_no_page_says_a_retired_word(path: Path) -> None:
+    text = path.read_text()
+    assert [word for word in MESSAGES if re.search(rf"\b{word}\b", text)] == []
+
+
+PLANTED = {
+    "module": ("hats.py", "", "hats"),
+    "class": ("a.py", "class ToldMachine:\n    pass", "ToldMachine"),
+    "function": ("a.py", "def ground_of():\n    pass", "ground_of"),
+    "argument": ("a.py", "def f(told):\n    pass", "told"),
+    "field": ("a.py", "class A:\n    pace: int = 1", "pace"),
+    "whole name": ("a.py", "class A:\n    rest: float = 0.2", "rest"),
+    "message": ("a.py", "raise ValueError(f'{1} as it was told')", "told"),
+}
+
+
+@pytest.mark.parametrize(("name", "text", "said"), PLANTED.values(), ids=PLANTED)
+def test_a_planted_word_is_found(name: str, text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    assert any(said in line for line in retired(path))
+
+
+def test_terms_of_the_field_are_no_retired_words(tmp_path: Path) -> None:
+    path = tmp_path / "ground_truth.py"
+    path.write_text(
+        '"""As it was told."""\n\n\ndef ground_truth_of(at_rest, standing):\n    pass\n'
+    )
+    assert retired(path) == []
