@@ -69,7 +69,7 @@ def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -
                 f"joint {fact.joint} never exceeds {_round(max(fact.top, 0.1))} rad/s: "
                 f"add {_swing(mechanism, nominal, fact.joint - 1)}"
             )
-        elif fact.rest < 0.9 and not 0.15 < fact.forward < 0.85:
+        elif fact.at_rest < 0.9 and not 0.15 < fact.forward < 0.85:
             direction = "forward" if fact.forward < 0.5 else "backward"
             out.append(f"joint {fact.joint} hardly moves {direction}: add motion in that direction")
     return out

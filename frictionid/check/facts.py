@@ -17,7 +17,7 @@ class JointFacts:
     """Facts of one joint; SI units.
 
     range : span of all angles ; fast : speed exceeded in 5 % of the time ; top : largest speed ;
-    forward : share of the moving time in the positive direction ; rest : share of the time below
+    forward : share of the moving time in the positive direction ; at_rest : share of the time below
     `rest_speed` ; reversals : changes of direction ; torque : RMS ; torque_top ; torque_noise and
     angle_noise : standard deviations ; velocity_noise : of the smoothed velocity ; angle_step and
     torque_step : resolution, 0 where there is none
@@ -28,7 +28,7 @@ class JointFacts:
     fast: float
     top: float
     rest_speed: float
-    rest: float
+    at_rest: float
     forward: float
     reversals: int
     torque: float
@@ -91,22 +91,22 @@ def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> lis
     w = np.concatenate([m.states.w for m in motions])
     q = np.concatenate([r.angle.value for r in recordings])
     u = np.concatenate([r.torque.value for r in recordings])
-    rest, fast = speeds_of(motions)
+    threshold, fast = speeds_of(motions)
     angle_noise = np.median([m.angle_noise for m in motions], axis=0)
     velocity_noise = np.median([m.velocity_noise for m in motions], axis=0)
     out = []
     for j in range(w.shape[1]):
-        moving = np.abs(w[:, j]) > rest[j]
+        moving = np.abs(w[:, j]) > threshold[j]
         out.append(
             JointFacts(
                 joint=j + 1,
                 range=float(np.ptp(q[:, j])),
                 fast=float(fast[j]),
                 top=float(np.abs(w[:, j]).max()),
-                rest_speed=float(rest[j]),
-                rest=float(1 - moving.mean()),
+                rest_speed=float(threshold[j]),
+                at_rest=float(1 - moving.mean()),
                 forward=float((w[moving, j] > 0).mean()) if moving.any() else 0.0,
-                reversals=sum(_reversals(m.states.w[:, j], rest[j]) for m in motions),
+                reversals=sum(_reversals(m.states.w[:, j], threshold[j]) for m in motions),
                 torque=float(np.sqrt((u[:, j] ** 2).mean())),
                 torque_top=float(np.abs(u[:, j]).max()),
                 angle_noise=float(angle_noise[j]),
@@ -119,8 +119,8 @@ def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> lis
     return out
 
 
-def _reversals(w: Array, rest: float) -> int:
-    side = np.sign(w[np.abs(w) > rest])
+def _reversals(w: Array, threshold: float) -> int:
+    side = np.sign(w[np.abs(w) > threshold])
     return int((side[1:] != side[:-1]).sum())
 
 

@@ -79,11 +79,11 @@ def _motion(angle: Signal, mean: Array, rho: Array) -> Motion:
 class Speeds(NamedTuple):
     """Characteristic speeds (..., n) [rad/s] of each joint.
 
-    rest : below it a joint may be at rest (noise, or 2 % of fast motion), infinite for a joint that
-    never rises from the noise ; fast : exceeded in 5 % of the time
+    threshold : below it a joint may be at rest (noise, or 2 % of fast motion), infinite for a joint
+    that never rises from the noise ; fast : exceeded in 5 % of the time
     """
 
-    rest: Array
+    threshold: Array
     fast: Array
 
 
@@ -91,8 +91,8 @@ def speeds_of(motions: Sequence[Motion]) -> Speeds:
     """Characteristic speeds of the joints over all motions, (n,) each."""
     noise = np.median([m.velocity_noise for m in motions], axis=0)
     fast = np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
-    rest = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
-    return Speeds(rest, np.maximum(fast, 1e-12))
+    threshold = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
+    return Speeds(threshold, np.maximum(fast, 1e-12))
 
 
 def mapped_motion(motion: Motion, map_: Array) -> Motion:

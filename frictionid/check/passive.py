@@ -40,7 +40,7 @@ def passive_time(measured: Measured) -> float:
     total = 0.0
     for recording, motion in zip(measured.dataset.recordings, measured.motions, strict=True):
         for phase in passive_phases(recording, motion):
-            moving = (np.abs(motion.states.w[phase]) > measured.speeds.rest).any(1)
+            moving = (np.abs(motion.states.w[phase]) > measured.speeds.threshold).any(1)
             total += float((np.gradient(motion.states.time[phase]) * moving).sum())
     return total
 
@@ -99,7 +99,7 @@ def rest_loads(tests: HypothesisTests) -> list[Array]:
     measured, rows = tests.measured, tests.rows
     nominal = rows.at(measured.nominal)
     inertia, gravity = nominal.inertia[..., 0], nominal.gravity[..., 0]
-    still = (np.abs(rows.w) < measured.speeds.rest).all(1) & ~rows.moving.any(1)
+    still = (np.abs(rows.w) < measured.speeds.threshold).all(1) & ~rows.moving.any(1)
     # a joint that swings through a reversal is slow on average, too: look at the acceleration
     level = np.abs(gravity).max(0)
     still &= (np.abs(inertia) < 0.02 * level + 1e-12).all(1)

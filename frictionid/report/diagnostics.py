@@ -89,7 +89,7 @@ def _joints(verdict: Verdict, console: Any) -> None:
     lines = []
     for j in verdict.joints:
         ranges = [f"{value:.3g}" for value in (j.range, j.fast, j.top)]
-        shares = [f"{100 * share:.0f} %" for share in (j.forward, j.rest)]
+        shares = [f"{100 * share:.0f} %" for share in (j.forward, j.at_rest)]
         torques = [f"{value:.2g}" for value in (j.torque, j.torque_top)]
         noise = [f"{j.angle_noise:.2g}", f"{j.velocity_noise:.2g}", f"{j.torque_noise:.1g}"]
         steps = [f"{step:.1g}" if step else NOTHING for step in (j.angle_step, j.torque_step)]

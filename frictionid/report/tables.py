@@ -32,7 +32,7 @@ class Column(NamedTuple):
         return f"{self.group} [{self.unit}]{self.note}" if self.unit else self.group
 
     @property
-    def alone(self) -> str:
+    def in_one_line(self) -> str:
         """Heading that says everything but the note."""
         name = f"{self.group} {self.name}" if self.group else self.name
         return f"{name} [{self.unit}]" if self.unit else name
@@ -75,7 +75,7 @@ def blocks(table: Table) -> list[list[Line]]:
 
 def markdown(table: Table) -> str:
     """A table in GitHub's Markdown, its caption below."""
-    head = [escape_markdown(column.alone) for column in table.columns]
+    head = [escape_markdown(column.in_one_line) for column in table.columns]
     rule = [":---" if column.words else "---:" for column in table.columns]
     body = [[_markdown_cell(cell) for cell in line.cells] for line in table.lines]
     lines = ["| " + " | ".join(row) + " |" for row in (head, rule, *body)]

@@ -52,11 +52,11 @@ def _coverage(verdict: Verdict) -> Any:
     size = float(np.clip(2e4 / len(q), 0.3, 4.0))
     for j, axes in enumerate(panels):
         fact = verdict.joints[j]
-        rest = np.abs(w[:, j]) < fact.rest_speed
-        for which, colour in ((~rest, MOVING), (rest, RESTING)):
+        still = np.abs(w[:, j]) < fact.rest_speed
+        for which, colour in ((~still, MOVING), (still, RESTING)):
             axes.scatter(q[which, j], w[which, j], s=size, color=colour, lw=0, rasterized=True)
         axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
-        axes.set_title(f"joint {j + 1}: {100 * fact.rest:.0f} % of the time at rest", loc="left")
+        axes.set_title(f"joint {j + 1}: {100 * fact.at_rest:.0f} % of the time at rest", loc="left")
         axes.set_xlabel(f"q{j + 1} [{unit}]")
         axes.set_ylabel(f"w{j + 1} [{unit}/s]")
     key_above(picture, {"moving": marker(MOVING), "at rest, or too slow to tell": marker(RESTING)})
