@@ -14,7 +14,7 @@ from frictionid.check import Verdict
 from frictionid.check.regression import Estimate
 from frictionid.mechanics import mechanism_of
 from frictionid.report.numbers import NOTHING
-from frictionid.report.tables import Column, Line, Table, for_terminal, line, words
+from frictionid.report.tables import Column, Line, Table, for_terminal, line, text_columns
 from frictionid.report.terminal import console
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
@@ -82,7 +82,7 @@ def _headline(verdict: Verdict, console: Any) -> None:
 def _joints(verdict: Verdict, console: Any) -> None:
     angle, torque = _units(verdict)
     names = (f"q range [{angle}]", "w 95 %", "w top", "forward", "rest", "turns")
-    columns = [*words("joint"), *map(Column, names)]
+    columns = [*text_columns("joint"), *map(Column, names)]
     columns += [Column(f"u RMS [{torque}]"), Column("u top")]
     columns += [Column(name, "noise") for name in ("q", "w", "u")]
     columns += [Column(name, "step") for name in ("q", "u")]
@@ -137,7 +137,7 @@ def _published(verdict: Verdict) -> dict[str, float]:
 
 def _estimate(verdict: Verdict, console: Any) -> None:
     published = _published(verdict)
-    columns = [*words("least squares"), Column("estimate"), Column("nominal")]
+    columns = [*text_columns("least squares"), Column("estimate"), Column("nominal")]
     columns += [Column("published")] if published else []
     lines = []
     for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False):
@@ -150,7 +150,10 @@ def _friction(verdict: Verdict, console: Any) -> None:
     angle, torque = _units(verdict)
     published = _published(verdict)
     units = {"coulomb": torque, "viscous": f"{torque} s/{angle}", "offset": torque}
-    columns = [*words("joint"), *(Column(f"{name} [{unit}]") for name, unit in units.items())]
+    columns = [
+        *text_columns("joint"),
+        *(Column(f"{name} [{unit}]") for name, unit in units.items()),
+    ]
     lines = []
     for joint in verdict.joints:
         cells = [str(joint.joint)]

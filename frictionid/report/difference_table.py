@@ -5,7 +5,7 @@ from __future__ import annotations
 from frictionid.report.numbers import MINUS, NOTHING, decimals, fixed
 from frictionid.report.sections import Pair, SummaryData, rollout
 from frictionid.report.summary_table import ONE_STEP, TRUE_START
-from frictionid.report.tables import Cell, Column, Table, line, words
+from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 
 def difference_table(data: SummaryData) -> Table | None:
@@ -37,7 +37,7 @@ def difference_table(data: SummaryData) -> Table | None:
         "folds: mean ± standard error; ≈ within two standard errors. Medians of rollouts are those "
         "of each fold."
     )
-    columns = (*words("model"), *heads.values())
+    columns = (*text_columns("model"), *heads.values())
     return Table(caption, f"differences-{data.dataset}", columns, tuple(lines))
 
 

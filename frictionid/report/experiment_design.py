@@ -13,7 +13,7 @@ from frictionid.excitation.motion import MARGIN
 from frictionid.excitation.signals import DECIMALS
 from frictionid.report.numbers import NOTHING
 from frictionid.report.render import render
-from frictionid.report.tables import Column, Table, line, terminal_text, words
+from frictionid.report.tables import Column, Table, line, terminal_text, text_columns
 
 BINDING = 0.9  # of what the search allows
 
@@ -65,7 +65,12 @@ def limit_table(design: Design) -> Table:
             binding = "binding" if most[j] >= BINDING * margin * limit[j] else ""
             values = f"{most[j]:.4g}", f"{limit[j]:.4g}"
             lines.append(line([name, f"joint {j + 1}", *values, unit, binding]))
-    columns = [*words("limit", "joint"), Column("largest"), Column("allowed"), *words("unit", "")]
+    columns = [
+        *text_columns("limit", "joint"),
+        Column("largest"),
+        Column("allowed"),
+        *text_columns("unit", ""),
+    ]
     return Table("", "limits", tuple(columns), tuple(lines))
 
 
@@ -78,7 +83,7 @@ def error_table(design: Design) -> Table:
     units = [d.torque_unit, f"{d.torque_unit} / ({d.angle_unit}/s)"] * e.plant.n
     units += [base.unit for base in d.base]
     values = [*e.friction.theta.ravel(), *e.plant.p]
-    columns = [*words("parameter"), Column("prior")]
+    columns = [*text_columns("parameter"), Column("prior")]
     results: list[Sequence[float]] = []
     for inertia, group in ((False, "friction alone"), (True, "inertia free")):
         columns += [Column("std error", group), Column("bias", group)]
@@ -87,7 +92,7 @@ def error_table(design: Design) -> Table:
     for i, name in enumerate([*names, *mechanism.base_names]):
         cells = [f"{own[i]:.2g}" if i < len(own) else NOTHING for own in results]
         lines.append(line([name, f"{values[i]:.4g}", *cells, units[i]]))
-    return Table("", "errors", (*columns, *words("unit")), tuple(lines))
+    return Table("", "errors", (*columns, *text_columns("unit")), tuple(lines))
 
 
 def exceeded(design: Design) -> Iterator[tuple[float, list[tuple[str, int, float]]]]:

@@ -14,7 +14,7 @@ import numpy as np
 from frictionid.report.findings import Contrast, contrast, contrasted
 from frictionid.report.numbers import decimals, fixed
 from frictionid.report.sections import Model, Section, SummaryData, rollout
-from frictionid.report.tables import Cell, Column, Table, line, words
+from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 FAMILIES = {
     "physics": "physics with textbook friction",
@@ -132,6 +132,6 @@ def family_table(section: Section) -> Table | None:
         f"Median {section.description.coordinate} error of predictions by what a model knows: on "
         f"held-out motion of {section.dataset}, and on data that no fit has seen.",
         f"question-{section.dataset}",
-        (*words("what it knows", "model"), *columns),
+        (*text_columns("what it knows", "model"), *columns),
         tuple(lines),
     )

@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.report.numbers import mean_sd, percent
 from frictionid.report.sections import Model, Section
-from frictionid.report.tables import Column, Table, line, words
+from frictionid.report.tables import Column, Table, line, text_columns
 
 KINDS = {"reversing": "reversing", "offset": "never reversing"}
 SIGNIFICANT = 2.0  # standard deviations over the folds
@@ -112,10 +112,10 @@ def loop_table(section: Section) -> Table | None:
         return None
     models += [model for model in section.of_role("truth") if has_memory(model)]
     data = section.description
-    columns = [*words("model", "joint"), Column("Hz")]
+    columns = [*text_columns("model", "joint"), Column("Hz")]
     columns += [Column(f"{text} width [m{data.torque_unit}]") for text in KINDS.values()]
     columns += [Column(f"{KINDS['offset']} lag [ms]"), Column("share of torque")]
-    columns += words("verdict")
+    columns += text_columns("verdict")
     lines = []
     for model in models:
         for joint, name in enumerate(data.joints):

@@ -12,7 +12,7 @@ from frictionid.report.estimates import estimates
 from frictionid.report.numbers import NOTHING, fixed
 from frictionid.report.sections import ANY, Model, Section
 from frictionid.report.shooting_tables import NONE
-from frictionid.report.tables import Column, Table, line, words
+from frictionid.report.tables import Column, Table, line, text_columns
 
 DIGITS = 4  # significant, of the largest of a line
 COLUMNS = (
@@ -51,7 +51,7 @@ def _numbers(model: Model) -> Iterator[tuple[Any, ...]]:
 def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
     """Table of the parameters of `parameter_numbers`, recipes side by side."""
     recipes = [recipe for recipe in section.recipes if recipe in set(frame["recipe"])]
-    heads = words("identifier", "joint", "parameter", "unit")
+    heads = text_columns("identifier", "joint", "parameter", "unit")
     for recipe in recipes:
         group = f"{recipe} recipe"
         heads += [Column("mean ± sd of folds", group), Column("all data", group)]

@@ -1,12 +1,23 @@
-"""Templates: text whose words stand in templates/*.j2 and whose numbers come from Python."""
+"""Templates: text words in templates/*.j2, numbers from Python."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from frictionid.report import numbers
+from frictionid.report.numbers import (
+    divergence_limit,
+    factor,
+    fixed,
+    percent,
+    seconds,
+    short,
+    signed,
+    with_error,
+)
 from frictionid.report.tables import code, escape_markdown, markdown
+
+NUMBERS = (short, fixed, percent, factor, signed, seconds, divergence_limit, with_error)
 
 
 def render(template: str, context: Mapping[str, Any], *, markup: bool = True) -> str:
@@ -29,10 +40,6 @@ def render(template: str, context: Mapping[str, Any], *, markup: bool = True) ->
         "text": escape_markdown if markup else str,
         "code": code if markup else str,
         "table": markdown,
-        **{name: getattr(numbers, name) for name in ("short", "fixed", "percent", "factor")},
-        **{
-            name: getattr(numbers, name)
-            for name in ("signed", "seconds", "divergence_limit", "with_error")
-        },
+        **{function.__name__: function for function in NUMBERS},
     }
     return environment.get_template(template).render(context)

@@ -12,7 +12,7 @@ from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.report.estimates import Estimate, digits, estimates, interval, value_text
 from frictionid.report.numbers import MINUS, NOTHING
 from frictionid.report.sections import DataDescription, Model
-from frictionid.report.tables import Column, Line, Table, line, words
+from frictionid.report.tables import Column, Line, Table, line, text_columns
 
 MANY = 20  # parameters of one group that a table shows one by one
 OWN = ("friction", "inertia")  # blocks that stand under their names, the rest is the calibration's
@@ -66,7 +66,7 @@ def interval_table(
     beside = {name: own for name, own in numbers.items() if own}
     nominal = any(e.nominal is not None and e.block in SIZES for e in read)
     true = any(e.true is not None for e in read)
-    heads = [*words("block", "parameter", "unit"), Column("value"), Column("95 % interval")]
+    heads = [*text_columns("block", "parameter", "unit"), Column("value"), Column("95 % interval")]
     heads += [Column("nominal"), Column("against nominal")] if nominal else []
     heads += [Column("true")] if true else []
     heads += [Column(name) for name in beside]
@@ -151,7 +151,12 @@ def window_numbers(document: Mapping[str, Sequence[Mapping[str, float]]]) -> pd.
 
 def window_table(model: Model, dataset: str, frame: pd.DataFrame) -> Table:
     """Table of the windows of `window_numbers`."""
-    heads = [*words("recording"), Column("from [s]"), Column("to [s]"), Column("residual [noise]")]
+    heads = [
+        *text_columns("recording"),
+        Column("from [s]"),
+        Column("to [s]"),
+        Column("residual [noise]"),
+    ]
     lines = [
         line((str(name), f"{begin:.2f}", f"{end:.2f}", f"{size:.1f}", str(state)))
         for name, begin, end, size, state in frame.itertuples(index=False)
@@ -162,4 +167,4 @@ def window_table(model: Model, dataset: str, frame: pd.DataFrame) -> Table:
         "times the angle noise and more."
     )
     label = f"windows-{dataset}-{model.label}-{model.recipe}"
-    return Table(caption, label, (*heads, *words("state")), tuple(lines))
+    return Table(caption, label, (*heads, *text_columns("state")), tuple(lines))

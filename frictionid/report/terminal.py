@@ -20,7 +20,7 @@ from frictionid.report.summary_table import (
     summary_of,
     summary_table,
 )
-from frictionid.report.tables import Column, Table, for_terminal, line, words
+from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 
 WIDTH = 120  # columns, where the output is no terminal
 
@@ -66,7 +66,12 @@ def show_refined(document: Mapping[str, Any]) -> None:
 
 def parameter_table(read: list[Estimate]) -> Table:
     """Parameters with their values, 95 % intervals and units."""
-    columns = [*words("parameter"), Column("value"), Column("95 % interval"), *words("unit")]
+    columns = [
+        *text_columns("parameter"),
+        Column("value"),
+        Column("95 % interval"),
+        *text_columns("unit"),
+    ]
     lines = [line((e.name, value_text(e), interval(e.low, e.high, e.error), e.unit)) for e in read]
     return Table("", "parameters", tuple(columns), tuple(lines))
 

@@ -19,7 +19,7 @@ from frictionid.report.figures.style import drawing, write_figure
 from frictionid.report.figures.tuning import progress
 from frictionid.report.numbers import NOTHING, decimals, fixed, mean_sd, short
 from frictionid.report.render import render
-from frictionid.report.tables import Cell, Column, Line, Table, line, words
+from frictionid.report.tables import Cell, Column, Line, Table, line, text_columns
 
 SPLIT = "held out"
 
@@ -77,7 +77,7 @@ def score_table(studies: Sequence[StudyResult], objective: Objective) -> Table:
     ]
     shown = [s.held_out for _, nested in rows for s in nested]
     places = decimals([*shown, *(whole.best.value for whole, _ in rows)], 3)
-    columns = [*words("identifier", "sampler"), Column("trials")]
+    columns = [*text_columns("identifier", "sampler"), Column("trials")]
     columns += [Column(name, "inner folds", unit) for name in ("as in the suite", "best")]
     columns += [Column(name, SPLIT, unit) for name in ("as in the suite", "tuned", "gain")]
     caption = (
@@ -129,9 +129,9 @@ def settings_table(studies: Sequence[StudyResult]) -> Table:
     whole = [study for study in studies if study.fold is None]
     nested = [study for study in studies if study.fold is not None]
     own = {key: text_of(value) for key, value in task.suite_settings.items()}
-    columns = [*words("setting", "searched"), Column("suite")]
+    columns = [*text_columns("setting", "searched"), Column("suite")]
     columns += [Column(study.sampler, "chosen on all data") for study in whole]
-    columns += words("chosen in the training folds") if nested else []
+    columns += text_columns("chosen in the training folds") if nested else []
     lines = []
     for key, space in task.search.items():
         cells: list[str | Cell] = [key, space.words, own.get(key, NOTHING)]

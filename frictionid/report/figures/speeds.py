@@ -8,7 +8,7 @@ from frictionid.arrays import Array
 from frictionid.report.figures.style import COLOURS, GREY, figure, plain
 from frictionid.report.numbers import percent, short
 from frictionid.report.sections import DataDescription
-from frictionid.report.tables import Column, Table, line, words
+from frictionid.report.tables import Column, Table, line, text_columns
 
 
 def velocity_scatter(data: DataDescription, w: Array) -> Any:
@@ -34,7 +34,7 @@ def velocity_scatter(data: DataDescription, w: Array) -> Any:
 def speed_table(dataset: str, data: DataDescription, speeds: Any) -> Table:
     """How fast the joints were: levels that shares of the samples stay below."""
     unit = f"{data.angle_unit}/s"
-    columns = [*words("joint"), Column("at rest")]
+    columns = [*text_columns("joint"), Column("at rest")]
     columns += [Column(percent(level), "speed below which", unit) for level in speeds["levels"]]
     lines = [
         line([name, percent(own["rest"]), *map(short, own["speeds"]), short(own["reversals"])])
