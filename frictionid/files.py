@@ -7,6 +7,7 @@ import os
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def remove_unfinished(folder: Path) -> None:
 
 def write_json(path: Path, document: Mapping[str, Any], indent: int | None = 1) -> None:
     """Write a document as JSON; infinities become the strings "inf" and "-inf", NaN null."""
-    write_text(path, json.dumps(_plain(document), indent=indent, allow_nan=False) + "\n")
+    write_text(path, json.dumps(plain(document), indent=indent, allow_nan=False) + "\n")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -104,20 +105,29 @@ def read_json(path: Path) -> dict[str, Any]:
     return document
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any, infinity: str | None = "inf") -> Any:
+    """The value as JSON has it: mappings, lists, texts, finite numbers and null.
+
+    Dataclasses and named tuples become mappings. NaN becomes null, and infinities the text
+    `infinity`, with a minus where they are negative, or null.
+
+    >>> plain({"a": np.array([1.0, -np.inf, np.nan])})
+    {'a': [1.0, '-inf', None]}
+    """
     if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return {str(k): plain(v, infinity) for k, v in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name), infinity) for f in fields(value)}
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict(), infinity)
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist(), infinity)
     if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
+        return [plain(v, infinity) for v in value]
     if isinstance(value, float) and not np.isfinite(value):
-        return None if np.isnan(value) else ("inf" if value > 0 else "-inf")
-    if isinstance(value, Path):
-        return str(value)
-    return value
+        sign = "-" if value < 0 else ""
+        return None if np.isnan(value) or infinity is None else f"{sign}{infinity}"
+    return str(value) if isinstance(value, Path) else value
 
 
 def remove_others(folder: Path, kept: Iterable[Path]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from frictionid.check import Verdict
 from frictionid.check.regression import Estimate
+from frictionid.files import plain
 from frictionid.mechanics import mechanism_of
 from frictionid.report.numbers import NOTHING
 from frictionid.report.tables import Column, Line, Table, for_terminal, line, text_columns
@@ -30,31 +30,12 @@ def show_verdict(verdict: Verdict) -> None:
 def as_json(verdict: Verdict) -> str:
     """All of a verdict as JSON text; SI units, null for what is infinite or unknown."""
     fields = {
-        f.name: _plain(getattr(verdict, f.name))
+        f.name: plain(getattr(verdict, f.name), infinity=None)
         for f in dataclasses.fields(verdict)
         if f.name != "regression"
     }
     del fields["estimate"]["residual"]
     return json.dumps(fields, indent=1, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """Dataclasses and named tuples as objects, arrays as lists."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if hasattr(value, "_asdict"):
-        return {key: _plain(entry) for key, entry in value._asdict().items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
