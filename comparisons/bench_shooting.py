@@ -31,9 +31,9 @@ from frictionid.evaluation import (
     Split,
     curve_error,
     curves,
-    judge,
     make_folds,
     prepare,
+    score_model,
     steady_state,
     velocity_grid,
 )
@@ -79,11 +79,12 @@ def off(found: Refined, dataset: Dataset) -> np.ndarray:
 
 
 def ahead(found: Refined, dataset: Dataset) -> np.ndarray:
-    """Median and 90 % quantile (2,) [rad] after 1 s, from starts that the model finds itself."""
-    protocol = Protocol(horizons=(ONE,), starts="model")
-    rows, _ = judge(found.friction, prepare(dataset, protocol))
-    keys = {(r.statistic): r.value for r in rows if r.score == "rollout_angle_truth"}
-    return np.array([keys["median"], keys["q90"]])
+    """Median and 90 % quantile (2,) [rad] after 1 s, from initial states by the model itself."""
+    protocol = Protocol(horizons=(ONE,), initial_states="model")
+    scores = score_model(found.friction, prepare(dataset, protocol)).scores
+    own = scores[scores.score == "rollout_angle_truth"]
+    values = dict(zip(own.statistic, own.value, strict=True))
+    return np.array([values["median"], values["q90"]])
 
 
 def machine(seed: int) -> tuple[np.ndarray, ...]:
@@ -92,8 +93,8 @@ def machine(seed: int) -> tuple[np.ndarray, ...]:
     with threadpool_limits(1):
         dataset = simulate(rig, seed)
         found = fitted(dataset, AsymmetricStribeck())
-        base = np.asarray(found.rig.base) / true_system(rig).p - 1.0
-        late = np.abs(found.rig.delay - rig.drive.delay)
+        base = np.asarray(found.calibration.base) / true_system(rig).p - 1.0
+        late = np.abs(found.calibration.delay - rig.drive.delay)
         later = ahead(found, simulate(rig, UNSEEN + seed))
         return off(found, dataset), late, np.abs(base).max(), later
 
@@ -142,7 +143,7 @@ def weighed(rig: Rig) -> Lines:
         fitted(dataset, AsymmetricStribeck(), blocks)
         for blocks in ((FrictionBlock(), InertiaBlock()), (FrictionBlock(),))
     )
-    base = np.abs(np.asarray(free.rig.base) / true - 1.0).max()
+    base = np.abs(np.asarray(free.calibration.base) / true - 1.0).max()
     return [
         ("m3 10 % wrong, inertia free: error of the base parameters", f"{100 * base:.2f} %"),
         ("  curve error (joint 1 / 2)", percent(off(free, dataset))),

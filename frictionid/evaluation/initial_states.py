@@ -25,7 +25,7 @@ class InitialStates(NamedTuple):
     recording, index (S,): where each starts; q, w (S, n): states there; u (T, S, n) [N m];
     dt (T, S) [s]; measured (T + 1, S, n) [rad]; truth the same or None; horizons (H,) [s] and
     last (H, S): interval count that reaches each horizon, -1 where the recording is too short;
-    nodes: motion of all recordings up to the starts, for the friction's memory.
+    nodes: motion of all recordings before, for the friction's memory.
     """
 
     recording: Array
@@ -104,7 +104,7 @@ def true_states(dataset: Dataset, states: Sequence[States]) -> list[States] | No
 def _places(
     name: str, states: Sequence[States], horizons: Array, every: float, begin: float
 ) -> tuple[Array, Array, Array]:
-    """Recording, index (S,) and reached intervals (H, S) of all starts that reach a horizon."""
+    """Recording, index (S,) and reached intervals (H, S) of all that reach a horizon."""
     chosen = [_indices(s.time, horizons[0], every, begin) for s in states]
     owner = np.repeat(np.arange(len(chosen)), [len(c) for c in chosen])
     index = np.concatenate(chosen)
@@ -124,7 +124,7 @@ def _places(
 def _indices(time: Array, shortest: float, every: float, begin: float) -> Array:
     if len(time) < 2:
         return np.empty(0, dtype=int)
-    step = max(every, float(np.diff(time).min()))  # no two starts at one sample
+    step = max(every, float(np.diff(time).min()))  # no two at one sample
     wanted = np.arange(time[0] + begin, time[-1] - shortest + 1e-9, step)
     return np.unique(np.searchsorted(time, wanted - 1e-9))
 

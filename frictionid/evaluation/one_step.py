@@ -13,7 +13,7 @@ from frictionid.identifiers.residual import Problem
 
 
 def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:
-    """Residuals (k, n) [rad/s] of some rows, each judged by the friction that has not seen it.
+    """Residuals (k, n) [rad/s] of some rows, each by the friction that has not seen it.
 
     friction : batch of F frictions; use : (K,) true for the k rows; fold : (k,) friction of each.
     """

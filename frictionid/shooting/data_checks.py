@@ -41,19 +41,19 @@ def check_blocks(
     scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
     known = any(np.isfinite(p.prior) for own in parameters.values() for p in own)
     torque = any(np.any(r.torque.value) for r in intervals.dataset.recordings)
-    way = (
+    remedy = (
         "fix one base parameter that you are sure of, such as "
         f"{estimate.mechanism.base_names[-1]!r}, or give a prior"
     )
     if scale and not known and not torque:
         raise InputError(
             "block 'inertia': without motor torque only the ratios of inertia, gravity and "
-            f"friction show in the motion: {way}"
+            f"friction show in the motion: {remedy}"
         )
     if scale and not known and "gain" in parameters and torque:
         raise InputError(
             "blocks 'gain' and 'inertia' with all base parameters free: a larger gain with larger "
-            f"inertias and friction gives the same motion: {way}"
+            f"inertias and friction gives the same motion: {remedy}"
         )
     if not torque:
         for name in ("gain", "delay"):

@@ -33,8 +33,8 @@ def meaningless(
             or not _shows(friction, parameters, k, [])
         ):
             continue
-        alone = [i for i in others if not _shows(friction, parameters, k, [i])]
-        out[k] = tuple(alone or others)
+        single = [i for i in others if not _shows(friction, parameters, k, [i])]
+        out[k] = tuple(single or others)
     return out
 
 

@@ -20,7 +20,7 @@ from frictionid.shooting.tensor_law import TensorLaw
 from frictionid.shooting.torque_samples import torque_samples
 
 _MOST = 20  # combinations of a joint
-_REACH = 1.0  # standard deviation of the prior of a joint's weights, relative to their size
+_DEVIATION = 1.0  # standard deviation of the prior of a joint's weights, relative to their size
 
 
 def on_arrays(friction: Friction) -> Friction:
@@ -66,8 +66,8 @@ def with_combinations(
     pairs = zip(law.names, law.bounds, strict=True)
     free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
     samples = torque_samples(friction, mechanism, calibration, intervals)
-    reach = _REACH if given is None or given.prior is None else given.prior
+    deviation = _DEVIATION if given is None or given.prior is None else given.prior
     own = CombinationBlock(
-        np.array(friction.theta), samples, free, reach, min(_MOST, int(free.sum()))
+        np.array(friction.theta), samples, free, deviation, min(_MOST, int(free.sum()))
     )
     return own.of(friction), tuple(own if b is given else b for b in blocks)

@@ -122,12 +122,12 @@ def _displaced(
     for i in range(n):
         for j in range(n):
             tangent.q[i][first:] += A[:, i, j] * moment_by[:, :, j]
-    way = times(A, moment)
+    displacement = times(A, moment)
     if model.base:
-        # M way = moment, and M is linear in the base parameters
-        p, mechanism, zero = model.plant.p, model.plant.mechanism, 0.0 * way
-        inert, rest = (mechanism.partials(p, state.q, zero, a).by_p for a in (way, zero))
+        # M displacement = moment, and M is linear in the base parameters
+        p, mechanism, zero = model.plant.p, model.plant.mechanism, 0.0 * displacement
+        inert, rest = (mechanism.partials(p, state.q, zero, a).by_p for a in (displacement, zero))
         for k, place in enumerate(model.base, first - len(model.base)):
             for i in range(n):
                 tangent.q[i][k] -= (A[:, i] * (inert - rest)[..., place]).sum(-1)
-    return state._replace(q=state.q + way)
+    return state._replace(q=state.q + displacement)

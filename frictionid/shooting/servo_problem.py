@@ -113,13 +113,14 @@ def with_motor(estimate: Estimate, dataset: Dataset) -> Estimate:
     own = estimate.friction.parameters
     found = {(r.servo.kt, r.servo.R) for r in dataset.recordings if r.servo is not None}
     where = f"data set {dataset.name!r}, block 'actuator'"
-    way = "leave the block out, and free 'gain' for a wrong torque constant"
+    remedy = "leave the block out, and free 'gain' for a wrong torque constant"
     if not found:
-        raise InputError(f"{where}: no recording knows the servo that drives it: {way}")
+        raise InputError(f"{where}: no recording knows the servo that drives it: {remedy}")
     for r in dataset.recordings:
         if r.servo is None and np.any(r.torque.value):
             raise InputError(
-                f"{where}: recording {r.name!r} has a torque and no servo: leave it out, or {way}"
+                f"{where}: recording {r.name!r} has a torque and no servo: leave it out, or "
+                f"{remedy}"
             )
     if len(found) > 1:
         raise InputError(
@@ -178,7 +179,7 @@ def _check(problem: ServoProblem, estimate: Estimate) -> None:
     parameters = {own.block.name: own.parameters for own in problem.blocks}
     free = {p.name for p in parameters["actuator"]}
     known = any(np.isfinite(p.prior) for p in problem.parameters)
-    way = "fix actuator.kt or actuator.R, or give a prior of the block"
+    remedy = "fix actuator.kt or actuator.R, or give a prior of the block"
     if "gain" in parameters:
         raise InputError(
             "blocks 'gain' and 'actuator': a gain of the torque is one of kt/R: leave one out"
@@ -198,6 +199,6 @@ def _check(problem: ServoProblem, estimate: Estimate) -> None:
     if free == set(MOTOR) and viscous and not (known or passive or problem.reads.u):
         raise InputError(
             "block 'actuator': while the motor is connected only kt/R and the sum of viscous "
-            f"friction and kt^2/R show in the motion: {way}, or add recordings in which it is "
+            f"friction and kt^2/R show in the motion: {remedy}, or add recordings in which it is "
             "disconnected"
         )

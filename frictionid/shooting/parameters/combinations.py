@@ -25,7 +25,7 @@ from frictionid.shooting.parameters.parameter_block import (
 )
 from frictionid.shooting.torque_samples import TorqueSamples
 
-_TURNS = 12  # Gauss-Newton iterations towards wanted torques
+_ITERATIONS = 12  # Gauss-Newton iterations towards wanted torques
 _RIDGE = (1e-4, 10.0)  # of the largest singular value, and its growth after a step too far
 
 
@@ -36,14 +36,14 @@ class CombinationBlock(ParameterBlock):
     begin : (n, P), the weights that the fit begins with
     samples : of the motion, at which torques are compared
     free : (P,), weights that may move
-    reach : standard deviation of the prior, relative to the size of all the weights
+    deviation : standard deviation of the prior, relative to the size of all the weights
     count : combinations of a joint
     """
 
     begin: Array
     samples: TorqueSamples
     free: Array
-    reach: float
+    deviation: float
     count: int
     name, enters = "friction", "friction"
 
@@ -68,7 +68,7 @@ class CombinationBlock(ParameterBlock):
     @property
     def _scale(self) -> Array:
         """Length (n,) of the directions."""
-        return np.asarray(self.reach * np.sqrt((self.begin[:, self.free] ** 2).mean(axis=-1)))
+        return np.asarray(self.deviation * np.sqrt((self.begin[:, self.free] ** 2).mean(axis=-1)))
 
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         friction, joints = estimate.friction, estimate.mechanism.description.joints
@@ -111,11 +111,11 @@ class CombinationBlock(ParameterBlock):
         theta, (ridge, more) = friction.theta, _RIDGE
         off = wanted - self.samples.torque(friction)
         damping = np.full(friction.n, ridge)
-        for _ in range(_TURNS):
-            trial = theta + change
-            left = wanted - self.samples.torque(replace(friction, theta=trial))
+        for _ in range(_ITERATIONS):
+            stepped = theta + change
+            left = wanted - self.samples.torque(replace(friction, theta=stepped))
             better = (left**2).sum(axis=0) < (off**2).sum(axis=0)
-            theta = np.where(better[:, None], trial, theta)
+            theta = np.where(better[:, None], stepped, theta)
             off = np.where(better, left, off)
             damping = np.where(better, damping / more, damping * more)
             slopes = self.samples.slopes(replace(friction, theta=theta)) * self.free
