@@ -51,8 +51,7 @@ def test_stiffness_of_a_bristle_shows_before_it_slides():
 
 def test_a_peak_that_is_not_there_leaves_no_velocity():
     runs = tuple(
-        Run(f"{i}", (1.0 + 0.3 * i,), torques=(Chirp(0.4 + 0.1 * i, 0.4, 1.5, 9.0),))
-        for i in range(5)
+        Run(f"{i}", (1.0 + 0.3 * i,), torques=(Chirp(0.4 + 0.1 * i, 0.4, 1.5),)) for i in range(5)
     )
     machine = Machine(
         *("p", PENDULUM, Truth(Curve((0.06,), (0.06,), (0.01,)))),

@@ -43,7 +43,7 @@ SHORT = Settings(windows=(0.1, 0.33), iterations=6)
 def swings(friction=None, runs=RUNS, seed=1):
     """A pendulum with known friction, seen by a camera."""
     motions = tuple(
-        Run(f"{i}", (angle,), (speed,), torques=(Chirp(size, f0, f1, 9.0),) if size else ())
+        Run(f"{i}", (angle,), (speed,), torques=(Chirp(size, f0, f1),) if size else ())
         for i, (angle, speed, size, f0, f1) in enumerate(runs)
     )
     camera = Camera(150, angle_noise=0.001)
