@@ -271,6 +271,11 @@ def test_it_comes_back_from_its_file(tmp_path):
     np.testing.assert_array_equal(again.theta, friction.theta)
 
 
+def test_settings_of_older_suites_are_read():
+    old, new = {"sets": False, "sure": 1.5}, SINDy(search_sets=False, n_standard_errors=1.5)
+    assert identifier_named("sindy", old) == new
+
+
 def test_its_settings_choose_library_and_optimiser():
     assert identifier_named("sindy", {}) == SINDy()
     assert identifier_named("sindy", {"sets": False}) == SINDy(search_sets=False)

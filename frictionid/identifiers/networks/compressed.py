@@ -85,8 +85,8 @@ class CompressedNetwork(Identifier):
             deviation = np.full(len(weights), self.prior_deviations[0])
             if len(self.prior_deviations) > 1:
                 held = held_out(problem, weights, self.share, own)
-                judge = self._compressed(problem, weights * held)
-                deviation = self._best_deviation(whole.without(judge), judge, initial)
+                left_out = self._compressed(problem, weights * held)
+                deviation = self._best_deviation(whole.without(left_out), left_out, initial)
             thetas.append(self._posterior_mode(whole, initial, deviation))
         return together(law, thetas)
 
@@ -94,13 +94,13 @@ class CompressedNetwork(Identifier):
         speeds = node_speeds(problem, self.nodes)
         return compressed(problem, weights, speeds, self.law.width, self.law.shape)
 
-    def _best_deviation(self, training: Compressed, judge: Compressed, initial: Array) -> Array:
+    def _best_deviation(self, training: Compressed, held: Compressed, initial: Array) -> Array:
         """Prior deviation (F,) whose fit to one part of a fold's rows is best on the other."""
         fits = [
             self._posterior_mode(training, initial, np.full(len(initial), deviation))
             for deviation in self.prior_deviations
         ]
-        costs = np.stack([judge.cost(_torque(self.law, theta, judge.speeds)) for theta in fits])
+        costs = np.stack([held.cost(_torque(self.law, theta, held.speeds)) for theta in fits])
         return np.asarray(self.prior_deviations)[costs.argmin(axis=0)]
 
     def _posterior_mode(self, squares: Compressed, initial: Array, deviation: Array) -> Array:

@@ -129,14 +129,14 @@ class Network(Identifier):
         """
         import torch
 
-        learn, judge = self._training_set(stack, training), self._training_set(stack, held)
-        rows, per_item = len(stack.problem.r), learn.rows_per_item
+        fitted, held_out_set = (self._training_set(stack, part) for part in (training, held))
+        rows, per_item = len(stack.problem.r), fitted.rows_per_item
         # a batch larger than all rows, or the default, would only repeat them
         size = max(1, min(self.batch, max(rows, Network.batch)) // per_item)
         steps = -(-rows // (size * per_item))
-        draws = batches(learn.used, size, seeds)
-        judged = stack.tensor(padded_items(judge.used, judge.items))
-        cost = compiled(learn.cost) if self.compile else learn.cost
+        draws = batches(fitted.used, size, seeds)
+        held_items = stack.tensor(padded_items(held_out_set.used, held_out_set.items))
+        cost = compiled(fitted.cost) if self.compile else fitted.cost
         theta = stack.tensor(stack.theta).requires_grad_()
         adam = Adam(theta, stack.tensor(is_learned(stack.law)))
         stopping = EarlyStopping(theta.detach(), self.patience)
@@ -146,7 +146,7 @@ class Network(Identifier):
             each = (adam.step(cost(theta, stack.tensor(next(draws))), rate) for rate in rates)
             during = sum(before / steps for before in each)
             with torch.no_grad():
-                after = judge.cost(theta, judged)
+                after = held_out_set.cost(theta, held_items)
             costs.append(torch.stack([during, after]).cpu().numpy())
             stopping.update(theta.detach(), after)
             if stopping.stopped:
