@@ -32,7 +32,7 @@ from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import FrictionBlock
 from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.recipe import ShootingFit, refine_folds
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write_dataset
 
 LAW = Library()
 COULOMB = np.array([[0.10, 0.02], [0.05, 0.01]])
@@ -211,14 +211,14 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     recipe = Shooting(settings=Settings(windows=(0.2, 0.33)))
     friction, whole = refine_folds(start, intervals, recipe, training)
     np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
-    assert [e.name for e in whole.covariance.entries] == ["sign of joint 1"]
+    assert [p.name for p in whole.covariance.parameters] == ["sign of joint 1"]
     np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
     (line,) = with_equations(ShootingFit(friction, whole)).provenance["equation"]
     assert line.startswith("Tf1 = (0.02") and "+-" in line
 
 
 def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
-    write(recorded(), tmp_path / "data")
+    write_dataset(recorded(), tmp_path / "data")
     model = tmp_path / "model.json"
     words = ["fit", tmp_path / "data", "--identifier", "sindy", "--out", model]
     monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])
