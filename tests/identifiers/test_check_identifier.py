@@ -215,6 +215,9 @@ class Pulling(CoulombViscous):
 
 @dataclass(frozen=True)
 class Jointless(CoulombViscous):
+    def torque(self, theta, x, memory):
+        return CoulombViscous().torque(theta, x, memory)
+
     def limit(self, theta, x, memory):
         return theta[..., 0, 0]
 
@@ -238,7 +241,7 @@ class Mixing(CoulombViscous):
 
 
 @dataclass(frozen=True)
-class Told(Ill):
+class OtherLaw(Ill):
     """Friction of another law than the one that was fitted."""
 
     law: CoulombViscous
@@ -289,11 +292,11 @@ VIOLATIONS = [
     (Wasting(), "fit must not change the weights"),
     (Learning(), "fit must not change the settings"),
     (Nameless(), "repr must say its settings"),
-    (Told(Shapeless()), "torque must be .* along the nodes"),
-    (Told(Pulling()), "limit must not be negative"),
-    (Told(Jointless()), "limit must be .* at the nodes"),
-    (Told(Wild()), "torque must be finite along the nodes"),
-    (Told(Mixing()), "fold 0 must be the same alone"),
+    (OtherLaw(Shapeless()), "torque must be .* along the nodes"),
+    (OtherLaw(Pulling()), "limit must not be negative"),
+    (OtherLaw(Jointless()), "limit must be .* at the nodes"),
+    (OtherLaw(Wild()), "torque must be finite along the nodes"),
+    (OtherLaw(Mixing()), "fold 0 must be the same alone"),
     (Forgotten(), "pickled friction must give the same torque"),
     (Local(), "its friction must pickle"),
 ]
