@@ -38,7 +38,7 @@ def huber_factors(residual: Array, weights: Array, clip: float) -> Array:
     One for rows whose residual (F, K, n) is within `clip` standard deviations in all joints, and
     clip over its size in them for others. A joint's standard deviation is that of the fold's rows
     without their tails, from the weighted median; rows in which its residual is zero (stiction, see
-    `sliding`) do not count in it.
+    `mask_stiction`) do not count in it.
 
     >>> residual = np.array([[[1.0], [-1.0], [2.0], [-2.0], [100.0]]])
     >>> huber_factors(residual, np.ones((1, 5)), clip=3.0)[0].round(3)
