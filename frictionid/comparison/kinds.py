@@ -100,6 +100,7 @@ class Kind:
         table = with_new_names(table, self.renamed)
         parts = self._chosen(table)
         own = self._arguments(parts)
+        # settings of parts that other choices lead to, by the first such choice
         other = {key: c for c in reversed(self.choices) for key in self._arguments(c.parts)}
         fields: dict[str, Any] = {
             name: (a.annotation, ... if a.default is a.empty else None) for name, a in own.items()
