@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import fields, replace
+from copy import copy
+from dataclasses import fields
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import check_settings
+from frictionid.errors import InputError
 from frictionid.friction.smooth_sign import check_smoothing
 
 Memory = tuple[Array, ...]
@@ -119,7 +122,11 @@ class Law(ABC):
         return (tuple(min(max(0.0, low), high) for low, high in self.bounds),)
 
     def __post_init__(self) -> None:
-        """Refuses a smoothing that means nothing."""
+        """Validates the settings by their annotated types, and the smoothing."""
+        try:
+            check_settings(self)
+        except InputError as error:
+            raise InputError(f"{type(self).__name__}: {error}") from None
         if "width" in (setting.name for setting in fields(self)):
             check_smoothing(type(self).__name__, self.width, self.shape or "tanh")
 
@@ -164,7 +171,9 @@ class Law(ABC):
 
     def with_width(self, width: float) -> Law:
         """The law smoothed over another width [rad/s]."""
-        return replace(self, width=width)
+        law = copy(self)  # without validation, which takes longer than the torque
+        object.__setattr__(law, "width", width)
+        return law
 
     def equation(
         self, theta: Array, half: Array | None = None, angle_unit: str = "rad"

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.config import imported
+from frictionid.config import imported, unknown
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
@@ -194,20 +194,14 @@ def _law(table: Any, laws: Mapping[str, type[Law]], where: str) -> Law:
         for k, v in table.items()
         if k != "kind"
     }
-    known = {f.name: f.default for f in fields(laws[kind])}
-    for name, value in settings.items():
+    known = [setting.name for setting in fields(laws[kind])]
+    for name in settings:
         if name not in known:
-            raise InputError(f"{where}: law {kind!r} has no setting {name!r}; {_list(set(known))}")
-        if isinstance(known[name], float) and type(value) not in (int, float):
-            raise InputError(f"{where}: law {kind!r}: {name} = {value!r} must be a number")
+            raise InputError(f"{where}: law {kind!r}: {unknown(name, known)}")
     try:
         return laws[kind](**settings)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: law {kind!r}: {error}") from None
-
-
-def _list(known: set[str]) -> str:
-    return f"known are {', '.join(sorted(known))}" if known else "it has none"
 
 
 def _theta(document: Mapping[str, Any], law: Law, where: str) -> np.ndarray:

@@ -131,7 +131,7 @@ def test_a_table_is_straight_between_its_speeds_and_level_beyond():
 
 @pytest.mark.parametrize("speeds", [(1.0,), (0.0, 1.0), (2.0, 1.0), (1.0, "fast")])
 def test_speeds_of_a_table_that_mean_nothing_are_refused(speeds):
-    with pytest.raises(InputError, match="table: speeds = .* must be two or more"):
+    with pytest.raises(InputError, match="Table: speeds"):
         Table(speeds)
 
 

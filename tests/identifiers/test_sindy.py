@@ -291,7 +291,7 @@ def test_its_settings_choose_library_and_optimiser():
     ("settings", "rule"),
     [
         ({"optimizer": "lasso"}, "optimizer.*lasso"),
-        ({"velocities": [1.0, 1.0]}, r"velocities = \[1.0, 1.0\] must be different speeds"),
+        ({"velocities": [1.0, 1.0]}, r"velocities = \[1.0, 1.0\] must differ"),
         ({"widths": [0.02]}, "widths = .* repeat width"),
         ({"powers": [0]}, "powers"),
         ({"thresholds": [2.0]}, r"thresholds\[0\]: it should be less than 1, not 2.0"),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.friction.laws.mlp import MLP
 
@@ -20,15 +21,10 @@ class Ensemble(Law):
     """
 
     base: Law = MLP()
-    members: int = 2
+    members: Annotated[int, Field(ge=2)] = 2
     width: float = 0.02
     shape: str = "tanh"
     is_network = True
-
-    def __post_init__(self) -> None:
-        if type(self.members) is not int or self.members < 2:
-            raise InputError(f"ensemble: members = {self.members!r} must be an integer above one")
-        super().__post_init__()
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -8,12 +8,11 @@ force. These are the extended friction models M3 to M6 of servos [Duclusaud2025]
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
+from frictionid.config import NotNegative
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, VELOCITY
 from frictionid.friction.laws.motor_load import SHARE
@@ -39,7 +38,7 @@ class GearLoad(Law):
     smoothed over `width` [rad/s].
     """
 
-    moment: float
+    moment: NotNegative
     width: float = 0.02
     shape: str = "tanh"
     names: ClassVar[tuple[str, ...]] = (
@@ -61,14 +60,6 @@ class GearLoad(Law):
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
         (0.0, 0.0, 0.2, 0.05, 0.0, 0.05, 0.05, 0.0, 0.0, ws, 2.0) for ws in (0.7, 2.0, 6.5)
     )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0.0 <= self.moment < math.inf:
-            raise InputError(
-                f"gear_load: moment = {self.moment} N m must be finite and not negative; it is "
-                "mass times gravity times length of the pendulum"
-            )
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         xp = namespace(theta, x.w)

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
+from frictionid.config import Count
 
+Hidden = Annotated[tuple[Count, ...], Field(min_length=1)]  # units of each hidden layer
 _STEEP = (1.0, 4.0)  # slopes of the first units, which turn anywhere in their inputs' range
 _SMALL = 0.3
 
@@ -27,22 +29,6 @@ def count(sizes: Sequence[int]) -> int:
     33
     """
     return sum((a + 1) * b for a, b in pairwise(sizes))
-
-
-def check_hidden(law: str, hidden: Any) -> tuple[int, ...]:
-    """Numbers of units of the hidden layers, as a tuple.
-
-    Raises
-    ------
-    InputError
-        Where they are no positive integers.
-    """
-    units = tuple(hidden) if isinstance(hidden, list | tuple) else ()
-    if not units or not all(type(size) is int and size > 0 for size in units):
-        raise InputError(
-            f"{law}: hidden = {hidden!r} must list the units of each hidden layer, such as [16, 16]"
-        )
-    return units
 
 
 def drawn(sizes: Sequence[int], rng: np.random.Generator) -> Array:

@@ -6,11 +6,17 @@ A law has one level, or one for each direction (`SIDES`): `_positive` ones hold 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
 
 from frictionid.arrays import Array, namespace
+from frictionid.config import Positive
+from frictionid.errors import InputError
 
 Range = tuple[float, float]
+Speeds = Annotated[tuple[Positive, ...], Field(min_length=2)]  # [rad/s], see `check_increasing`
 
 LEVEL: Range = (0.0, float("inf"))
 # slower peaks hide where joints come to rest and are never seen, faster ones are levels themselves
@@ -115,3 +121,19 @@ def by_side(w: Array, values: Array, sides: int = 2) -> list[Array]:
     """
     zero = 0.0 * values
     return [values] if sides == 1 else [on_side(w, values, zero), on_side(w, zero, values)]
+
+
+def check_increasing(name: str, speeds: tuple[float, ...]) -> None:
+    """Refuse speeds that do not increase.
+
+    Raises
+    ------
+    InputError
+        Naming the law, its setting and the values.
+
+    >>> check_increasing("Spline: knots", (2.0, 1.0))
+    Traceback (most recent call last):
+    frictionid.errors.InputError: Spline: knots = [2.0, 1.0] rad/s must increase
+    """
+    if not all(a < b for a, b in pairwise(speeds)):
+        raise InputError(f"{name} = {list(speeds)} rad/s must increase")

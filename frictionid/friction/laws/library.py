@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.levels import LEVEL, on_side, stribeck_factor
@@ -69,11 +70,11 @@ class Library(Law):
 
     width: float = 0.02
     shape: str = "tanh"
-    widths: tuple[float, ...] = (0.3, 1.0)
-    powers: tuple[int, ...] = (1, 2, 3)
-    velocities: tuple[float, ...] = (0.3, 0.45, 0.7, 1.0, 1.5, 2.3, 3.4, 5.0, 7.5, 11.0)
-    harmonics: tuple[int, ...] = ()
-    gear: float = 1.0
+    widths: tuple[Positive, ...] = (0.3, 1.0)
+    powers: tuple[Count, ...] = (1, 2, 3)
+    velocities: tuple[Positive, ...] = (0.3, 0.45, 0.7, 1.0, 1.5, 2.3, 3.4, 5.0, 7.5, 11.0)
+    harmonics: tuple[Count, ...] = ()
+    gear: Positive = 1.0
     load: bool = False
     direction: bool = False
     other: bool = False
@@ -81,8 +82,6 @@ class Library(Law):
     is_sparse = True
 
     def __post_init__(self) -> None:
-        for name in ("widths", "powers", "velocities", "harmonics"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))  # model files give lists
         super().__post_init__()
         _check(self)
 
@@ -287,22 +286,10 @@ def _others(law: Library) -> list[Candidate]:
 
 
 def _check(law: Library) -> None:
-    for name, values in (("widths", law.widths), ("velocities", law.velocities)):
-        fine = all(type(v) in (int, float) and 0 < v < math.inf for v in values)
-        if not fine or len({f"{v:g}" for v in values}) < len(values):
-            raise InputError(
-                f"library: {name} = {list(values)} must be different speeds above zero"
-            )
+    """Refuse candidates that stand there twice."""
+    for name in ("widths", "powers", "velocities", "harmonics"):
+        values = getattr(law, name)
+        if len({f"{value:g}" for value in values}) < len(values):
+            raise InputError(f"Library: {name} = {list(values)} must differ")
     if law.width in law.widths:
-        raise InputError(f"library: widths = {list(law.widths)} repeat width = {law.width}")
-    for name, whole in (("powers", law.powers), ("harmonics", law.harmonics)):
-        known = all(type(k) is int and k > 0 for k in whole)
-        if not known or len(set(whole)) < len(whole):
-            raise InputError(
-                f"library: {name} = {list(whole)} must be different whole numbers above 0"
-            )
-    if not 0 < law.gear < math.inf:
-        raise InputError(f"library: gear = {law.gear} must be positive and finite")
-    for name in ("load", "direction", "other"):
-        if not isinstance(getattr(law, name), bool):
-            raise InputError(f"library: {name} = {getattr(law, name)!r} must be true or false")
+        raise InputError(f"Library: widths = {list(law.widths)} repeat width = {law.width}")

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import check_hidden, count, drawn, outputs
+from frictionid.friction.laws.layers import Hidden, count, drawn, outputs
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.network_law import (
     Features,
     NetworkLaw,
-    check_samples,
     fine,
     level_of,
     rise,
@@ -48,9 +48,9 @@ class LSTM(NetworkLaw):
         For settings that mean nothing, or that a free network cannot keep.
     """
 
-    cells: int = 8
-    sample_time: float = 1 / 60
-    hidden: tuple[int, ...] = (16,)
+    cells: Count = 8
+    sample_time: Positive = 1 / 60
+    hidden: Hidden = (16,)
     odd: bool = False
     dissipative: bool = True
     monotone_tail: bool = True
@@ -59,8 +59,6 @@ class LSTM(NetworkLaw):
     free: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hidden", check_hidden("lstm", self.hidden))
-        check_samples("lstm", "cells", self.cells, self.sample_time)
         super().__post_init__()
         for name in ("odd", "dissipative", "monotone_tail"):
             if self.free and getattr(self, name):

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import check_hidden, outputs, slopes
+from frictionid.friction.laws.layers import Hidden, outputs, slopes
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.network_law import (
     HEAD,
@@ -48,19 +49,13 @@ class MLP(NetworkLaw):
     and the network's weights.
     """
 
-    hidden: tuple[int, ...] = (16, 16)
+    hidden: Hidden = (16, 16)
     odd: bool = False
     dissipative: bool = True
     monotone_tail: bool = True
-    others: int = 0
+    others: Annotated[int, Field(ge=0)] = 0
     width: float = 0.02
     shape: str = "tanh"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hidden", check_hidden("mlp", self.hidden))
-        if type(self.others) is not int or self.others < 0:
-            raise InputError(f"mlp: others = {self.others!r} must be a number of joints, or 0")
-        super().__post_init__()
 
     @property
     def scales(self) -> tuple[Scale, ...]:

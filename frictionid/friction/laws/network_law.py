@@ -13,12 +13,11 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.layers import count, drawn
 from frictionid.friction.laws.levels import LEVEL, Range, on_side
@@ -151,20 +150,6 @@ class NetworkLaw(Law):
 def is_learned(law: Law) -> Array:
     """Which of a law's parameters (P,) training changes: those that are no scales."""
     return np.array([unit == "1" for unit in law.units])
-
-
-def check_samples(law: str, name: str, count: Any, sample_time: Any) -> None:
-    """Refuse memories of no length, and samples at no distance.
-
-    Raises
-    ------
-    InputError
-        Naming the law, the setting and its value.
-    """
-    if type(count) is not int or count < 1:
-        raise InputError(f"{law}: {name} = {count!r} must be a positive integer")
-    if type(sample_time) not in (int, float) or not 0 < sample_time < math.inf:
-        raise InputError(f"{law}: sample_time = {sample_time!r} s must be positive and finite")
 
 
 @cache

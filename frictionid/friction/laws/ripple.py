@@ -8,18 +8,21 @@ Meshing teeth, a bent shaft and a bearing out of round press more at some angles
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from frictionid.arrays import Array, namespace
+from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
 from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
 
-BASES: dict[str, Any] = {
+Base = Literal["coulomb_viscous", "coulomb_viscous_asymmetric", "stribeck", "stribeck_asymmetric"]
+BASES: dict[Base, Any] = {
     "coulomb_viscous": CoulombViscous,
     "coulomb_viscous_asymmetric": AsymmetricCoulombViscous,
     "stribeck": Stribeck,
@@ -37,16 +40,16 @@ class Ripple(Law):
     each turn of the motor.
     """
 
-    base: str = "coulomb_viscous"
-    harmonics: tuple[int, ...] = (1,)
-    gear: float = 1.0
+    base: Base = "coulomb_viscous"
+    harmonics: Annotated[tuple[Count, ...], Field(min_length=1)] = (1,)
+    gear: Positive = 1.0
     width: float = 0.02
     shape: str = "tanh"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "harmonics", tuple(self.harmonics))  # model files give lists
         super().__post_init__()
-        _check(self)
+        if len(set(self.harmonics)) < len(self.harmonics):
+            raise InputError(f"Ripple: harmonics = {list(self.harmonics)} must differ")
 
     @property
     def law(self) -> Any:
@@ -109,15 +112,3 @@ class Ripple(Law):
         """Level at this angle over its mean, >= 0."""
         _, amplitudes = self._split(theta)
         return 1.0 + sum(amplitudes[..., i] * wave for i, wave in enumerate(self._waves(x)))
-
-
-def _check(law: Ripple) -> None:
-    if law.base not in BASES:
-        raise InputError(f"ripple: base = {law.base!r} is unknown; known are {', '.join(BASES)}")
-    known = all(type(k) is int and k > 0 for k in law.harmonics)
-    if not law.harmonics or not known or len(set(law.harmonics)) < len(law.harmonics):
-        raise InputError(
-            f"ripple: harmonics = {list(law.harmonics)} must be different whole numbers above zero"
-        )
-    if not 0 < law.gear < math.inf:
-        raise InputError(f"ripple: gear = {law.gear} must be positive and finite")

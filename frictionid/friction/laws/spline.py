@@ -10,15 +10,15 @@ there, the break-away level is anything (zero instead of 0.083 N m on `acrobot_c
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, above_zero, on_side
+from frictionid.friction.laws.levels import LEVEL, Speeds, above_zero, check_increasing, on_side
 from frictionid.friction.smooth_sign import smooth_sign
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -35,16 +35,15 @@ class Spline(Law):
     not drive. A last knot that the data hardly reach leaves the last rise to chance.
     """
 
-    knots: tuple[float, ...] = KNOTS
-    degree: int = 2
+    knots: Speeds = KNOTS
+    degree: Annotated[int, Field(ge=1, le=3)] = 2
     width: float = 0.02
     shape: str = "tanh"
     is_linear = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "knots", tuple(self.knots))  # model files give lists
         super().__post_init__()
-        _check(self.knots, self.degree)
+        check_increasing("Spline: knots", self.knots)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -79,16 +78,15 @@ class Spline(Law):
 class AsymmetricSpline(Law):
     """A spline as in `Spline` for each direction, with the parameters for w > 0 first."""
 
-    knots: tuple[float, ...] = KNOTS
-    degree: int = 2
+    knots: Speeds = KNOTS
+    degree: Annotated[int, Field(ge=1, le=3)] = 2
     width: float = 0.02
     shape: str = "tanh"
     is_linear = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "knots", tuple(self.knots))
         super().__post_init__()
-        _check(self.knots, self.degree)
+        check_increasing("Spline: knots", self.knots)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -124,16 +122,6 @@ class AsymmetricSpline(Law):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return on_side(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
-
-
-def _check(knots: Sequence[Any], degree: Any) -> None:
-    if type(degree) is not int or not 1 <= degree <= 3:
-        raise InputError(f"spline: degree = {degree!r} must be 1, 2 or 3")
-    numbers = all(type(knot) in (int, float) and math.isfinite(knot) for knot in knots)
-    if len(knots) < 2 or not numbers:
-        raise InputError(f"spline: knots = {list(knots)} must be two or more speeds in rad/s")
-    if not all(a < b for a, b in zip((0.0, *knots), knots, strict=False)):
-        raise InputError(f"spline: knots = {list(knots)} rad/s must increase from above zero")
 
 
 def _steps(speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:

@@ -6,7 +6,6 @@ Its parameters begin with three scales, of acceleration, speed and torque, which
 from __future__ import annotations
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
 from frictionid.friction import Inputs
 from frictionid.friction.laws.levels import Range
 from frictionid.friction.laws.network_law import Scale
@@ -18,20 +17,6 @@ SCALES = (
     Scale("speed", "rad/s", _ABOVE, 5.0),
     Scale("torque", "N m", _ABOVE, 1.0),
 )
-
-
-def check_joints(law: str, joints: int, turning: bool) -> None:
-    """Refuse what is no number of joints.
-
-    Raises
-    ------
-    InputError
-        Saying what it must be.
-    """
-    if type(joints) is not int or joints < 1:
-        raise InputError(f"{law}: joints = {joints!r} must be a number above 0")
-    if not isinstance(turning, bool):
-        raise InputError(f"{law}: turning = {turning!r} must be true or false")
 
 
 def width_of(joints: int, turning: bool) -> int:

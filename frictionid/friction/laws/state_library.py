@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.config import Count
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.smooth_sign import smooth_sign
@@ -55,8 +56,8 @@ class StateLibrary(Law):
     dw1/dt = -20 sin1 - 0.5 w1 + 8 u1
     """
 
-    joints: int = 2
-    degree: int = 3
+    joints: Count = 2
+    degree: Count = 3
     turning: bool = True
     width: float = 0.1
     shape = ""  # of an input, not of friction
@@ -64,12 +65,6 @@ class StateLibrary(Law):
     is_sparse = True
 
     def __post_init__(self) -> None:
-        for name in ("joints", "degree"):
-            value = getattr(self, name)
-            if type(value) is not int or value < 1:
-                raise InputError(f"state_library: {name} = {value!r} must be a number above 0")
-        if not isinstance(self.turning, bool):
-            raise InputError(f"state_library: turning = {self.turning!r} must be true or false")
         super().__post_init__()
         size = math.comb(len(_variables(self)) + self.degree, self.degree)
         if size > 10 * _LARGEST or len(_monomials(self)) > _LARGEST:

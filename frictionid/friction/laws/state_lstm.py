@@ -7,19 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import Count, Positive
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import check_hidden, count, drawn, outputs
+from frictionid.friction.laws.layers import Hidden, count, drawn, outputs
 from frictionid.friction.laws.lstm import cells_after, drawn_gates
 from frictionid.friction.laws.network_law import (
     Features,
     NetworkLaw,
     Scale,
-    check_samples,
     stacked,
 )
 from frictionid.friction.laws.state_features import (
     SCALES,
-    check_joints,
     state_features,
     width_of,
 )
@@ -34,19 +33,13 @@ class StateLSTM(NetworkLaw):
     joints, turning, width : as in `StateMLP`
     """
 
-    joints: int = 2
-    cells: int = 8
-    sample_time: float = 1 / 60
-    hidden: tuple[int, ...] = (32,)
+    joints: Count = 2
+    cells: Count = 8
+    sample_time: Positive = 1 / 60
+    hidden: Hidden = (32,)
     turning: bool = True
     width: float = 0.1
     shape = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hidden", check_hidden("state_lstm", self.hidden))
-        check_samples("state_lstm", "cells", self.cells, self.sample_time)
-        check_joints("state_lstm", self.joints, self.turning)
-        super().__post_init__()
 
     @property
     def gate_sizes(self) -> tuple[int, int]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from frictionid.arrays import Array
+from frictionid.config import Count
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import check_hidden, outputs
+from frictionid.friction.laws.layers import Hidden, outputs
 from frictionid.friction.laws.network_law import Features, NetworkLaw, Scale
 from frictionid.friction.laws.state_features import (
     SCALES,
-    check_joints,
     state_features,
     width_of,
 )
@@ -25,16 +25,11 @@ class StateMLP(NetworkLaw):
     width : of the smooth sign of w that is one of its inputs [rad/s]
     """
 
-    joints: int = 2
-    hidden: tuple[int, ...] = (32, 32)
+    joints: Count = 2
+    hidden: Hidden = (32, 32)
     turning: bool = True
     width: float = 0.1
     shape = ""  # of an input, not of friction
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hidden", check_hidden("state_mlp", self.hidden))
-        check_joints("state_mlp", self.joints, self.turning)
-        super().__post_init__()
 
     @property
     def scales(self) -> tuple[Scale, ...]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, by_side, on_side
+from frictionid.friction.laws.levels import LEVEL, Speeds, by_side, check_increasing, on_side
 from frictionid.friction.smooth_sign import smooth_sign
 
 
@@ -31,21 +29,14 @@ class Table(Law):
     array([-0.4 , -0.35,  0.1 ,  0.15])
     """
 
-    speeds: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
+    speeds: Speeds = (0.3, 1.0, 3.0, 10.0)
     width: float = 0.02
     shape: str = "tanh"
     is_linear = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "speeds", tuple(self.speeds))  # model files give lists
         super().__post_init__()
-        known = all(type(v) in (int, float) and math.isfinite(v) for v in self.speeds)
-        order = zip((0.0, *self.speeds), self.speeds, strict=False)
-        if len(self.speeds) < 2 or not known or not all(a < b for a, b in order):
-            raise InputError(
-                f"table: speeds = {list(self.speeds)} must be two or more that increase from "
-                "above zero, in rad/s"
-            )
+        check_increasing("Table: speeds", self.speeds)
 
     @property
     def names(self) -> tuple[str, ...]:

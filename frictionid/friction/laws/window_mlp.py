@@ -6,18 +6,16 @@ but its angle is known at any time.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
-from frictionid.errors import InputError
+from frictionid.config import Count, NotNegative, Positive
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import check_hidden, outputs, slopes
+from frictionid.friction.laws.layers import Hidden, outputs, slopes
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.network_law import (
     Features,
     NetworkLaw,
-    check_samples,
     fine,
     fine_slope,
     level_of,
@@ -40,25 +38,16 @@ class WindowMLP(NetworkLaw):
         each of those samples, finely where that is no more than this, and the newest velocity
     """
 
-    samples: int = 9
-    sample_time: float = 1 / 60
-    hidden: tuple[int, ...] = (16, 16)
+    samples: Count = 9
+    sample_time: Positive = 1 / 60
+    hidden: Hidden = (16, 16)
     odd: bool = False
     dissipative: bool = True
     monotone_tail: bool = True
     width: float = 0.02
     shape: str = "tanh"
-    presliding: float = 0.0
+    presliding: NotNegative = 0.0
     reads_window = True
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hidden", check_hidden("window_mlp", self.hidden))
-        check_samples("window_mlp", "samples", self.samples, self.sample_time)
-        super().__post_init__()
-        if type(self.presliding) not in (int, float) or not 0 <= self.presliding < math.inf:
-            raise InputError(
-                f"window_mlp: presliding = {self.presliding!r} rad must be zero or positive"
-            )
 
     @property
     def sizes(self) -> tuple[int, ...]:

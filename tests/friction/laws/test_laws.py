@@ -178,8 +178,8 @@ def test_turning_the_axis_round_swaps_the_directions():
     [
         ({"width": 0.0}, "width = 0.0 rad/s must be positive"),
         ({"width": -0.1}, "width = -0.1 rad/s must be positive"),
-        ({"width": float("inf")}, "width = inf rad/s must be positive and finite"),
-        ({"width": float("nan")}, "width = nan rad/s must be positive"),
+        ({"width": float("inf")}, "width: it should be a finite number, not inf"),
+        ({"width": float("nan")}, "width: it should be a finite number, not nan"),
         ({"shape": "tan"}, "shape = 'tan' is unknown; known are tanh, arctan"),
     ],
 )

@@ -106,12 +106,12 @@ def test_it_comes_back_from_its_file_with_its_settings(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "rule"),
     [
-        ({"base": "coulomb"}, "base = 'coulomb' is unknown; known are coulomb_viscous"),
-        ({"harmonics": ()}, r"harmonics = \[\] must be different whole numbers"),
-        ({"harmonics": (1, 1)}, "must be different whole numbers above zero"),
-        ({"harmonics": (0, 1)}, "must be different whole numbers above zero"),
-        ({"harmonics": (0.5,)}, "must be different whole numbers above zero"),
-        ({"gear": 0.0}, "gear = 0.0 must be positive"),
+        ({"base": "coulomb"}, "Ripple: base: it should be 'coulomb_viscous'.*, not 'coulomb'"),
+        ({"harmonics": ()}, "harmonics: .*at least 1 item"),
+        ({"harmonics": (1, 1)}, r"harmonics = \[1, 1\] must differ"),
+        ({"harmonics": (0, 1)}, r"harmonics\[0\]: it should be greater than or equal to 1"),
+        ({"harmonics": (0.5,)}, r"harmonics\[0\]: it should be a valid integer"),
+        ({"gear": 0.0}, "gear: it should be greater than 0, not 0.0"),
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings, rule):
