@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 from array_api_compat import array_namespace
+from numpy.typing import NDArray
 
 _NUMPY = array_namespace(np.empty(0))
 
-# An array of NumPy or torch; the namespace is found from the arguments, never chosen by the code.
-Array = Any
+# An array of NumPy. Where a tensor of torch may stand in its place, the namespace is found from the
+# arguments, never chosen by the code.
+Array = NDArray[Any]
 
 
 def namespace(*arrays: Array) -> Any:

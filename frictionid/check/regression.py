@@ -134,7 +134,7 @@ def _value_with_slow_friction(X: Array, y: Array, rows: Rows, size: Array) -> Ar
 
 def _estimable(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
     """Whether each parameter can be estimated at all."""
-    out = (np.abs(X[rows.moving]) > 1e-12).any(0)
+    out: Array = np.any(np.abs(X[rows.moving]) > 1e-12, axis=0)
     out[len(reference) :] &= np.repeat(rows.moving.sum(0) >= 10, len(FRICTION))
     if not np.abs(torque).any():
         terms = (rows.regressor[rows.moving] * reference) ** 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from frictionid.arrays import Array, namespace
 from frictionid.dynamics.state import State
@@ -35,12 +35,13 @@ def break_away(substep: Substep, crossed: Crossing | None) -> BreakAway | None:
         return None
     substep = substep._replace(dt=xp.broadcast_to(substep.dt, (*some.shape, 1)))
     part = substep.rows(some)
+    held: Any = part.stiction.sticking
     now = balance(part.end, part.stiction)
-    Tf = sticking_torque(now, part.stiction.sticking)
-    broken = part.stiction.sticking & ~now.below_break_away(Tf)
+    Tf = sticking_torque(now, held)
+    broken = held & ~now.below_break_away(Tf)
     if not bool(broken.any()):
         return None
-    jump = _jump(now, Tf, part.stiction.sticking, broken)
+    jump = _jump(now, Tf, held, broken)
     since = _since(now, jump, part.stiction.margin, broken) * part.dt
     return BreakAway(xp.ones_like(some) if part is substep else some, jump, since)
 

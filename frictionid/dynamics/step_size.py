@@ -104,7 +104,7 @@ def slopes(
     xp, width = namespace(theta), 1e-5
     grid = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
 
-    def torque(w: Array, u: Array) -> Array:
+    def torque(w: Array, u: Array | float) -> Array:
         columns, pushed = (xp.asarray(v, dtype=theta.dtype) for v in (w, u + 0.0 * w))
         x = at_rest(columns)._replace(u=pushed, load=xp.asarray(load + 0.0 * w, dtype=theta.dtype))
         return plain(friction.law.torque(theta, x, friction.law.start(theta, x)))

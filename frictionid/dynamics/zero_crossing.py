@@ -7,7 +7,7 @@ The crossing is located to first order, and what friction does since is made up 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from frictionid.arrays import Array, namespace, times
 from frictionid.dynamics.sliding_friction import Stiction, friction_torque
@@ -61,8 +61,8 @@ def crossing(substep: Substep) -> Crossing | None:
     direction, w = substep.stiction.direction, substep.end.state.w
     if direction is None:
         return None
-    crossed = direction * w < 0.0
-    some = crossed.any(-1)
+    crossed: Array = direction * w < 0.0
+    some: Any = crossed.any(-1)
     if not bool(some.any()):
         return None
     part = substep.rows(some)
@@ -165,5 +165,6 @@ def _velocity_after(crossing: Crossing, dt: Array) -> tuple[Array, Array]:
     since = xp.where(crossing.passes | crossing.stops, since, 0.0 * since)
     since = xp.max(since, axis=-1)[..., None]
     kept = constrained(crossing.M, times(crossing.M, crossing.w), crossing.sticking)
-    kept = xp.where(crossing.stops.any(-1)[..., None], kept, crossing.w)
+    stopped: Any = crossing.stops.any(-1)
+    kept = xp.where(stopped[..., None], kept, crossing.w)
     return kept + crossing.jump * since, since

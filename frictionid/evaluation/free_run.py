@@ -225,7 +225,7 @@ def free_run_scores(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[S
     a fold holds out; a recording's own stand under the statistic "mean NAME" and "rms NAME".
     """
     error = q - trajectory.measured
-    known = np.isfinite(trajectory.measured).all(-1)
+    known = np.asarray(np.isfinite(trajectory.measured).all(-1))
     error = np.where(known[..., None], np.where(np.isfinite(error), error, np.inf), 0.0)
     norm = np.linalg.norm(error, axis=-1)
     use = fold >= 0

@@ -29,7 +29,7 @@ class InitialStates(NamedTuple):
     """
 
     recording: Array
-    index: Array
+    index: Array  # type: ignore[assignment]  # hides tuple.index, which nobody uses
     q: Array
     w: Array
     u: Array

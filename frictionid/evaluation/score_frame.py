@@ -98,7 +98,7 @@ def summarise(
         yield Score(fold, score, name, horizon, joint, float(value), unit)
 
 
-def divergence_limit(angle_unit: str, positions: Array) -> Array:
+def divergence_limit(angle_unit: str, positions: Any) -> Array:
     """Errors (n,) beyond which a prediction has diverged: 1 rad, or a quarter of a joint's travel.
 
     positions (..., n) : measured ones, NaN where there are none

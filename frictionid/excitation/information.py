@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
@@ -50,7 +50,7 @@ class Information(NamedTuple):
     H: Array
     V: Array
 
-    def pick(self, index: Array) -> Information:
+    def pick(self, index: Array | slice) -> Information:
         """Sums of one recording, or of some."""
         return Information(self.H[..., index, :, :], self.V[..., index, :, :])
 
@@ -106,14 +106,15 @@ def expected_information(experiment: Experiment, motions: Motions, seed: int) ->
     return Information(H.reshape(L, N, P, P), V.reshape(L, N, P, P))
 
 
-def _noise_variance(by_state: Array, gains: tuple[Array, Array]) -> Array:
+def _noise_variance(by_state: Array, gains: tuple[Any, Any]) -> Array:
     """D D' (C, P, P) of unit noise of a joint's angles.
 
     by_state (C, 2, P, T + 1) : derivatives of the sum of A'e by its smoothed angles and velocities
     """
     C, _, P, samples = by_state.shape
     by_quantity = np.swapaxes(by_state, 0, 1).reshape(2, C * P, samples)
-    D = sum(x @ gain for x, gain in zip(by_quantity, gains, strict=True)).reshape(C, P, samples)
+    total: Any = sum(x @ gain for x, gain in zip(by_quantity, gains, strict=True))
+    D = total.reshape(C, P, samples)
     return D @ np.swapaxes(D, -1, -2)
 
 

@@ -41,7 +41,7 @@ class Motions(NamedTuple):
         with np.errstate(invalid="ignore"):  # a motion that diverged keeps no limit
             slow = np.abs(self.w) <= MARGIN * limits.velocity
             near = (np.abs(self.q) <= MARGIN * limits.angle) & np.isfinite(self.q)
-        return (slow & near).all(axis=(0, 1, 3))
+        return np.asarray((slow & near).all(axis=(0, 1, 3)))
 
 
 def predict_motions(

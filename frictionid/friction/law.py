@@ -161,7 +161,7 @@ class Law(ABC):
         """Memory after dt [s], shape (..., 1), at inputs x."""
         return memory
 
-    def gradient(self, theta: Array, x: Inputs) -> Array:
+    def gradient(self, theta: Array, x: Inputs) -> Any:
         """Derivatives (..., n, P) of a static law's torque in each joint's theta, or None."""
         return None
 

@@ -170,7 +170,9 @@ def _calibration(table: Any, where: str) -> Calibration | None:
     names = [f.name for f in fields(Calibration) if f.name != "motor"]
     if not isinstance(table, Mapping) or set(table) - {"motor"} != set(names):
         raise InputError(f'{where}: "calibration" must have {", ".join(names)}, and may have motor')
-    numbers = {k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()}
+    numbers: dict[str, Any] = {
+        k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()
+    }
     for name, value in numbers.items():
         known = value is not None and np.isfinite(value).all()
         if not known and not (value is None and name in ("base", "motor")):

@@ -119,7 +119,7 @@ class _Check(NamedTuple):
 
     def weights(self, friction: Friction) -> None:
         """Only ratios of weights count; rows without weight have no influence."""
-        torque, seen = self.torque(friction), self.training.any(axis=0)
+        torque, seen = self.torque(friction), np.asarray(self.training.any(axis=0))
         twice = self.identifier.fit(self.problem, 2.0 * self.training, 0)
         self.equal(self.torque(twice), torque, "doubling all weights must change nothing")
         r = np.where(seen[:, None], self.problem.r, self.problem.r + 10.0)

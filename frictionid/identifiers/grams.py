@@ -64,11 +64,11 @@ def grams(A: Array, weights: Array, labels: Array | None = None) -> Array:
     if len(first) > _CELLS:
         parts = [_by(labels, count, A * np.sqrt(w)[:, None, None]) for w in weights]
         return np.stack(parts)
-    parts = _by(cell, len(first), A)
+    of_cells = _by(cell, len(first), A)
     out = np.zeros((len(weights), count, M * M))
     for c in range(count):
         own = labels[first] == c
-        out[:, c] = weights[:, first[own]] @ parts[own].reshape(int(own.sum()), M * M)
+        out[:, c] = weights[:, first[own]] @ of_cells[own].reshape(int(own.sum()), M * M)
     return out.reshape(len(weights), count, M, M)
 
 

@@ -9,7 +9,7 @@ polynomial through both ends. The balance is linear in the base parameters and i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,9 +68,12 @@ def interval_stencil(samples: int, first: int = 0) -> Array:
     return first + 2 * np.arange(samples - 1)[:, None] + np.arange(3)
 
 
-def interval_mean(values: Array, stencil: Array, weights: Sequence[float] = SIMPSON) -> Array:
+def interval_mean(
+    values: Array, stencil: Array, weights: Sequence[float] | Array = SIMPSON
+) -> Array:
     """Means (..., K, n) over intervals, sum_m weights[m] values[..., stencil[:, m], :]."""
-    return sum(c * values[..., index, :] for c, index in zip(weights, stencil.T, strict=True))
+    mean: Any = sum(c * values[..., index, :] for c, index in zip(weights, stencil.T, strict=True))
+    return mean
 
 
 def momentum_balance(terms: Terms, stencil: Array) -> Balance:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -84,7 +84,7 @@ def error_table(design: Design) -> Table:
     units += [base.unit for base in d.base]
     values = [*e.friction.theta.ravel(), *e.plant.p]
     columns = [*text_columns("parameter"), Column("prior")]
-    results: list[Sequence[float]] = []
+    results: list[Array] = []
     for inertia, group in ((False, "friction alone"), (True, "inertia free")):
         columns += [Column("std error", group), Column("bias", group)]
         results += [many.errors(inertia=inertia), many.bias(inertia=inertia)]

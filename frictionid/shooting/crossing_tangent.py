@@ -38,7 +38,8 @@ def cross_tangent(
     if crossing.stops.any():
         free = inverse_of_free(crossing.M, crossing.sticking)
         kept = (free[..., None] * crossing.M[:, None]).sum(-2)
-        kept = np.where(crossing.stops.any(-1)[:, None, None], kept, np.eye(n))
-        end = [sum(kept[:, i, j] * end[j] for j in range(n)) for i in range(n)]
+        some = np.asarray(crossing.stops.any(-1))
+        kept = np.where(some[:, None, None], kept, np.eye(n))
+        end = [np.asarray(sum(kept[:, i, j] * end[j] for j in range(n))) for i in range(n)]
     for i in range(n):
         tangent.q[i][:, rows], tangent.w[i][:, rows] = angle[i], end[i]

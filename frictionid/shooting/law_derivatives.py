@@ -89,6 +89,8 @@ def slopes(
     w = sliding_velocity(friction, x.w, stiction)
     law = sharpened(friction, stiction).law
     x, moves = x._replace(w=w), (w == x.w)[..., None]
+    by_q: Array | None
+    by_u: Array | None
     here = law.torque(theta, x, memory)
     if law.uses_load:
         by_q, by_w, by_u = _through_load(plant, friction, state, u)

@@ -80,7 +80,7 @@ class TensorLaw(WrappedLaw):
         by_memory = tuple(none if z.grad is None else _numpy(z.grad) for z in first)
         return _numpy(leaf.grad), by_memory
 
-    def _all(self, values: Sequence[Array]) -> tuple[Array, ...]:
+    def _all(self, values: Sequence[Array]) -> tuple[Any, ...]:
         return tuple(self._in(value) for value in values)
 
     def _in(self, x: Array) -> Any:
@@ -88,5 +88,5 @@ class TensorLaw(WrappedLaw):
         return xp.asarray(np.array(x, dtype=float), device=self.like.device)
 
 
-def _numpy(x: Array) -> Array:
+def _numpy(x: Any) -> Array:
     return x.detach().cpu().numpy()

@@ -92,6 +92,9 @@ def test_coulomb_friction_stops_a_rotor_when_and_where_it_should(speed, share, s
 class Unheld(CoulombViscous):
     """The smoothed law alone, as if friction had no level at rest."""
 
+    def torque(self, theta, x, memory):
+        return CoulombViscous(self.width).torque(theta, x, memory)
+
     def limit(self, theta, x, memory):
         return 0.0 * (theta[..., 0] + x.w)
 

@@ -26,10 +26,10 @@ class CoulombViscous(LinearLaw):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 2
 
-    def levels(self, x: Inputs) -> Mapping[int, Array]:
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         return {0: 1.0}
 
-    def drags(self, x: Inputs) -> Mapping[int, Array]:
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {1: x.w}
 
 
@@ -46,8 +46,8 @@ class AsymmetricCoulombViscous(LinearLaw):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m", "N m s/rad")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
 
-    def levels(self, x: Inputs) -> Mapping[int, Array]:
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         return dict(enumerate(by_side(x.w, 1.0 + 0.0 * x.w)))
 
-    def drags(self, x: Inputs) -> Mapping[int, Array]:
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {2: x.w}

@@ -59,7 +59,8 @@ class Ensemble(Law):
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         law = self._law
         parts = zip(self._parts(theta), self._shares(memory), strict=True)
-        return sum(law.torque(part, x, own) for part, own in parts) / self.members
+        total: Any = sum(law.torque(part, x, own) for part, own in parts)
+        return total / self.members
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         parts = zip(self._parts(theta), self._shares(memory), strict=True)
@@ -68,7 +69,8 @@ class Ensemble(Law):
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         law = self._law
         parts = zip(self._parts(theta), self._shares(memory), strict=True)
-        return sum(law.limit(part, x, own) for part, own in parts) / self.members
+        total: Any = sum(law.limit(part, x, own) for part, own in parts)
+        return total / self.members
 
     @property
     def _law(self) -> Law:

@@ -7,7 +7,7 @@ A law has one level, or one for each direction (`SIDES`): `_positive` ones hold 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
@@ -70,7 +70,8 @@ class StribeckLevel(NamedTuple):
     def mean_at_rest(self, theta: Array) -> Array:
         """Mean break-away level (..., n) [N m] of the sides."""
         n = len(self.sides)
-        return sum(theta[..., i] for i in range(2 * n)) / n
+        total: Any = sum(theta[..., i] for i in range(2 * n))
+        return total / n
 
     def gradient(self, theta: Array, w: Array, sign: Array) -> list[Array]:
         """Derivatives (..., n) of level(|w|) sign in its parameters."""
@@ -82,7 +83,7 @@ class StribeckLevel(NamedTuple):
         return [*(side + zero for side in signs), *(side * left for side in signs), by_velocity]
 
 
-def stribeck_factor(speed: Array, velocity: Array) -> Array:
+def stribeck_factor(speed: Array, velocity: Any) -> Array:
     """exp(-(speed/velocity)^2): what is left of a peak at a speed.
 
     >>> import numpy as np

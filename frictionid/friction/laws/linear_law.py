@@ -19,11 +19,11 @@ class LinearLaw(Law):
     is_linear = True
 
     @abstractmethod
-    def levels(self, x: Inputs) -> Mapping[int, Array]:
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         """Factor (..., n) of each parameter in the level."""
 
     @abstractmethod
-    def drags(self, x: Inputs) -> Mapping[int, Array]:
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         """Factor (..., n) of each parameter beside the level."""
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:

@@ -34,10 +34,10 @@ class LoadDependent(LinearLaw):
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
     uses_load = True
 
-    def levels(self, x: Inputs) -> Mapping[int, Array]:
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         return {0: 1.0, 1: x.load}
 
-    def drags(self, x: Inputs) -> Mapping[int, Array]:
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {2: x.w}
 
 

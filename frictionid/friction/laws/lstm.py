@@ -7,6 +7,7 @@ so that friction never drives a joint where `dissipative` holds. A free network 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -113,7 +114,8 @@ class LSTM(NetworkLaw):
             h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
             # the mirrored cells read -w: so each side of the motion meets both alike
             parts.append(self.level(theta, stacked([*own, *h]), share * (not self.free)))
-        return sum(parts) / len(parts)
+        total: Any = sum(parts)
+        return total / len(parts)
 
     def _sign(self, w: Array) -> Array:
         return 1.0 + 0.0 * w if self.free else smooth_sign(w, self.width, self.shape)

@@ -30,10 +30,10 @@ class MotorLoad(LinearLaw):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "1")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, SHARE)
 
-    def levels(self, x: Inputs) -> Mapping[int, Array]:
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         return {0: 1.0, 2: namespace(x.u).abs(x.u)}
 
-    def drags(self, x: Inputs) -> Mapping[int, Array]:
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {1: x.w}
 
 
@@ -52,8 +52,8 @@ class MotorLoadQuadratic(LinearLaw):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "1", "1/(N m)")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, SHARE, LEVEL)
 
-    def levels(self, x: Inputs) -> Mapping[int, Array]:
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         return {0: 1.0, 2: namespace(x.u).abs(x.u), 3: x.u**2}
 
-    def drags(self, x: Inputs) -> Mapping[int, Array]:
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {1: x.w}

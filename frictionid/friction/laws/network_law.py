@@ -13,7 +13,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -214,7 +214,7 @@ def within(share: Array) -> Array:
 
 def stacked(features: Sequence[Array]) -> Array:
     """Features (..., n, a) of arrays whose batch axes broadcast."""
-    whole = sum(0.0 * feature for feature in features)
+    whole: Any = sum(0.0 * feature for feature in features)
     return namespace(whole).stack([feature + whole for feature in features], axis=-1)
 
 

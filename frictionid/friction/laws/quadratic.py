@@ -26,8 +26,8 @@ class Quadratic(LinearLaw):
     units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "N m s^2/rad^2")
     bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
 
-    def levels(self, x: Inputs) -> Mapping[int, Array]:
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         return {0: 1.0}
 
-    def drags(self, x: Inputs) -> Mapping[int, Array]:
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {1: x.w, 2: x.w * namespace(x.w).abs(x.w)}

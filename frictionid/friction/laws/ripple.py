@@ -111,4 +111,5 @@ class Ripple(Law):
     def _height(self, theta: Array, x: Inputs) -> Array:
         """Level at this angle over its mean, >= 0."""
         _, amplitudes = self._split(theta)
-        return 1.0 + sum(amplitudes[..., i] * wave for i, wave in enumerate(self._waves(x)))
+        ripple: Any = sum(amplitudes[..., i] * wave for i, wave in enumerate(self._waves(x)))
+        return 1.0 + ripple

@@ -162,4 +162,5 @@ def _share(part: Array, of: float) -> Array:
 
 
 def _sum(theta: Array, steps: Sequence[Array]) -> Array:
-    return sum(theta[..., i] * step for i, step in enumerate(steps))
+    total: Any = sum(theta[..., i] * step for i, step in enumerate(steps))
+    return total

@@ -160,8 +160,8 @@ def _chain(law: StateLibrary) -> tuple[tuple[int, int], ...]:
 def _values(law: StateLibrary, x: Inputs) -> list[Array]:
     """Values (...) of the variables; zero for joints that there are not."""
     xp, n = namespace(x.w), x.w.shape[-1]
-    zero = 0.0 * sum(part[..., 0] for part in (x.q, x.w, x.u))
-    out = []
+    zero: Any = 0.0 * sum(part[..., 0] for part in (x.q, x.w, x.u))
+    out: list[Array] = []
     for v in _variables(law):
         if v.joint >= n:
             out.append(zero)

@@ -78,12 +78,14 @@ class TorchModule(NetworkLaw):
         """Outputs (..., n) of the module with each set of weights."""
         import torch  # late: who has no such law need not wait for it
 
+        row: Any
+        inputs: Any
         row, inputs, many = laid(torch.as_tensor(weights), torch.as_tensor(z))
         sets = np.broadcast_shapes(row.shape[:-1], inputs.shape[:-2])
         row = row.expand(*sets, row.shape[-1]).reshape(-1, row.shape[-1])
         inputs = inputs.expand(*sets, *inputs.shape[-2:]).reshape(-1, *inputs.shape[-2:])
         y = torch.func.vmap(self._applied, randomness="error")(row, inputs)
-        out = unlaid(y.reshape(*sets, *y.shape[-2:]), many)[..., 0]
+        out: Any = unlaid(y.reshape(*sets, *y.shape[-2:]), many)[..., 0]
         return out if torch.is_tensor(weights) or torch.is_tensor(z) else out.detach().numpy()
 
     def _applied(self, row: Any, inputs: Any) -> Any:

@@ -5,6 +5,8 @@ Cells read some samples before the rows that count, which fills their memory.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 
@@ -29,7 +31,7 @@ class SequenceTrainingSet:
         self.per_sample = problem.nodes.per_sample
         samples, points, rows = _pieces(problem, burn_in, targets)
         self.items = len(samples)
-        self.used = (np.pad(weights, ((0, 0), (0, 1)))[:, rows] > 0).any(axis=2)
+        self.used = np.any(np.pad(weights, ((0, 0), (0, 1)))[:, rows] > 0, axis=2)
         pad = ((0, 1), (0, 0))  # one more piece, without weight
         self.samples, self.points = (stack.tensor(np.pad(x, pad)) for x in (samples, points))
         self.targets = stack.tensor(np.pad(rows, pad, constant_values=len(problem.r)))
@@ -37,7 +39,7 @@ class SequenceTrainingSet:
         self.coefficients = [float(c) for c in problem.coefficients]
         self.first = stack.first_nodes()[:, None, None]
         of = stack.law.features(stack.theta[:, None], problem.nodes.inputs)
-        parts = ((of.read, 2), (of.z, 2), (of.share, 1), (of.sign, 1))
+        parts: Any = ((of.read, 2), (of.z, 2), (of.share, 1), (of.sign, 1))
         self.read, self.z, self.share, self.sign = (stack.by_fold(*part) for part in parts)
 
     def cost(self, theta: Tensor, items: Tensor) -> Tensor:
@@ -67,7 +69,7 @@ class SequenceTrainingSet:
         levels = []
         for own in h.chunk(len(signs), dim=1):
             features = torch.cat([z, own], dim=-1).flatten(1, 2)
-            level = self.law.level(theta[:, None], features, share.flatten(1, 2))
+            level: Any = self.law.level(theta[:, None], features, share.flatten(1, 2))
             levels.append(level.unflatten(1, share.shape[1:3]))
         return sum(levels) / len(levels)
 

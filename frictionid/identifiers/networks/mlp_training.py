@@ -25,7 +25,7 @@ class RowTrainingSet:
     def __init__(self, stack: FoldStack, weights: Array):
         problem = stack.problem
         self.law, self.items = stack.law, len(problem.r)
-        self.rows, self.used = WeightedRows(stack, weights), weights > 0
+        self.rows, self.used = WeightedRows(stack, weights), np.asarray(weights > 0)
         self.stencil = stack.tensor(np.pad(problem.stencil, ((0, 1), (0, 0))))
         self.coefficients = stack.tensor(problem.coefficients)[:, None]
         self.first = stack.first_nodes()[:, None]
