@@ -3,8 +3,8 @@
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.description import Base, Body, Description, Parameter
 from frictionid.mechanics.double_pendulum import double_pendulum
-from frictionid.mechanics.lagrange import Mechanism, Partials, Terms
 from frictionid.mechanics.linear_axis import linear_axis
+from frictionid.mechanics.mechanism import Mechanism, Partials, Terms
 from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import Plant, plant_of, unit_inertia_plant

@@ -10,7 +10,7 @@ from functools import cache
 import sympy as sp
 
 from frictionid.mechanics.description import Base, Body, Description, Parameter
-from frictionid.mechanics.lagrange import Mechanism
+from frictionid.mechanics.mechanism import Mechanism
 
 PARAMETERS = {
     "m1": (0.135, "kg", "link 1"),

@@ -13,7 +13,7 @@ from itertools import product
 import sympy as sp
 
 from frictionid.mechanics.description import Base, Body, Description, Parameter
-from frictionid.mechanics.lagrange import Mechanism
+from frictionid.mechanics.mechanism import Mechanism
 
 PARAMETERS = {
     "m1": (0.5, "kg", "mass of link 1"),

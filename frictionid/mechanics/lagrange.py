@@ -1,279 +1,116 @@
-"""Equations of motion of a mechanism as compiled code.
-
-    M(q) dw/dt = h(q, w) + B u - Tf
-
-SymPy derives them once from the Lagrangian L = T - V and writes them as flat scalar code, which
-runs on NumPy arrays and torch tensors. Its parameters are the *base* parameters, the combinations
-of masses, lengths and inertias in which L is linear: motion identifies nothing else [Gautier1990].
-"""
+"""Symbolic equations of motion from a description of bodies, by the Lagrangian L = T - V."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
 import sympy as sp
-from sympy.printing.str import StrPrinter
 
-from frictionid.arrays import Array, namespace, solve, times
-from frictionid.errors import InputError
-from frictionid.mechanics.derivation import bearing_forces, derive
 from frictionid.mechanics.description import Description
 
 
-class Terms(NamedTuple):
-    """Terms of the equations of motion at states with batch shape (...).
+class Equations(NamedTuple):
+    """Symbolic equations of motion in base parameters.
 
-    M (..., n, n) [kg m^2]; h (..., n) [N m], all torques but those of motors and friction;
-    momentum = M w (..., n) [N m s]; dLdq (..., n) [N m]; B (n, n), one where a motor drives the
-    joint; energy (...) [J].
+    M : upper triangle of the mass matrix by rows; h, dLdq : n expressions; energy : T + V
+    arguments : symbols of q, w and base parameters; base : those of the base parameters
     """
 
-    M: Array
-    h: Array
-    momentum: Array
-    dLdq: Array
-    B: Array
-    energy: Array
+    M: list[sp.Expr]
+    h: list[sp.Expr]
+    dLdq: list[sp.Expr]
+    energy: sp.Expr
+    arguments: list[sp.Symbol]
+    base: list[sp.Symbol]
 
 
-class Partials(NamedTuple):
-    """Partial derivatives of the torques M a - h of a motion by state and base parameters.
+def equations_of_motion(d: Description) -> Equations:
+    """Equations of motion from the Lagrangian L = T - V, with the momentum p = dL/dw.
 
-    by_q, by_w (..., n, n) [N m/rad, N m s/rad]; by_p (..., n, nb), the regressor: M a - h is linear
-    in the base parameters and equals by_p p.
+    M = dp/dw,    h = dL/dq - dp/dq w
     """
+    n = range(len(d.q))
+    kinetic, potential, symbols = _energies_in_base(d)
+    L = kinetic - potential
+    momentum = [sp.diff(L, wi) for wi in d.w]
+    M = [sp.diff(momentum[i], d.w[j]) for i in n for j in n if j >= i]
+    dLdq = [sp.diff(L, qi) for qi in d.q]
+    h = [sp.expand(dLdq[i] - sum(sp.diff(momentum[i], d.q[j]) * d.w[j] for j in n)) for i in n]
+    return Equations(M, h, dLdq, kinetic + potential, [*d.q, *d.w, *symbols], symbols)
 
-    by_q: Array
-    by_w: Array
-    by_p: Array
 
+def full_matrix(upper: Sequence[Any], n: int) -> dict[tuple[int, int], Any]:
+    """Entries of a symmetric matrix by row and column, from its upper triangle by rows.
 
-class _Printer(StrPrinter):
-    def _print_Float(self, expr: sp.Float) -> str:  # noqa: N802 (SymPy's name)
-        return repr(float(expr))
-
-
-def flat_code(
-    arguments: Sequence[sp.Symbol], outputs: Sequence[sp.Expr]
-) -> Callable[..., tuple[Array, ...]]:
-    """Function f(xp, *arguments) -> tuple of scalars; common subexpressions are computed once.
-
-    `xp` supplies sin, cos, ...; constants are evaluated to floats beforehand, because the torch
-    code of sympy.lambdify fails on integer powers of integers, square roots and constants.
-
-    >>> import numpy as np, sympy as sp
-    >>> x = sp.Symbol("x")
-    >>> flat_code([x], [sp.sqrt(4) * x**2, sp.cos(x)])(np, 3.0)[0]
-    18.0
+    >>> full_matrix("abc", 2)[1, 0]
+    'b'
     """
-    outputs = [sp.N(sp.sympify(e)) for e in outputs]
-    shared, results = sp.cse(outputs, symbols=_fresh(), list=True)
-    printer = _Printer()
-    used = set().union(*(e.atoms(sp.Function) for e in outputs))
-    lines = [f"    {f} = xp.{f}" for f in sorted({type(e).__name__ for e in used})]
-    lines += [f"    {name} = {printer.doprint(e)}" for name, e in shared]
-    body = ", ".join(printer.doprint(e) for e in results)
-    names = ", ".join(str(a) for a in arguments)
-    source = f"def equations(xp, {names}):\n" + "\n".join(lines) + f"\n    return ({body},)\n"
-    scope: dict[str, Any] = {}
-    exec(compile(source, "<equations of motion>", "exec"), scope)
-    return scope["equations"]
+    places = [(i, j) for i in range(n) for j in range(i, n)]
+    pairs = list(zip(places, upper, strict=True))
+    return {**dict(pairs), **{(j, i): entry for (i, j), entry in pairs}}
 
 
-def _fresh() -> Iterator[sp.Symbol]:
-    return sp.numbered_symbols("_s")
+def _energies_in_base(d: Description) -> tuple[sp.Expr, sp.Expr, list[sp.Symbol]]:
+    kinetic = sum((inertia * rate**2 / 2 for inertia, rate in d.rotors), sp.Integer(0))
+    potential = sp.Integer(0)
+    for body in d.bodies:
+        vx, vy = (_rate(z, d.q, d.w) for z in (body.x, body.y))
+        kinetic += body.mass * (vx**2 + vy**2) / 2 + body.inertia * body.rate**2 / 2
+        potential += body.mass * d.gravity * body.y
+    symbols = [sp.Symbol(f"_b{i}") for i in range(len(d.base))]
+    kinetic = _in_base(_polynomial(kinetic, d.q), d, symbols)
+    return kinetic, _in_base(sp.expand(potential), d, symbols), symbols
 
 
-@dataclass(frozen=True)
-class Mechanism:
-    """Equations of motion of a mechanism, for states of any batch shape on NumPy or torch.
+def _rate(z: sp.Expr, q: Sequence[sp.Symbol], w: Sequence[sp.Symbol]) -> sp.Expr:
+    return sum((sp.diff(z, qi) * wi for qi, wi in zip(q, w, strict=True)), sp.Integer(0))
 
-    `p` is always an array of base parameters, shape (..., len(self.base_names)), as `base` makes it
-    from physical ones; its batch axes broadcast against those of q and w.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from frictionid.mechanics import pendulum
-    >>> m = pendulum()
-    >>> p = m.base({"mass": 1.0, "length": 0.5})
-    >>> [float(x) for x in p]                         # inertia [kg m^2], gravity moment [N m]
-    [0.25, 4.905]
-    >>> m.terms(p, np.array([np.pi / 2]), np.array([0.0])).h
-    array([-4.905])
-    """
+def _polynomial(e: sp.Expr, q: Sequence[sp.Symbol]) -> sp.Expr:
+    # with sin^2 = 1 - cos^2 rotated squares cancel as polynomials: 16 times faster than trigsimp
+    e = sp.expand(sp.expand_trig(sp.expand(e)))
+    for qi in q:
+        e = sp.expand(e.subs(sp.sin(qi) ** 2, 1 - sp.cos(qi) ** 2))
+    return e
 
-    description: Description
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Mechanism, (self.description,)
+def _in_base(e: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
+    """An energy that is linear in the base parameters, with a symbol for each of them."""
+    state = {*d.q, *d.w}
+    coefficients: dict[sp.Expr, sp.Expr] = {}
+    for term in sp.Add.make_args(e):
+        constant, motion = term.as_independent(*state)
+        coefficients[motion] = coefficients.get(motion, sp.Integer(0)) + constant
+    out = sp.Integer(0)
+    for motion, coefficient in coefficients.items():
+        out += _match(sp.expand(coefficient), d, symbols) * motion
+    return out
 
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.description.q)
 
-    @cached_property
-    def defaults(self) -> dict[str, float]:
-        """Default values of the physical parameters, SI units."""
-        return {str(a.symbol): a.default for a in self.description.parameters}
+def _match(coefficient: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
+    if coefficient == 0 or not coefficient.free_symbols:
+        return coefficient
+    for base, symbol in zip(d.base, symbols, strict=True):
+        ratio = sp.cancel(coefficient / base.expression)
+        if ratio.is_number:
+            return ratio * symbol
+    raise ValueError(
+        f"{d.kind}: the coefficient {coefficient} of the Lagrangian is no multiple of a base "
+        f"parameter ({', '.join(b.name for b in d.base)}): add one to `base`"
+    )
 
-    @property
-    def base_names(self) -> tuple[str, ...]:
-        """Names of the base parameters, in the order of `p`."""
-        return tuple(b.name for b in self.description.base)
 
-    @property
-    def B(self) -> Array:
-        """Input matrix, shape (n, n): one on the diagonal where a motor drives the joint."""
-        return np.diag(np.array(self.description.driven, dtype=float))
-
-    def base(self, parameters: Mapping[str, Any]) -> Array:
-        """Base parameters p of physical ones (numbers or arrays of one batch shape); SI units.
-
-        Missing parameters take their defaults; an unknown name is an InputError. Gradients of torch
-        parameters pass through.
-        """
-        values = self._complete(parameters)
-        xp = namespace(*values.values())
-        # not asarray on tensors: by torch's version it cuts off the gradient or warns about it
-        floats = [
-            xp.astype(v, xp.float64) if hasattr(v, "shape") else xp.asarray(v, dtype=xp.float64)
-            for v in values.values()
-        ]
-        out = self._base_code(xp, *floats)
-        return xp.stack(xp.broadcast_arrays(*out), axis=-1)
-
-    def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
-        """M (..., n, n) and h (..., n), the terms that a step needs."""
-        xp, flat = self._evaluate(self._dynamics_code, p, q, w)
-        return self._symmetric(xp, flat[: -self.n]), xp.stack(flat[-self.n :], axis=-1)
-
-    def inertia(self, p: Array, q: Array) -> Array:
-        """Mass matrix M (..., n, n) [kg m^2]."""
-        xp, flat = self._evaluate(self._inertia_code, p, q, None)
-        return self._symmetric(xp, flat)
-
-    def terms(self, p: Array, q: Array, w: Array) -> Terms:
-        """All terms of the equations of motion, see `Terms`."""
-        n = self.n
-        xp, flat = self._evaluate(self._terms_code, p, q, w)
-        M = self._symmetric(xp, flat[: -2 * n - 1])
-        h = xp.stack(flat[-2 * n - 1 : -n - 1], axis=-1)
-        dLdq = xp.stack(flat[-n - 1 : -1], axis=-1)
-        B = xp.asarray(self.B, dtype=M.dtype)
-        return Terms(M, h, times(M, w), dLdq, B, flat[-1])
-
-    def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
-        """Partial derivatives of M a - h, see `Partials`."""
-        n, nb = self.n, len(self.base_names)
-        xp = namespace(q, p)
-        state = [x[..., j] for x in (q, w, a) for j in range(n)]
-        flat = self._partials_code(xp, *state, *(p[..., i] for i in range(nb)))
-        zero = 0.0 * (q[..., 0] + p[..., 0])
-
-        def matrix(entries: Sequence[Array], columns: int) -> Array:
-            rows = [
-                xp.stack([f + zero for f in entries[i * columns : (i + 1) * columns]], axis=-1)
-                for i in range(n)
-            ]
-            return xp.stack(rows, axis=-2)
-
-        by_q, by_w = flat[: n * n], flat[n * n : 2 * n * n]
-        return Partials(matrix(by_q, n), matrix(by_w, n), matrix(flat[2 * n * n :], nb))
-
-    def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
-        """Bearing force of each joint in friction-free motion, shape (..., n) [N].
-
-        The force that the joint transmits to all bodies beyond it, sum m (a - g), as load-dependent
-        friction laws need it. It depends on physical parameters, not on base parameters alone.
-        """
-        values = self._complete(parameters)
-        p = self.base(values)
-        terms = self.terms(p, q, w)
-        a = solve(terms.M, terms.h + times(terms.B, u))
-        xp = namespace(q)
-        columns = [x[..., j] for x in (q, w, a) for j in range(self.n)]
-        flat = self._load_code(xp, *columns, *(values[name] for name in self.defaults))
-        zero = 0.0 * q[..., 0]
-        x, y = (xp.stack([f + zero for f in flat[i::2]], axis=-1) for i in (0, 1))
-        return xp.sqrt(x * x + y * y)
-
-    def _complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        unknown = [name for name in parameters if name not in self.defaults]
-        if unknown:
-            raise InputError(
-                f"{self.description.kind} has no parameter {unknown[0]!r}; "
-                f"known are {', '.join(self.defaults)}"
-            )
-        return {**self.defaults, **parameters}
-
-    def _evaluate(
-        self, code: Callable[..., Any], p: Array, q: Array, w: Array | None
-    ) -> tuple[Any, list[Array]]:
-        xp = namespace(q, p)
-        n = range(self.n)
-        state = [q[..., j] for j in n] + ([] if w is None else [w[..., j] for j in n])
-        flat = code(xp, *state, *(p[..., i] for i in range(p.shape[-1])))
-        zero = 0.0 * (q[..., 0] + p[..., 0])  # constant entries take the batch shape
-        return xp, [f + zero for f in flat]
-
-    def _symmetric(self, xp: Any, upper: Sequence[Array]) -> Array:
-        n = self.n
-        at = {}
-        places = [(i, j) for i in range(n) for j in range(i, n)]
-        for value, (i, j) in zip(upper, places, strict=True):
-            at[i, j] = at[j, i] = value
-        flat = xp.stack([at[i, j] for i in range(n) for j in range(n)], axis=-1)
-        return xp.reshape(flat, (*flat.shape[:-1], n, n))
-
-    @cached_property
-    def _equations(self) -> dict[str, Any]:
-        return derive(self.description)
-
-    @cached_property
-    def _base_code(self) -> Callable[..., Any]:
-        d = self.description
-        return flat_code([a.symbol for a in d.parameters], [b.expression for b in d.base])
-
-    @cached_property
-    def _dynamics_code(self) -> Callable[..., Any]:
-        e = self._equations
-        return flat_code(e["arguments"], [*e["M"], *e["h"]])
-
-    @cached_property
-    def _inertia_code(self) -> Callable[..., Any]:
-        e = self._equations
-        n = self.n
-        return flat_code([*e["arguments"][:n], *e["arguments"][2 * n :]], e["M"])
-
-    @cached_property
-    def _terms_code(self) -> Callable[..., Any]:
-        e = self._equations
-        return flat_code(e["arguments"], [*e["M"], *e["h"], *e["dLdq"], e["energy"]])
-
-    @cached_property
-    def _partials_code(self) -> Callable[..., Any]:
-        e, d = self._equations, self.description
-        n, symbols = self.n, self._equations["arguments"][2 * self.n :]
-        a = sp.symbols(f"_a0:{n}")
-        places = [(i, j) for i in range(n) for j in range(i, n)]
-        M = {
-            place: entry
-            for (i, j), entry in zip(places, e["M"], strict=True)
-            for place in ((i, j), (j, i))
-        }
-        torque = [sum(M[i, j] * a[j] for j in range(n)) - e["h"][i] for i in range(n)]
-        outputs = [sp.diff(t, x) for xs in (d.q, d.w, symbols) for t in torque for x in xs]
-        return flat_code([*d.q, *d.w, *a, *symbols], outputs)
-
-    @cached_property
-    def _load_code(self) -> Callable[..., Any]:
-        d = self.description
-        accelerations = sp.symbols(f"_a0:{self.n}")
-        arguments = [*d.q, *d.w, *accelerations, *(a.symbol for a in d.parameters)]
-        return flat_code(arguments, bearing_forces(d, accelerations))
+def bearing_forces(d: Description, a: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    """Forces x_1, y_1, x_2, y_2, ... that each joint transmits to the bodies beyond it."""
+    forces = []
+    for joint in range(len(d.q)):
+        beyond = [body for body in d.bodies if body.joint >= joint]
+        for axis in ("x", "y"):
+            total = sp.Integer(0)
+            for body in beyond:
+                rate = _rate(getattr(body, axis), d.q, d.w)
+                change = _rate(rate, d.q, d.w) + _rate(rate, d.w, a)
+                total += body.mass * (change + (d.gravity if axis == "y" else 0))
+            forces.append(total)
+    return forces

@@ -11,8 +11,8 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.double_pendulum import double_pendulum
-from frictionid.mechanics.lagrange import Mechanism
 from frictionid.mechanics.linear_axis import linear_axis
+from frictionid.mechanics.mechanism import Mechanism
 from frictionid.mechanics.pendulum import pendulum
 
 _KINDS: Mapping[str, Callable[..., Mechanism]] = {

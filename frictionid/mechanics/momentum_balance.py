@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.lagrange import Terms
+from frictionid.mechanics.mechanism import Terms
 
 # Weights of start, midpoint and end of an interval.
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)

@@ -7,7 +7,7 @@ from functools import cache
 import sympy as sp
 
 from frictionid.mechanics.description import Base, Body, Description, Parameter
-from frictionid.mechanics.lagrange import Mechanism
+from frictionid.mechanics.mechanism import Mechanism
 
 _MOTOR = (
     Parameter(sp.Symbol("kt"), 0.0, "N m/A", "torque constant of the motor, at the joint"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.data.recordings import Dataset
-from frictionid.mechanics.lagrange import Mechanism, Terms
+from frictionid.mechanics.mechanism import Mechanism, Terms
 from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of
 from frictionid.mechanics.unit_inertia import unit_inertia
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from frictionid.config import nearest, read_toml
+from frictionid.config import nearest, read_toml, with_new_names
 from frictionid.errors import InputError
 from frictionid.simulate.rig import Rig
 
@@ -58,8 +58,7 @@ def rig_of(document: dict[str, Any], file: str) -> Rig:
 
 
 def _settings(kind: type[Settings], document: dict[str, Any], file: str) -> Settings:
-    renamed = getattr(kind, "renamed", {})
-    document = {renamed.get(key, key): value for key, value in document.items()}
+    document = with_new_names(document, getattr(kind, "renamed", {}))
     for place, key, known in _unknown_keys(document, kind, ""):
         raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")
     try:

@@ -18,8 +18,8 @@ from frictionid.mechanics import (
     parameters_of,
     pendulum,
 )
-from frictionid.mechanics.derivation import derive
-from frictionid.mechanics.lagrange import flat_code
+from frictionid.mechanics.lagrange import equations_of_motion
+from frictionid.mechanics.scalar_code import scalar_code
 
 # ---------------------------------------------------------------- [mechanism] tables
 
@@ -101,15 +101,15 @@ def test_wrong_options_are_refused_by_the_mechanisms_themselves():
 # ---------------------------------------------------------------- flat code and derivation
 
 
-def test_flat_code_of_constants_needs_no_functions():
+def test_scalar_code_of_constants_needs_no_functions():
     x = sp.Symbol("x")
     numbers = [sp.Integer(3), 2, sp.Rational(1, 3), sp.pi, sp.sqrt(2), sp.sin(1), 0.1]
-    out = flat_code([x], numbers)(np, np.zeros(4))
+    out = scalar_code([x], numbers)(np, np.zeros(4))
     assert out == (3.0, 2.0, 1 / 3, np.pi, 2.0**0.5, np.sin(1.0), 0.1)
 
 
 @pytest.mark.parametrize("xp", [np, torch], ids=["numpy", "torch"])
-def test_flat_code_of_powers_roots_and_functions(xp):
+def test_scalar_code_of_powers_roots_and_functions(xp):
     x, y = sp.symbols("x y")
     outputs = [
         sp.sqrt(x),
@@ -136,24 +136,24 @@ def test_flat_code_of_powers_roots_and_functions(xp):
         s * np.cos(s) + np.log(s),
     ]
     arguments = (a, b) if xp is np else (torch.from_numpy(a), torch.from_numpy(b))
-    out = flat_code([x, y], outputs)(xp, *arguments)
+    out = scalar_code([x, y], outputs)(xp, *arguments)
     assert len(out) == len(expected)
     for actual, wanted in zip(out, expected, strict=True):
         np.testing.assert_allclose(np.asarray(actual), wanted, rtol=1e-14)
 
 
-def test_flat_code_of_one_output_is_a_tuple():
+def test_scalar_code_of_one_output_is_a_tuple():
     x = sp.Symbol("x")
-    assert flat_code([x], [x])(np, 2.0) == (2.0,)
+    assert scalar_code([x], [x])(np, 2.0) == (2.0,)
 
 
-def test_flat_code_keeps_every_digit_of_a_constant():
+def test_scalar_code_keeps_every_digit_of_a_constant():
     x = sp.Symbol("x")
     value = 0.1 + 0.2
-    assert flat_code([x], [value * x])(np, 1.0) == (value,)
+    assert scalar_code([x], [value * x])(np, 1.0) == (value,)
 
 
-def test_flat_code_shares_what_repeats():
+def test_scalar_code_shares_what_repeats():
     """A counting namespace: sin of the same angle is computed once."""
     calls = []
 
@@ -164,7 +164,7 @@ def test_flat_code_shares_what_repeats():
             return np.sin(x)
 
     x, y = sp.symbols("x y")
-    out = flat_code([x, y], [sp.sin(x + y) * x, sp.sin(x + y) * y])(Counting, 1.0, 2.0)
+    out = scalar_code([x, y], [sp.sin(x + y) * x, sp.sin(x + y) * y])(Counting, 1.0, 2.0)
     assert calls == [3.0]
     assert out == (np.sin(3.0), 2.0 * np.sin(3.0))
 
@@ -201,4 +201,4 @@ def test_a_description_whose_base_parameters_do_not_suffice_is_refused():
     m, r, J = sp.symbols("m r J")
     base = (Base("inertia", J + m * r**2, "kg m^2"),)
     with pytest.raises(ValueError, match=r"wheel: the coefficient .* \(inertia\): add one to"):
-        derive(description(base))
+        equations_of_motion(description(base))
