@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from copy import copy
 from dataclasses import fields
 from typing import Any, ClassVar, NamedTuple
 
@@ -171,8 +170,9 @@ class Law(ABC):
 
     def with_width(self, width: float) -> Law:
         """The law smoothed over another width [rad/s]."""
-        law = copy(self)  # without validation, which takes longer than the torque
-        object.__setattr__(law, "width", width)
+        law = object.__new__(type(self))  # without validation, which takes as long as the torque
+        vars(law).update({field.name: getattr(self, field.name) for field in fields(self)})
+        vars(law)["width"] = width
         return law
 
     def equation(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -72,7 +73,7 @@ class Ensemble(Law):
         total: Any = sum(law.limit(part, x, own) for part, own in parts)
         return total / self.members
 
-    @property
+    @cached_property
     def _law(self) -> Law:
         own = {f.name for f in fields(self.base)} & {"width", "shape"}
         return replace(self.base, **{name: getattr(self, name) for name in own})

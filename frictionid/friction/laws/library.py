@@ -9,7 +9,7 @@ for ripple and `offset` (which make a level differ by angle and direction) and f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -19,8 +19,9 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, on_side, stribeck_factor
+from frictionid.friction import Inputs, Law, Memory, units_of
+from frictionid.friction.laws.levels import LEVEL, above_zero, on_side, stribeck_factor
+from frictionid.friction.laws.written_sum import written_sum
 from frictionid.friction.smooth_sign import smooth_sign
 
 _FREE = (-math.inf, math.inf)
@@ -94,8 +95,8 @@ class Library(Law):
     def conflicts(self) -> Array:
         """Pairs (P, P) of candidates that exclude each other.
 
-        Of a family (signs, peaks) friction has one member. And a sign that is not the sharpest one
-        goes through zero: what begins with a level at rest does not go with it.
+        Friction has one member of a family (signs, peaks), and no candidate with a level at rest
+        beside a sign that goes through zero, as all but the sharpest do.
         """
         kind = np.array([c.family for c in self.candidates])
         soft = np.array([c.family == "sign" and c.level is None for c in self.candidates])
@@ -116,10 +117,6 @@ class Library(Law):
         return tuple(c.bounds for c in self.candidates)
 
     @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((0.0,) * len(self.candidates),)
-
-    @property
     def uses_load(self) -> bool:  # type: ignore[override]
         return self.load
 
@@ -136,21 +133,17 @@ class Library(Law):
         zero = 0.0 * (theta[..., 0] + x.w)
         active = ((i, c.level) for i, c in _active(self, theta) if c.level is not None)
         level = sum((theta[..., i] * at_rest(x) for i, at_rest in active), start=zero)
-        return namespace(level).maximum(level, zero)
+        return above_zero(level)
 
     def equation(
         self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
     ) -> list[str]:
-        """One line for each joint: Tf as a sum of the candidates that it has.
-
-        theta (n, P); `half` (n, P) is half the width of an interval of each coefficient, written
-        behind it where it is finite.
-        """
-        return [
-            f"Tf{j + 1} = "
-            + _sum(self.candidates, row, None if half is None else half[j], angle_unit)
-            for j, row in enumerate(np.asarray(theta))
-        ]
+        units = units_of(self, angle_unit)
+        terms = [f"{unit} {c.formula}" for unit, c in zip(units, self.candidates, strict=True)]
+        rows = np.asarray(theta)
+        halves = [None] * len(rows) if half is None else half
+        sums = [written_sum(row, own, terms) for row, own in zip(rows, halves, strict=True)]
+        return [f"Tf{j} = {text}" for j, text in enumerate(sums, start=1)]
 
 
 @lru_cache(maxsize=64)  # each step of a rollout asks for them
@@ -170,21 +163,6 @@ def _active(law: Library, theta: Array) -> list[tuple[int, Candidate]]:
     """Candidates that some entry of the batch has: the others cost nothing."""
     pairs = enumerate(law.candidates)
     return [(i, c) for i, c in pairs if bool((theta[..., i] != 0).any())]
-
-
-def _sum(candidates: Sequence[Candidate], row: Array, half: Array | None, angle_unit: str) -> str:
-    parts = []
-    for i, c in enumerate(candidates):
-        if row[i] != 0:
-            unit = c.unit
-            if angle_unit != "rad":
-                unit = unit.replace("N m", "N").replace("rad", angle_unit)
-            known = half is not None and np.isfinite(half[i])
-            number = f"{abs(row[i]):.4g}"
-            number = f"({number} +- {half[i]:.2g})" if known and half is not None else number
-            parts.append(f"{'-' if row[i] < 0 else '+'} {number} {unit} {c.formula}")
-    text = " ".join(parts) or "+ 0"
-    return text.removeprefix("+ ")
 
 
 def _signs(law: Library) -> list[Candidate]:
@@ -254,8 +232,8 @@ def _loads(law: Library) -> list[Candidate]:
     def value(x: Inputs) -> Array:
         return x.load * smooth_sign(x.w, law.width, law.shape)
 
-    found = Candidate("load", "N m/N", "load", "load s(w)", LEVEL, value, level)
-    return [found] if law.load else []
+    candidate = Candidate("load", "N m/N", "load", "load s(w)", LEVEL, value, level)
+    return [candidate] if law.load else []
 
 
 def _offsets(law: Library) -> list[Candidate]:
@@ -281,8 +259,8 @@ def _others(law: Library) -> list[Candidate]:
     def value(x: Inputs) -> Array:
         return namespace(x.w).sum(x.w, axis=-1, keepdims=True) - x.w
 
-    found = Candidate("other", "N m s/rad", "other", "w of the others", _FREE, value)
-    return [found] if law.other else []
+    candidate = Candidate("other", "N m s/rad", "other", "w of the others", _FREE, value)
+    return [candidate] if law.other else []
 
 
 def _check(law: Library) -> None:

@@ -24,9 +24,8 @@ from frictionid.friction.laws.network_law import (
     fine,
     fine_slope,
     level_of,
-    rise,
+    level_slopes,
     side_of,
-    softplus,
     stacked,
     within,
 )
@@ -73,26 +72,21 @@ class MLP(NetworkLaw):
         return theta
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
-        w, xp = x.w, namespace(theta, x.w)
-        side, reach, tail = side_of(w), theta[..., 1], theta[..., 2]
-        share = xp.abs(w) / reach
-        y, by_weights, by_features = slopes(
-            self._weights(theta), self._inputs(theta, xp.abs(w), side, w), self.sizes
-        )
-        slope = softplus(tail) if self.monotone_tail else tail
-        y = y + slope * share
-        by_y = theta[..., 0] * (rise(y) if self.dissipative else 1.0 + 0.0 * y)
-        by_share = by_features[..., 0] * fine_slope(share) + slope
-        by_tail = share * (rise(tail) if self.monotone_tail else 1.0)
-        columns = [-by_share * share / reach, by_tail + 0.0 * y]
+        w, xp, reach = x.w, namespace(theta, x.w), theta[..., 1]
+        side, share = side_of(w), xp.abs(w) / reach
+        z = self._inputs(theta, xp.abs(w), side, w)
+        y, by_weights, by_z = slopes(self._weights(theta), z, self.sizes)
+        of = level_slopes(theta, y, share, self.dissipative, self.monotone_tail)
+        by_share = by_z[..., 0] * fine_slope(share) + of.tail
+        columns = [of.by_torque, of.by_y * (-by_share * share / reach), of.by_tail]
         for i, other in enumerate(self._others(w)):
             part = other / theta[..., 3 + i]
             inside = xp.where(xp.abs(part) < 1.0, part, 0.0 * part)
             sign = side if self.odd else 1.0
-            columns.append(-by_features[..., i - self.others] * sign * inside / theta[..., 3 + i])
-        head = xp.stack([by_y * (column + 0.0 * y) for column in columns], axis=-1)
-        of_torque = (softplus(y) if self.dissipative else y)[..., None]
-        whole = xp.concat([of_torque, head, by_y[..., None] * by_weights], axis=-1)
+            by_part = -by_z[..., i - self.others] * sign * inside
+            columns.append(of.by_y * (by_part / theta[..., 3 + i]))
+        head = xp.stack([column + 0.0 * y for column in columns], axis=-1)
+        whole = xp.concat([head, of.by_y[..., None] * by_weights], axis=-1)
         return whole * smooth_sign(w, self.width, self.shape)[..., None]
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:

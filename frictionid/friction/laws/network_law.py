@@ -218,6 +218,29 @@ def stacked(features: Sequence[Array]) -> Array:
     return namespace(whole).stack([feature + whole for feature in features], axis=-1)
 
 
+class LevelSlopes(NamedTuple):
+    """Derivatives (..., n) of a level: in the scale `torque`, in a network's outputs y, in `tail`.
+
+    tail : (..., n), slope of y + tail share in share
+    """
+
+    by_torque: Array
+    by_y: Array
+    by_tail: Array
+    tail: Array
+
+
+def level_slopes(
+    theta: Array, y: Array, share: Array, dissipative: bool, monotone: bool
+) -> LevelSlopes:
+    """Derivatives of `level_of`."""
+    tail = softplus(theta[..., 2]) if monotone else theta[..., 2]
+    y = y + tail * share
+    by_y = theta[..., 0] * (rise(y) if dissipative else 1.0 + 0.0 * y)
+    by_tail = by_y * (share * (rise(theta[..., 2]) if monotone else 1.0))
+    return LevelSlopes(softplus(y) if dissipative else y, by_y, by_tail, tail)
+
+
 def level_of(theta: Array, y: Array, share: Array, dissipative: bool, monotone: bool) -> Array:
     """Level (..., n) [N m] of a network's outputs y at speeds over reach."""
     tail = theta[..., 2]

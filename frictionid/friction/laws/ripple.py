@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -51,7 +52,7 @@ class Ripple(Law):
         if len(set(self.harmonics)) < len(self.harmonics):
             raise InputError(f"Ripple: harmonics = {list(self.harmonics)} must differ")
 
-    @property
+    @cached_property
     def law(self) -> Any:
         """The law that the ripple is laid over."""
         return BASES[self.base](self.width, self.shape)

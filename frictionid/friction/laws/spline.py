@@ -18,15 +18,76 @@ from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, Speeds, above_zero, check_increasing, on_side
+from frictionid.friction.laws.levels import (
+    LEVEL,
+    SIDES,
+    Speeds,
+    above_zero,
+    by_side,
+    check_increasing,
+    on_side,
+)
 from frictionid.friction.smooth_sign import smooth_sign
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 _RISE = (-float("inf"), float("inf"))
 
 
+class SplineLaw(Law):
+    """A level that is a spline of the speed, for one side or for each, one after the other."""
+
+    knots: tuple[float, ...]
+    degree: int
+    sides: tuple[str, ...] = ("",)
+    is_linear = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_increasing("Spline: knots", self.knots)
+
+    @property
+    def _size(self) -> int:
+        """Number of parameters of a side."""
+        return len(self.knots) + self.degree - 1
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        own = ("level", *(f"rise_{i}" for i in range(1, self._size)))
+        return tuple(f"{name}{side}" for side in self.sides for name in own)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return ("N m",) * (self._size * len(self.sides))
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return (LEVEL, *((_RISE,) * (self._size - 1))) * len(self.sides)
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
+        levels = (above_zero(_sum(part, steps)) for part in self._parts(theta))
+        return on_side(x.w, *levels) * smooth_sign(x.w, self.width, self.shape)
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
+        sign = smooth_sign(x.w, self.width, self.shape)
+        columns = []
+        for part, own in zip(self._parts(theta), by_side(x.w, sign, len(self.sides)), strict=True):
+            counts = (_sum(part, steps) >= 0) * own
+            columns += [counts * step for step in steps]
+        return namespace(theta, x.w).stack(columns, axis=-1)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return on_side(x.w, *(part[..., 0] for part in self._parts(theta))) + 0.0 * x.w
+
+    def _parts(self, theta: Array) -> list[Array]:
+        """Parameters of each side."""
+        n = self._size
+        return [theta[..., i * n : (i + 1) * n] for i in range(len(self.sides))]
+
+
 @dataclass(frozen=True)
-class Spline(Law):
+class Spline(SplineLaw):
     """Friction level as a spline of the speed |w| with `knots` [rad/s] and a polynomial `degree`.
 
     `level` is that at rest, the break-away level; each `rise` is what the level gains, or loses,
@@ -39,89 +100,17 @@ class Spline(Law):
     degree: Annotated[int, Field(ge=1, le=3)] = 2
     width: float = 0.02
     shape: str = "tanh"
-    is_linear = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_increasing("Spline: knots", self.knots)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return ("level", *(f"rise_{i}" for i in range(1, len(self.knots) + self.degree - 1)))
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return ("N m",) * len(self.names)
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return (LEVEL, *((_RISE,) * (len(self.names) - 1)))
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((0.0,) * len(self.names),)
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
-        return above_zero(_sum(theta, steps)) * smooth_sign(x.w, self.width, self.shape)
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
-        counts = (_sum(theta, steps) >= 0) * smooth_sign(x.w, self.width, self.shape)
-        return namespace(theta, x.w).stack([counts * step for step in steps], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] + 0.0 * x.w
 
 
 @dataclass(frozen=True)
-class AsymmetricSpline(Law):
+class AsymmetricSpline(SplineLaw):
     """A spline as in `Spline` for each direction, with the parameters for w > 0 first."""
 
     knots: Speeds = KNOTS
     degree: Annotated[int, Field(ge=1, le=3)] = 2
     width: float = 0.02
     shape: str = "tanh"
-    is_linear = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_increasing("Spline: knots", self.knots)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        names = self._side.names
-        return tuple(f"{name}_{side}" for side in ("positive", "negative") for name in names)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return self._side.units * 2
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return self._side.bounds * 2
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return tuple(start * 2 for start in self._side.initial)
-
-    @property
-    def _side(self) -> Spline:
-        return Spline(self.knots, self.degree, self.width, self.shape)
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        half, side = theta.shape[-1] // 2, self._side
-        positive = side.torque(theta[..., :half], x, memory)
-        return on_side(x.w, positive, side.torque(theta[..., half:], x, memory))
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        half, side = theta.shape[-1] // 2, self._side
-        up, down = (side.gradient(part, x) for part in (theta[..., :half], theta[..., half:]))
-        w, zero = x.w[..., None], 0.0 * up
-        return namespace(up).concat([on_side(w, up, zero), on_side(w, zero, down)], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return on_side(x.w, theta[..., 0], theta[..., theta.shape[-1] // 2])
+    sides = SIDES
 
 
 def _steps(speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:
@@ -138,7 +127,10 @@ def _steps(speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:
 
 
 def _b_splines(xp: Any, speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:
-    """B-splines of the speed by their recursion over the degree; beyond the last knot as there."""
+    """B-splines of the speed, by recursion over the degree; beyond the last knot as there.
+
+    B_i,d = (s - t_i)/(t_i+d - t_i) B_i,d-1 + (t_i+d+1 - s)/(t_i+d+1 - t_i+1) B_i+1,d-1
+    """
     last = knots[-1]
     t = [0.0] * (degree + 1) + list(knots) + [last] * degree
     s = xp.minimum(speed, last + 0.0 * speed)
@@ -148,11 +140,10 @@ def _b_splines(xp: Any, speed: Array, knots: tuple[float, ...], degree: int) -> 
         inside = (s >= a) & ((s < b) if b < last else (s <= b))
         parts.append(xp.where(inside, one, zero) if a < b else zero)
     for d in range(1, degree + 1):
-        ways = range(len(parts) - 1)
         parts = [
             _share(s - t[i], t[i + d] - t[i]) * parts[i]
             + _share(t[i + d + 1] - s, t[i + d + 1] - t[i + 1]) * parts[i + 1]
-            for i in ways
+            for i in range(len(parts) - 1)
         ]
     return parts
 

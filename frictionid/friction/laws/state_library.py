@@ -20,6 +20,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.laws.written_sum import written_sum
 from frictionid.friction.smooth_sign import smooth_sign
 
 _FREE = (-math.inf, math.inf)
@@ -85,10 +86,6 @@ class StateLibrary(Law):
     def bounds(self) -> tuple[tuple[float, float], ...]:
         return (_FREE,) * len(_monomials(self))
 
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((0.0,) * len(_monomials(self)),)
-
     def features(self, x: Inputs) -> Array:
         """Values (..., P) of all monomials, the same for every joint."""
         xp, values = namespace(x.w), _values(self, x)
@@ -113,17 +110,12 @@ class StateLibrary(Law):
     def equation(
         self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
     ) -> list[str]:
-        """One line for each joint: its acceleration in SI units as a sum of what it has.
-
-        `half` (n, P) is half the width of an interval of each coefficient, written behind it where
-        it is finite.
-        """
+        """One line for each joint: its acceleration in SI units."""
+        terms = ["" if name == "1" else name for name in self.names]
         rows = np.asarray(theta)
-        known = np.full(rows.shape, np.nan) if half is None else half
-        return [
-            f"dw{j + 1}/dt = {_sum(self.names, row, wide)}"
-            for j, (row, wide) in enumerate(zip(rows, known, strict=True))
-        ]
+        halves = [None] * len(rows) if half is None else half
+        sums = [written_sum(row, own, terms) for row, own in zip(rows, halves, strict=True)]
+        return [f"dw{j}/dt = {text}" for j, text in enumerate(sums, start=1)]
 
 
 @lru_cache(maxsize=16)
@@ -174,17 +166,6 @@ def _values(law: StateLibrary, x: Inputs) -> list[Array]:
             known["s"] = smooth_sign(w, law.width, "tanh")
         out.append(known[v.what] + zero)
     return out
-
-
-def _sum(names: tuple[str, ...], row: Array, half: Array) -> str:
-    parts = []
-    for name, value, wide in zip(names, row, half, strict=True):
-        if value != 0:
-            number = f"{abs(value):.4g}"
-            number = f"({number} +- {wide:.2g})" if np.isfinite(wide) else number
-            parts.append(f"{'-' if value < 0 else '+'} {number} {'' if name == '1' else name}")
-    text = " ".join(part.rstrip() for part in parts) or "+ 0"
-    return text.removeprefix("+ ").replace("- ", "-", 1) if text[0] == "-" else text[2:]
 
 
 def _name(law: StateLibrary, m: tuple[int, ...]) -> str:

@@ -50,10 +50,6 @@ class Table(Law):
     def bounds(self) -> tuple[tuple[float, float], ...]:
         return (LEVEL,) * (2 * len(self.speeds))
 
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return ((0.0,) * (2 * len(self.speeds)),)
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         level = before = self._value(theta, x, 0)
         # speed by speed: all of them at once, for all folds along all nodes, are gigabytes

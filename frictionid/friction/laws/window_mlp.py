@@ -19,9 +19,8 @@ from frictionid.friction.laws.network_law import (
     fine,
     fine_slope,
     level_of,
-    rise,
+    level_slopes,
     side_of,
-    softplus,
     stacked,
     within,
 )
@@ -60,36 +59,42 @@ class WindowMLP(NetworkLaw):
         return (w, *(x.q - k * self.sample_time * w for k in range(self.samples)))
 
     def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
-        xp, side = namespace(theta, x.w), side_of(x.w)
-        reach, tail = theta[..., 1], theta[..., 2]
+        xp, reach = namespace(theta, x.w), theta[..., 1]
         share = xp.abs(x.w) / reach
         z = self._inputs(theta, x, xp.abs(x.w), memory)
         y, by_weights, by_z = slopes(theta[..., 3:], z, self.sizes)
-        slope = softplus(tail) if self.monotone_tail else tail
-        y = y + slope * share
+        of = level_slopes(theta, y, share, self.dissipative, self.monotone_tail)
+        by_entry, by_reach = self._by_memory(x, memory, reach, by_z)
+        by_reach = by_reach - (by_z[..., 0] * fine_slope(share) + of.tail) * share / reach
+        head = xp.stack([of.by_torque, of.by_y * by_reach, of.by_tail], axis=-1)
+        by_theta = xp.concat([head, of.by_y[..., None] * by_weights], axis=-1)
         sign = smooth_sign(x.w, self.width, self.shape)
-        by_y = sign * theta[..., 0] * (rise(y) if self.dissipative else 1.0 + 0.0 * y)
-        by_tail = share * (rise(tail) if self.monotone_tail else 1.0)
-        by_past = [by_z[..., i + 1 + (not self.odd)] for i in range(len(memory))]
-        by_reach = -(by_z[..., 0] * fine_slope(share) + slope) * share / reach
-        by_memory = []
-        for i, (entry, own) in enumerate(zip(memory, by_past, strict=True)):
-            part = entry / reach
+        return by_theta * sign[..., None], tuple(of.by_y * sign * entry for entry in by_entry)
+
+    def _by_memory(
+        self, x: Inputs, memory: Memory, reach: Array, by_z: Array
+    ) -> tuple[list[Array], Array]:
+        """Derivatives (..., n) of the network's output in each entry, and in reach through them."""
+        xp, side = namespace(x.w), side_of(x.w)
+        by_entry, by_reach = [], 0.0 * reach
+        for i, entry in enumerate(memory):
+            own = by_z[..., i + 1 + (not self.odd)]
             if i and self.presliding:
                 way = 1.0 + xp.abs(x.q - entry) / self.presliding
-                by_memory.append(-by_y * own * side / (self.presliding * way * way))
+                by_entry.append(-own * side / (self.presliding * way * way))
                 continue
-            if self.presliding:
-                rate = side * fine_slope(xp.abs(part))
-            else:
-                one = 1.0 + 0.0 * part
-                inside = xp.where(xp.abs(part) < 1.0, one, 0.0 * part)
-                rate = inside * (side if self.odd else one)
-            by_memory.append(by_y * own * rate / reach)
-            by_reach = by_reach - own * rate * part / reach
-        of_torque = (softplus(y) if self.dissipative else y) * sign
-        head = xp.stack([of_torque, by_y * by_reach, by_y * by_tail], axis=-1)
-        return xp.concat([head, by_y[..., None] * by_weights], axis=-1), tuple(by_memory)
+            part = entry / reach
+            rate = own * self._rate(part, side) / reach
+            by_entry.append(rate)
+            by_reach = by_reach - rate * part
+        return by_entry, by_reach
+
+    def _rate(self, part: Array, side: Array) -> Array:
+        """Derivative of the input that a velocity over reach makes."""
+        xp, one = namespace(part), 1.0 + 0.0 * part
+        if self.presliding:
+            return side * fine_slope(xp.abs(part))
+        return xp.where(xp.abs(part) < 1.0, one, 0.0 * part) * (side if self.odd else one)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         newest = x.w + 0.0 * memory[0]
