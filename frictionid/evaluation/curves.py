@@ -56,4 +56,4 @@ def curve_scores(errors: Array, overall: Array) -> Iterator[Score]:
     """
     for fold, error in [*((str(f), e) for f, e in enumerate(errors)), ("all", overall)]:
         for j in np.flatnonzero(np.isfinite(error)):
-            yield Score(fold, "curve_error", "rms", None, str(j + 1), float(error[j]), "1")
+            yield Score(fold, "curve_error", "rms", joint=str(j + 1), value=float(error[j]))

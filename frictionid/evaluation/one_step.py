@@ -23,9 +23,9 @@ def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Ar
 
 def one_step_scores(residual: Array, fold: Array, score: str) -> Iterator[Score]:
     """Scores of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled."""
-    norm = np.linalg.norm(residual, axis=-1)
+    norm, of = np.linalg.norm(residual, axis=-1), Score("all", score, unit="rad/s")
     for f in np.unique(fold):
-        yield from summarise(norm[fold == f], str(f), score, "all", "rad/s")
-    yield from summarise(norm, "all", score, "all", "rad/s")
+        yield from summarise(norm[fold == f], of._replace(fold=str(f)))
+    yield from summarise(norm, of)
     for j in range(residual.shape[-1]):
-        yield from summarise(np.abs(residual[:, j]), "all", score, str(j + 1), "rad/s")
+        yield from summarise(np.abs(residual[:, j]), of._replace(joint=str(j + 1)))

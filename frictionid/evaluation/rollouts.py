@@ -69,16 +69,16 @@ def rollout_scores(
             if reference is not None and use.any():
                 at = initial.last[h, use], np.flatnonzero(use)
                 error = motion.q[at] - reference[at]
-                yield from _horizon_scores(error, fold[h, use], score, float(horizon), limit)
+                of = Score("all", score, horizon_s=float(horizon))
+                yield from _horizon_scores(error, fold[h, use], of, limit)
 
 
-def _horizon_scores(
-    error: Array, fold: Array, score: str, horizon: float, limit: Array
-) -> Iterator[Score]:
+def _horizon_scores(error: Array, fold: Array, of: Score, limit: Array) -> Iterator[Score]:
     norm, most = np.linalg.norm(error, axis=-1), float(limit.max())
     for f in np.unique(fold):
-        yield from summarise_rollouts(norm[fold == f], str(f), score, "all", horizon, most)
-    yield from summarise_rollouts(norm, "all", score, "all", horizon, most)
+        yield from summarise_rollouts(norm[fold == f], of._replace(fold=str(f)), most)
+    yield from summarise_rollouts(norm, of, most)
     for j, own in enumerate(limit):
-        each = np.abs(error[:, j])
-        yield from summarise_rollouts(each, "all", score, str(j + 1), horizon, float(own))
+        yield from summarise_rollouts(
+            np.abs(error[:, j]), of._replace(joint=str(j + 1)), float(own)
+        )

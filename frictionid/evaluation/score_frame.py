@@ -28,15 +28,15 @@ DIVERGED, TRAVEL = 1.0, 0.25
 
 
 class Score(NamedTuple):
-    """One line of a score frame."""
+    """One line of a score frame; without statistic and value, what a summary of errors fills in."""
 
     fold: str
     score: str
-    statistic: str
-    horizon_s: float | None
-    joint: str
-    value: float
-    unit: str
+    statistic: str = ""
+    horizon_s: float | None = None
+    joint: str = "all"
+    value: float = float("nan")
+    unit: str = "1"
 
 
 SCORE_COLUMNS = Score._fields
@@ -84,9 +84,7 @@ def score_value(
     return float(frame.value[at].iloc[0])
 
 
-def summarise(
-    errors: Array, fold: str, score: str, joint: str, unit: str, horizon: float | None = None
-) -> Iterator[Score]:
+def summarise(errors: Array, of: Score) -> Iterator[Score]:
     """Mean, rms, median and 90 % quantile of absolute errors (N,), all finite."""
     statistics = {
         "mean": np.mean(errors),
@@ -95,7 +93,7 @@ def summarise(
         "q90": np.quantile(errors, 0.9),
     }
     for name, value in statistics.items():
-        yield Score(fold, score, name, horizon, joint, float(value), unit)
+        yield of._replace(statistic=name, value=float(value))
 
 
 def divergence_limit(angle_unit: str, positions: Any) -> Array:
@@ -113,21 +111,20 @@ def divergence_limit(angle_unit: str, positions: Any) -> Array:
     return out
 
 
-def summarise_rollouts(
-    errors: Array, fold: str, score: str, joint: str, horizon: float, limit: float = DIVERGED
-) -> Iterator[Score]:
+def summarise_rollouts(errors: Array, of: Score, limit: float = DIVERGED) -> Iterator[Score]:
     """Median, 90 % quantile and diverged share of rollout errors (N,) [rad].
 
     Diverged predictions stay in the quantiles, at infinity when they are not finite; errors beyond
     the `limit` count as diverged.
 
-    >>> [r.value for r in summarise_rollouts(np.array([0.1, 0.2, np.nan]), "0", "x", "all", 1.0)]
+    >>> of = Score("0", "rollout_angle", horizon_s=1.0)
+    >>> [s.value for s in summarise_rollouts(np.array([0.1, 0.2, np.nan]), of)]
     [0.2, inf, 0.3333333333333333]
     """
     errors = np.where(np.isfinite(errors), errors, np.inf)
     for name, level in (("median", 0.5), ("q90", 0.9)):
-        yield Score(fold, score, name, horizon, joint, _quantile(errors, level), "rad")
-    yield Score(fold, score, "diverged", horizon, joint, float(np.mean(errors > limit)), "1")
+        yield of._replace(statistic=name, value=_quantile(errors, level), unit="rad")
+    yield of._replace(statistic="diverged", value=float(np.mean(errors > limit)), unit="1")
 
 
 def _quantile(values: Array, level: float) -> float:

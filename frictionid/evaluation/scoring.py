@@ -219,7 +219,7 @@ def _parameter_count(friction: Friction) -> Score:
     size = float(np.prod(friction.theta.shape[-2:]))
     if friction.law.is_sparse:  # zeros are terms that it does not have
         size = float(np.count_nonzero(np.asarray(friction.theta), axis=(-2, -1)).mean())
-    return Score("all", "n_parameters", "count", None, "all", size, "1")
+    return Score("all", "n_parameters", "count", value=size)
 
 
 def _examples(

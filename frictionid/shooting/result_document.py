@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -29,35 +30,11 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
     those of the grid (V, n).
     """
     covariance, went = result.covariance, result.diagnostics
-    intervals = {level: covariance.interval(level) for level in LEVELS}
-    identified, error = covariance.identified, covariance.error
-    more = recordings_own(dataset)
-    shift = [more[p.place[0]] if p.block == "inertia" else 0.0 for p in covariance.parameters]
-    named = [(k, p) for k, p in enumerate(covariance.parameters) if not _combines(result, p)]
-    parameters = [
-        {
-            "block": p.block,
-            "name": p.name,
-            "unit": p.unit,
-            "joint": p.place[0] if p.block != "inertia" and p.place else None,
-            "value": float(covariance.values[k] + shift[k]),
-            "error": float(error[k]),
-            **{
-                f"interval_{round(100 * v)}": (ends[k] + shift[k]).tolist()
-                for v, ends in intervals.items()
-            },
-            "at_bound": bool(covariance.bound[k]),
-            "identified": bool(identified[k]),
-            "prior": p.prior if np.isfinite(p.prior) else None,
-            "nominal": _nominal(p, dataset, shift[k]),
-        }
-        for k, p in named
-    ]
-    known = [k for k, _ in named]
+    named = [k for k, p in enumerate(covariance.parameters) if not _combines(result, p)]
     return {
-        "parameters": parameters,
-        "correlation": np.asarray(covariance.correlation)[np.ix_(known, known)],
-        "covariance": np.asarray(covariance.matrix)[np.ix_(known, known)],
+        "parameters": _parameters(result, dataset, named),
+        "correlation": np.asarray(covariance.correlation)[np.ix_(named, named)],
+        "covariance": np.asarray(covariance.matrix)[np.ix_(named, named)],
         "freedom": covariance.freedom,
         "clusters": covariance.clusters,
         "singular_values": covariance.singular,
@@ -72,6 +49,35 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "iterations": went.iterations,
         "warnings": list(went.warnings),
     }
+
+
+def _parameters(result: Refined, dataset: Dataset, named: Sequence[int]) -> list[dict[str, Any]]:
+    """Some of the parameters with intervals and nominal values."""
+    covariance = result.covariance
+    intervals = {level: covariance.interval(level) for level in LEVELS}
+    identified, error = covariance.identified, covariance.error
+    more = recordings_own(dataset)
+    out = []
+    for k in named:
+        p = covariance.parameters[k]
+        shift = more[p.place[0]] if p.block == "inertia" else 0.0
+        ends = {f"interval_{round(100 * v)}": (i[k] + shift).tolist() for v, i in intervals.items()}
+        out.append(
+            {
+                "block": p.block,
+                "name": p.name,
+                "unit": p.unit,
+                "joint": p.place[0] if p.block != "inertia" and p.place else None,
+                "value": float(covariance.values[k] + shift),
+                "error": float(error[k]),
+                **ends,
+                "at_bound": bool(covariance.bound[k]),
+                "identified": bool(identified[k]),
+                "prior": p.prior if np.isfinite(p.prior) else None,
+                "nominal": _nominal(p, dataset, shift),
+            }
+        )
+    return out
 
 
 def _combines(result: Refined, parameter: Parameter) -> bool:
