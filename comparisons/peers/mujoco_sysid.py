@@ -29,7 +29,7 @@ from rich.console import Console
 from rich.table import Table
 
 from frictionid.data.recordings import Dataset
-from frictionid.data.states import RTS
+from frictionid.data.state_estimators import RTS
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous

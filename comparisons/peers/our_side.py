@@ -17,7 +17,7 @@ from exchange import Task, load
 
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.data.states import RTS
+from frictionid.data.state_estimators import RTS
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem

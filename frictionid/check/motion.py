@@ -14,7 +14,7 @@ from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.mechanics import Mechanism, Plant, plant_of
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.

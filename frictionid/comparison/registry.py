@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from frictionid.comparison.kinds import Choice, Kind, Part
-from frictionid.data.states import RTS, Backward, SavitzkyGolay
+from frictionid.data.state_estimators import RTS, Backward, SavitzkyGolay
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
     LSTM,

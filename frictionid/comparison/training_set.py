@@ -23,7 +23,7 @@ from frictionid.identifiers.residual import Problem
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import CalibratedRecipe
 from frictionid.shooting.calibrated_recipe import part_of_calibration
-from frictionid.shooting.intervals import Intervals, intervals_of
+from frictionid.shooting.sample_intervals import Intervals, intervals_of
 
 
 @dataclass(frozen=True, eq=False)

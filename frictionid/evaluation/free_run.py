@@ -19,7 +19,7 @@ from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import sample
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import step

@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import sample
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
 from frictionid.friction import Inputs, Nodes

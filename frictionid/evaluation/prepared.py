@@ -16,14 +16,14 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.states import Estimator, KalmanFilter, States
+from frictionid.data.state_estimators import Estimator, KalmanFilter, States
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import velocity_grid
 from frictionid.evaluation.free_run import Trajectory, make_trajectory, with_motor_torque
 from frictionid.evaluation.ground_truth import steady_state
+from frictionid.evaluation.initial_state_estimator import preceding_samples
 from frictionid.evaluation.initial_states import InitialStates, make_initial_states, true_states
 from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.state_estimator import preceding_samples
 from frictionid.friction import Friction
 from frictionid.identifiers.formulation import (
     INTEGRAL,

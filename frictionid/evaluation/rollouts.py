@@ -9,9 +9,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.state import State
+from frictionid.evaluation.initial_state_estimator import estimate_initial_states
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.score_frame import Score, divergence_limit, summarise_rollouts
-from frictionid.evaluation.state_estimator import estimate_initial_states
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
 from frictionid.shooting import SampleWindows

@@ -25,7 +25,7 @@ from scipy.stats import norm
 from frictionid.arrays import Array
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.motion import Motions
 from frictionid.excitation.smoothing import jerk_decades, smoothed_states, smoother_gains

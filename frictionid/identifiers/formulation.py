@@ -14,7 +14,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
-from frictionid.data.states import RTS, Backward, Estimator, States, thin
+from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.one_step_fit import OneStepFit, checked_fit

@@ -19,7 +19,7 @@ from frictionid.arrays import Array, inverse, solve, times
 from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import sample
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes
 from frictionid.mechanics import Plant

@@ -9,7 +9,7 @@ import numpy as np
 from frictionid.arrays import Array, times
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import Stribeck
 from frictionid.identifiers.residual import Problem, integral_problem

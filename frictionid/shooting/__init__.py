@@ -14,7 +14,6 @@
 from frictionid.shooting.calibrated_recipe import CalibratedRecipe
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.gauss_newton import Solution, solve
-from frictionid.shooting.intervals import Intervals, intervals_of, logged_torque
 from frictionid.shooting.parameters import (
     DelayBlock,
     Estimate,
@@ -28,6 +27,7 @@ from frictionid.shooting.problem import Linearisation, ShootingProblem, shooting
 from frictionid.shooting.recipe import Shooting, refine_folds
 from frictionid.shooting.refine import Diagnostics, Refined, Segment, refine
 from frictionid.shooting.result_document import document_of
+from frictionid.shooting.sample_intervals import Intervals, intervals_of, logged_torque
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.window_states import SampleWindows, solve_states
 

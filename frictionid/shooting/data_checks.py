@@ -10,9 +10,9 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.shooting.gauss_newton import Solution
-from frictionid.shooting.intervals import Intervals, cut_windows
 from frictionid.shooting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
 from frictionid.shooting.problem import ShootingProblem
+from frictionid.shooting.sample_intervals import Intervals, cut_windows
 
 _TURN = 2 * np.pi
 _FEW = 4  # windows: of fewer, no interval is worth the name

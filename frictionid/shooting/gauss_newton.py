@@ -17,9 +17,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.identifiers.box_qp import bounded
-from frictionid.shooting.intervals import cut_windows
 from frictionid.shooting.parameters.parameter_block import Estimate, values_of, with_values
 from frictionid.shooting.problem import ShootingProblem
+from frictionid.shooting.sample_intervals import cut_windows
 from frictionid.shooting.window_steps import (
     Point,
     cost_of,

@@ -12,10 +12,10 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.combination_law import CombinationLaw
-from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.parameters.combinations import CombinationBlock
 from frictionid.shooting.parameters.friction import FrictionBlock
 from frictionid.shooting.parameters.parameter_block import ParameterBlock
+from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.tensor_law import TensorLaw
 from frictionid.shooting.torque_samples import torque_samples
 

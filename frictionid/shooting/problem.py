@@ -15,7 +15,6 @@ from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.mechanics import Plant
 from frictionid.mechanics.calibration import calibrated_dataset, calibrated_plant
-from frictionid.shooting.intervals import Intervals, logged_torque
 from frictionid.shooting.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
@@ -25,6 +24,7 @@ from frictionid.shooting.parameters.parameter_block import (
     ParameterBlock,
     free_blocks,
 )
+from frictionid.shooting.sample_intervals import Intervals, logged_torque
 from frictionid.shooting.sampled_memory import memory_after_sample
 from frictionid.shooting.sensitivities import MotorTorque, end_states
 from frictionid.shooting.settings import Settings

@@ -17,11 +17,11 @@ from frictionid.identifiers.formulation import INTEGRAL, Recipe, TrainingData
 from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.mechanics.calibration import stack_calibrations
 from frictionid.shooting.gauss_newton import solve
-from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.parameters import FrictionBlock, ParameterBlock
 from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.parameters.parameter_block import values_of
 from frictionid.shooting.refine import Refined, prepare_fit, refined_by
+from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.settings import Settings
 
 _STEPS = 4  # of Gauss and Newton, of a fold that begins at the fit to all data

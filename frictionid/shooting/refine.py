@@ -11,18 +11,18 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.friction import Friction
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.data_checks import check_blocks, check_data, warnings_of
 from frictionid.shooting.gauss_newton import Solution, solve
-from frictionid.shooting.intervals import Intervals, intervals_of
 from frictionid.shooting.networks import as_given, on_arrays, with_combinations
 from frictionid.shooting.parameters.friction import FrictionBlock, on_support
 from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock
 from frictionid.shooting.problem import ShootingProblem, shooting_problem
+from frictionid.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_motor
 from frictionid.shooting.settings import Settings
 

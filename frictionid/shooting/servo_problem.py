@@ -19,12 +19,12 @@ from frictionid.data.servo import applied_voltage
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.shooting.back_emf import with_back_emf
-from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.parameters.actuator import MOTOR
 from frictionid.shooting.parameters.friction import FrictionBlock
 from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock, free_blocks
 from frictionid.shooting.parameters.sensors import VoltageBlock
 from frictionid.shooting.problem import Linearisation, ShootingProblem, shooting_problem
+from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.settings import Settings
 
 

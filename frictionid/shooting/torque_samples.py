@@ -12,7 +12,7 @@ from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.calibration import Calibration, calibrated_plant
-from frictionid.shooting.intervals import Intervals, logged_torque
+from frictionid.shooting.sample_intervals import Intervals, logged_torque
 
 _COUNT = 500
 _LINK = 9  # samples through which a memory is followed

@@ -12,9 +12,9 @@ from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Plant
-from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.law_derivatives import FreeTheta, reads_of
 from frictionid.shooting.problem import Linearisation
+from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.sensitivities import MotorTorque, end_states
 from frictionid.shooting.tangent import MotionModel
 from frictionid.shooting.windows import eliminate_states, initial_state_prior, predict_windows

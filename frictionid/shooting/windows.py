@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.shooting.intervals import Intervals
 from frictionid.shooting.problem import Linearisation
+from frictionid.shooting.sample_intervals import Intervals
 
 _WILD = 1e4  # [rad per rad or rad/s of its initial state]: a prediction without information
 _FAR = 1e3  # [rad]

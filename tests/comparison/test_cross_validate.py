@@ -12,7 +12,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_tasks
-from frictionid.data.states import RTS, Backward, SavitzkyGolay
+from frictionid.data.state_estimators import RTS, Backward, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true_friction
 from frictionid.friction import Friction

@@ -14,7 +14,7 @@ from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.data.states import RTS, SavitzkyGolay
+from frictionid.data.state_estimators import RTS, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
 from frictionid.friction import Friction

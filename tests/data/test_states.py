@@ -6,7 +6,7 @@ from scipy.signal import savgol_filter
 
 from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.signals import Signal
-from frictionid.data.states import RTS, Backward, KalmanFilter, SavitzkyGolay
+from frictionid.data.state_estimators import RTS, Backward, KalmanFilter, SavitzkyGolay
 from frictionid.errors import InputError
 
 ESTIMATORS = {

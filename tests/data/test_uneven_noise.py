@@ -6,7 +6,7 @@ import pytest
 from frictionid import InputError, load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut, relative_noise
-from frictionid.data.states import RTS
+from frictionid.data.state_estimators import RTS
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.shooting import refine

@@ -7,7 +7,7 @@ from fixtures.memory_laws import Sampled
 from scipy.integrate import solve_ivp
 
 from frictionid.data.signals import Signal
-from frictionid.data.states import Backward
+from frictionid.data.state_estimators import Backward
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step

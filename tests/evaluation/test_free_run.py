@@ -14,7 +14,7 @@ from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import Signal
-from frictionid.data.states import KalmanFilter, States
+from frictionid.data.state_estimators import KalmanFilter, States
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError

@@ -5,7 +5,7 @@ import pytest
 from fixtures.paths import DATA
 
 from frictionid import load_dataset
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.evaluation import make_initial_states, steady_state, true_friction
 from frictionid.evaluation.rollouts import predict

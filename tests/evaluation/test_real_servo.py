@@ -9,7 +9,7 @@ import pytest
 
 from frictionid.comparison.registry import friction_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.states import KalmanFilter
+from frictionid.data.state_estimators import KalmanFilter
 from frictionid.evaluation import (
     Split,
     free_run,

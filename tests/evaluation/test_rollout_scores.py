@@ -18,7 +18,7 @@ from fixtures.tiny_pendulums import (
 
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.data.states import KalmanFilter, States
+from frictionid.data.state_estimators import KalmanFilter, States
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     Protocol,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from frictionid.evaluation import Protocol, prepare
-from frictionid.evaluation.state_estimator import estimate_initial_states
+from frictionid.evaluation.initial_state_estimator import estimate_initial_states
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate

@@ -13,7 +13,7 @@ from frictionid.arrays import Array
 from frictionid.data.kalman import Series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.excitation import (
     Design,

@@ -16,7 +16,7 @@ from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares, Network, check_identifier
 from frictionid.identifiers.networks.fold_stack import FoldStack
 from frictionid.identifiers.networks.lstm_cells import Cells
-from frictionid.identifiers.networks.lstm_training import SequenceTrainingSet
+from frictionid.identifiers.networks.lstm_training_set import SequenceTrainingSet
 from frictionid.identifiers.networks.network import check_device
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 

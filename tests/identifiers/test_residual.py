@@ -8,7 +8,7 @@ from frictionid.arrays import inverse, times
 from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, sample
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import euler_step

@@ -28,10 +28,10 @@ from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting
-from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import FrictionBlock
 from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.recipe import ShootingFit, refine_folds
+from frictionid.shooting.sample_intervals import intervals_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write_dataset
 
 LAW = Library()

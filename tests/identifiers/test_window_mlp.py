@@ -29,7 +29,7 @@ from frictionid.identifiers import CompressedNetwork, LeastSquares, Network, che
 from frictionid.identifiers.networks.adam import Adam
 from frictionid.identifiers.networks.batches import batches
 from frictionid.identifiers.networks.fold_stack import FoldStack
-from frictionid.identifiers.networks.mlp_training import RowTrainingSet, window
+from frictionid.identifiers.networks.mlp_training_set import RowTrainingSet, window
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 sys.path.append(str(ROOT / "comparisons"))

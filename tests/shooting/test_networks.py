@@ -20,9 +20,9 @@ from frictionid.friction.laws import AsymmetricStribeck, WindowMLP, check_law
 from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting, document_of, refine, refine_folds
 from frictionid.shooting.combination_law import CombinationLaw
-from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock
 from frictionid.shooting.refine import prepare_fit
+from frictionid.shooting.sample_intervals import intervals_of
 from frictionid.shooting.tensor_law import TensorLaw
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
 from frictionid.simulate.true_friction import FilmLag

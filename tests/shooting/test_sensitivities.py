@@ -12,7 +12,6 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import Settings, refine
-from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import (
     BiasBlock,
     DelayBlock,
@@ -23,6 +22,7 @@ from frictionid.shooting.parameters import (
 )
 from frictionid.shooting.parameters.parameter_block import values_of, with_values
 from frictionid.shooting.refine import prepare_fit
+from frictionid.shooting.sample_intervals import intervals_of
 from frictionid.simulate import Camera, Curve, Drive, Noise, Run, Sine, Stribeck, simulate
 from frictionid.simulate import Rig as Simulated
 

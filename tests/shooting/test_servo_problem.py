@@ -19,7 +19,6 @@ from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics.calibration import Calibration, calibrated_dataset, stack_calibrations
 from frictionid.shooting import Settings, refine
-from frictionid.shooting.intervals import intervals_of
 from frictionid.shooting.parameters import (
     ActuatorBlock,
     BiasBlock,
@@ -30,6 +29,7 @@ from frictionid.shooting.parameters import (
 )
 from frictionid.shooting.parameters.parameter_block import values_of, with_values
 from frictionid.shooting.refine import prepare_fit
+from frictionid.shooting.sample_intervals import intervals_of
 
 KT, R = 0.39, 4.0
 TRUE = np.array([[0.013, 0.0037]])

@@ -60,8 +60,8 @@ def collections() -> Mapping[str, Collection]:
     >>> collections()["emps"].redistribution
     'not stated: keep it to yourself'
     """
-    text = files("frictionid.data.readers").joinpath("registry.toml").read_bytes()
-    tables = parse_toml(text, "registry.toml")
+    text = files("frictionid.data.readers").joinpath("public_collections.toml").read_bytes()
+    tables = parse_toml(text, "public_collections.toml")
     return MappingProxyType({n: Collection.model_validate(t) for n, t in tables.items()})
 
 

@@ -34,8 +34,8 @@ from frictionid.identifiers.row_weights import normalised
 
 if TYPE_CHECKING:
     from frictionid.identifiers.networks.fold_stack import FoldStack
-    from frictionid.identifiers.networks.lstm_training import SequenceTrainingSet
-    from frictionid.identifiers.networks.mlp_training import RowTrainingSet
+    from frictionid.identifiers.networks.lstm_training_set import SequenceTrainingSet
+    from frictionid.identifiers.networks.mlp_training_set import RowTrainingSet
 
 
 @dataclass(frozen=True)
@@ -160,8 +160,8 @@ class Network(Identifier):
     def _training_set(
         self, stack: FoldStack, weights: Array
     ) -> RowTrainingSet | SequenceTrainingSet:
-        from frictionid.identifiers.networks.lstm_training import SequenceTrainingSet
-        from frictionid.identifiers.networks.mlp_training import RowTrainingSet
+        from frictionid.identifiers.networks.lstm_training_set import SequenceTrainingSet
+        from frictionid.identifiers.networks.mlp_training_set import RowTrainingSet
 
         if not stack.law.cells:
             return RowTrainingSet(stack, weights)

@@ -14,7 +14,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.states import States
+from frictionid.data.state_estimators import States
 from frictionid.dynamics.state import State
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.friction import Friction, Inputs

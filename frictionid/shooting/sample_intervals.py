@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import relative_noise, sample
-from frictionid.data.states import RTS, States
+from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.residual import GAP
