@@ -31,7 +31,7 @@ class Covariance:
     undetermined : combinations of parameters that the data do not determine, in words
     bound : (D,) true where a parameter lies at a bound
     clusters : number of recordings, or stretches of time, whose scatter was taken
-    idle : (D,) true for parameters that mean nothing where others, not identified, are zero
+    meaningless : (D,) true for parameters that mean nothing where others, not identified, are zero
     """
 
     parameters: tuple[Parameter, ...]
