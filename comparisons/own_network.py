@@ -14,8 +14,7 @@ class Bumps(torch.nn.Module):
     def __init__(self, count: int = 12):
         super().__init__()
         self.centre = torch.nn.Parameter(torch.linspace(0.0, 1.0, count))
-        self.height = torch.nn.Parameter(torch.zeros(count))
-        self.side = torch.nn.Parameter(torch.zeros(count))
+        self.height, self.side = (torch.nn.Parameter(torch.zeros(count)) for _ in range(2))
 
     def forward(self, x):
         """Level before it is made positive."""

@@ -14,6 +14,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
+_ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
 _RUNAWAY = 1e4  # [rad/s]: faster joints have diverged, they are frozen as NaN
 
 
@@ -41,10 +42,10 @@ def rollout(
     plant, friction
         Batch axes broadcast against those of the start: one for all, or one for each start.
     start : State, arrays of shape (..., n)
-        Without memory, that of a law which remembers begins with the motion.
+        A law with memory starts it with the motion, if the states have none.
     u : array, shape (T, ..., n) [N m], mean motor torque of each interval
     dt : array, shape (T, ...) [s], length of each interval
-    method : "rk4" (the physics step, with its hold), "euler" or "semi_implicit" (one step a sample)
+    method : "rk4" (the physics step, with stiction), "euler" or "semi_implicit" (one step a sample)
     refine : int
         Multiplies the number of RK4 steps.
 
@@ -64,17 +65,23 @@ def rollout(
     >>> bool(motion.w[-1, 0] == 0.0)                            # it came to rest, exactly
     True
     """
+    if method not in ("rk4", *_ONE_STEP):
+        known = ", ".join(map(repr, ("rk4", *_ONE_STEP)))
+        raise InputError(f"the step {method!r} is unknown; known are {known}")
     xp = namespace(start.q, u)
-    paces = _paces(plant, friction, dt, refine) if method == "rk4" else [StepSize(1, 1)] * len(u)
+    sizes = _step_sizes(plant, friction, dt, refine) if method == "rk4" else []
     state, alive = _begin(plant, friction, start, u, dt), None
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
-            state = _one(method, plant, friction, state, u[k], dt[k][..., None], paces[k])
+            if method == "rk4":
+                state = adaptive_step(plant, friction, state, u[k], dt[k][..., None], sizes[k])
+            else:
+                state = _ONE_STEP[method](plant, friction, state, u[k], dt[k][..., None])
         wild = ~(xp.abs(state.w).sum(-1) < _RUNAWAY)
         if bool(wild.any()):
             state, alive = _freeze(state, wild, alive)
-        # the newest sample of a law that remembers samples has the torque logged with it
+        # a memory of samples takes in the newest one with the torque logged with it
         newest = u[min(k + 1, u.shape[0] - 1)]
         state = _sampled(plant, friction, state, newest, dt[k][..., None])
         q.append(_masked(state.q, alive))
@@ -94,30 +101,12 @@ def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) 
     return state._replace(memory=friction.law.start(friction.theta, x))
 
 
-def _paces(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[StepSize]:
+def _step_sizes(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[StepSize]:
     """How each interval is divided: a gap in the recording must not refine all the others."""
     longest = plain(dt).reshape(len(dt), -1).max(axis=1)
-    most = step_size_of(plant, friction, float(longest.max()))
-    counts = [int(np.ceil(most.pieces * share - 1e-9)) for share in longest / longest.max()]
-    return [StepSize(refine * count, most.fine) for count in counts]
-
-
-def _one(
-    method: str,
-    plant: Plant,
-    friction: Friction,
-    state: State,
-    u: Array,
-    dt: Array,
-    step_size: StepSize,
-) -> State:
-    if method == "rk4":
-        return adaptive_step(plant, friction, state, u, dt, step_size)
-    if method == "euler":
-        return euler_step(plant, friction, state, u, dt)
-    if method == "semi_implicit":
-        return semi_implicit_step(plant, friction, state, u, dt)
-    raise InputError(f"the step {method!r} is unknown; known are 'rk4', 'euler', 'semi_implicit'")
+    finest = step_size_of(plant, friction, float(longest.max()))
+    counts = [int(np.ceil(finest.pieces * share - 1e-9)) for share in longest / longest.max()]
+    return [StepSize(refine * count, finest.fine) for count in counts]
 
 
 def _sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:

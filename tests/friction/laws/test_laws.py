@@ -130,7 +130,7 @@ def test_curves_at_high_and_low_speed_are_the_levels_that_the_names_say():
     np.testing.assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
 
 
-def test_the_dip_falls_to_exp_minus_one_at_the_stribeck_velocity():
+def test_the_peak_falls_to_exp_minus_one_at_the_stribeck_velocity():
     theta = np.array([[0.0, 1.0, 2.0, 0.0]])
     assert Friction(Stribeck(), theta).curve(np.array([2.0]))[0, 0] == pytest.approx(np.exp(-1))
 
