@@ -151,7 +151,7 @@ MODELS = {
     "no_law.json": '"law" must be an object with a "kind"',
     "text_law.json": '"law" must be an object',
     "unknown_law.json": "law 'coulomb_viscos' is unknown; did you mean 'coulomb_viscous'",
-    "law_setting.json": "has no setting 'widht'; known are shape, width",
+    "law_setting.json": "unknown setting 'widht'; did you mean 'width'",
     "law_value.json": "law 'coulomb_viscous': .*width",
     "law_zero.json": "law 'coulomb_viscous': .*width",
     "law_shape.json": "law 'coulomb_viscous': .*'step'",
