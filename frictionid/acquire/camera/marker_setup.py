@@ -15,7 +15,7 @@ from pydantic import Field, field_validator, model_validator
 from frictionid.acquire.rig_settings import rig_tables
 from frictionid.config import Positive, Strict, checked
 
-MIN_HUE_DISTANCE = 40.0  # [deg]; colours nearer than this cannot be told apart
+MIN_HUE_DISTANCE = 40.0  # [deg]; colours nearer than this cannot be distinguished
 
 Pixel = Annotated[list[float], Field(min_length=2, max_length=2)]
 
