@@ -23,7 +23,7 @@ class BreakAway(NamedTuple):
 
 
 def break_away(substep: Substep, crossed: Crossing | None) -> BreakAway | None:
-    """Joints that stuck, but whose load is above their level at the end; without a crossing."""
+    """Sticking joints whose load exceeds their break-away level at the end of the substep."""
     sticking, w = substep.stiction.sticking, substep.end.state.w
     if sticking is None:
         return None
@@ -47,7 +47,7 @@ def break_away(substep: Substep, crossed: Crossing | None) -> BreakAway | None:
 
 
 def _jump(now: Balance, Tf: Array, sticking: Array, broken: Array) -> Array:
-    """Change of the accelerations (k, n) where joints slide that stuck."""
+    """Change of the accelerations (k, n) where sticking joints begin to slide."""
     free = namespace(Tf).where(broken, Tf, now.friction)
     a = constrained(now.M, now.f - free, sticking & ~broken)
     return a - constrained(now.M, now.f - now.friction, sticking)
