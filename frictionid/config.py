@@ -145,12 +145,17 @@ def with_new_names(table: Mapping[str, Any], renamed: Mapping[str, str]) -> dict
 def mistake(invalid: ValidationError) -> str:
     """The first complaint of pydantic in one line: which key, which rule, what was given.
 
-    One mistake at a time: the first one often causes the others.
+    One mistake at a time, as the first one often causes the others; but all missing keys at once.
     """
-    error = invalid.errors(include_url=False)[0]
-    place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in error["loc"])
-    if error["type"].startswith("missing"):
-        return f"the key {place[1:]!r} is missing; add it"
+    errors = invalid.errors(include_url=False)
+    error, place = errors[0], _place(errors[0])
+    missing = [_place(e)[1:] for e in errors if e["type"].startswith("missing")]
+    if place[1:] in missing:
+        if len(missing) > 1:
+            names = ", ".join(map(repr, missing[:-1]))
+            return f"the keys {names} and {missing[-1]!r} are missing; add them"
+        known = error["type"] != "missing"
+        return error["msg"] if known else f"the key {place[1:]!r} is missing; add it"
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
     reason = re.sub("valid (tuple|array)", "valid list", reason)
     if error["type"] in _TABLES:  # pydantic's words name our classes
@@ -160,6 +165,11 @@ def mistake(invalid: ValidationError) -> str:
     if error["type"] != "value_error":
         reason += f", not {reprlib.repr(error['input'])}"
     return f"{place[1:]}: {reason}" if place else reason
+
+
+def _place(error: Any) -> str:
+    """Where a complaint of pydantic is, such as ".columns.angle[1]"."""
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in error["loc"])
 
 
 def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Checked:

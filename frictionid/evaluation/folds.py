@@ -13,6 +13,7 @@ from frictionid.arrays import Array
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
+USUAL = 10  # folds
 KINDS = ("recordings", "blocks", "shuffled")
 
 
@@ -20,6 +21,7 @@ KINDS = ("recordings", "blocks", "shuffled")
 class Split:
     """How to split: whole "recordings", contiguous "blocks" or "shuffled" samples, `count` folds.
 
+    Without a `count` there are ten folds, or one for each recording where there are fewer.
     Whole recordings are right where there are enough of them. With fewer recordings than folds,
     blocks: `gap` [s] around a held-out block is left out of its training, at least the smoother's
     support plus the models' memory. Shuffled samples are what the study did [DeMeester2020]:
@@ -27,7 +29,7 @@ class Split:
     interpolate; rollouts cannot be held out at all.
     """
 
-    count: int = 10
+    count: int | None = None
     kind: str = "recordings"
     gap: float = 0.25
     seed: int = 0
@@ -37,12 +39,22 @@ class Split:
             raise InputError(
                 f"folds: kind = {self.kind!r} is unknown; known are {', '.join(KINDS)}"
             )
-        if self.count < 2:
+        if self.count is not None and self.count < 2:
             raise InputError(f"folds: count = {self.count} must be at least 2")
         if not (math.isfinite(self.gap) and self.gap >= 0):
             raise InputError(f"folds: gap = {self.gap} s must be finite and not negative")
         if self.seed < 0:
             raise InputError(f"folds: seed = {self.seed} must not be negative")
+
+    def folds(self, recordings: int) -> int:
+        """Number of folds of so many recordings.
+
+        >>> Split().folds(25), Split().folds(4), Split(count=3).folds(25)
+        (10, 4, 3)
+        """
+        if self.count is not None:
+            return self.count
+        return min(USUAL, max(recordings, 2)) if self.kind == "recordings" else USUAL
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,31 +151,32 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
     times = tuple(np.asarray(r.angle.time, dtype=float) for r in recordings)
     names = tuple(r.name for r in recordings)
     sizes = np.array([len(t) for t in times])
+    count = split.folds(len(recordings))
     if split.kind == "recordings":
-        if len(recordings) < split.count:
+        if len(recordings) < count:
             raise InputError(
-                f"{len(recordings)} recordings cannot make {split.count} folds of whole ones: "
+                f"{len(recordings)} recordings cannot make {count} folds of whole ones: "
                 f'lower folds.count, or set folds.kind = "blocks"'
             )
-        owner = _balanced(sizes, split)
+        owner = _balanced(sizes, count, split.seed)
         labels = [np.full(size, fold) for size, fold in zip(sizes, owner, strict=True)]
-        return Folds(split.count, times, tuple(labels), names=names)
+        return Folds(count, times, tuple(labels), names=names)
     total = int(sizes.sum())
-    if total < split.count:
-        raise InputError(f"{total} samples cannot make {split.count} folds")
-    every = np.arange(total) * split.count // total
+    if total < count:
+        raise InputError(f"{total} samples cannot make {count} folds")
+    every = np.arange(total) * count // total
     if split.kind == "shuffled":
         every = np.random.default_rng(split.seed).permutation(every)
     parts = tuple(np.split(every, np.cumsum(sizes)[:-1]))
     blocks = split.kind == "blocks"
-    return Folds(split.count, times, parts, split.gap if blocks else 0.0, blocks, names)
+    return Folds(count, times, parts, split.gap if blocks else 0.0, blocks, names)
 
 
-def _balanced(sizes: Array, split: Split) -> Array:
+def _balanced(sizes: Array, count: int, seed: int) -> Array:
     """Fold of each recording: in random order, longest first, each to the smallest fold so far."""
-    order = np.random.default_rng(split.seed).permutation(len(sizes))
+    order = np.random.default_rng(seed).permutation(len(sizes))
     order = order[np.argsort(-sizes[order], kind="stable")]
-    load, owner = np.zeros(split.count), np.empty(len(sizes), dtype=int)
+    load, owner = np.zeros(count), np.empty(len(sizes), dtype=int)
     for i in order:
         owner[i] = int(np.argmin(load))
         load[owner[i]] += sizes[i]

@@ -11,7 +11,7 @@ from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_b
 from fixtures.paths import ROOT
 
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.dataset_toml import UNITS, check_dataset_toml
+from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, check_dataset_toml
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
@@ -86,6 +86,8 @@ def test_every_unit_describes_the_same_motion(tmp_path, quantity, unit):
     document = described(columns__velocity=["w1", "w2"])
     reference = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
     document["units"] = {quantity: unit}
+    if unit in CURRENTS:
+        document["motor"] = {"kt": 1.0}
     recording = load(tmp_path, document, a_csv=csv_bytes(in_unit)).recordings[0]
     assert_same(recording, reference)
     np.testing.assert_allclose(recording.velocity.value, reference.velocity.value, rtol=1e-12)

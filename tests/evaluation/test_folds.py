@@ -242,3 +242,21 @@ REFUSED = {
 def test_what_cannot_be_split_is_refused_with_the_way_out(settings_, words):
     with pytest.raises(InputError, match=words):
         make_folds(recordings(), Split(**settings_))
+
+
+# --- Without a count -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("recordings_", "folds"), [(2, 2), (4, 4), (10, 10), (12, 10)])
+def test_few_recordings_are_left_out_one_by_one(recordings_, folds):
+    made = make_folds(of_sizes([20] * recordings_), Split())
+    assert made.count == folds
+    owners = [set(label) for label in made.labels]
+    assert all(len(owner) == 1 for owner in owners)
+    assert set().union(*owners) == set(range(folds))
+
+
+def test_a_single_recording_is_split_in_blocks_where_asked():
+    with pytest.raises(InputError, match='1 recordings cannot make 2 folds.*"blocks"'):
+        make_folds(of_sizes([50]), Split())
+    assert make_folds(of_sizes([50]), Split(kind="blocks")).count == 10

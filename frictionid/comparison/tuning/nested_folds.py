@@ -49,7 +49,7 @@ def training_benchmark(benchmark: Benchmark, fold: int | None, inner: Split) -> 
 def _inner_benchmark(
     dataset: Dataset, benchmark: Benchmark, inner: Split, tests: tuple[Dataset, ...]
 ) -> Benchmark:
-    few = len(dataset.recordings) < inner.count
+    few = len(dataset.recordings) < inner.folds(len(dataset.recordings))
     split = replace(inner, kind="blocks") if few else inner
     return Benchmark(dataset, make_folds(dataset.recordings, split), benchmark.protocol, tests)
 

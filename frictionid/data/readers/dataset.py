@@ -221,12 +221,15 @@ def _signal(
     torque = quantity == "torque"
     clock = columns.time.torque if torque and any(names) else columns.time.angle
     sigma = getattr(toml.sigma, quantity) if quantity else None
+    unit: Any = UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0
+    if torque and toml.motor is not None:
+        unit = unit * np.multiply(toml.motor.kt, toml.motor.gear)
     return signal_of(
         table,
         clock,
         names,
         second=UNITS["time"][toml.units.time],
-        unit=UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0,
+        unit=unit,
         hold=toml.hold.torque if torque else "linear",
         sparse=columns.two_clocks,
         sigma=None if sigma is None else np.full(len(names), sigma),

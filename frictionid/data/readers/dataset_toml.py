@@ -13,6 +13,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
 
@@ -34,8 +35,38 @@ UNITS = {
         "m/s": 1.0,
         "mm/s": 1e-3,
     },
-    "torque": {"N m": 1.0, "mN m": 1e-3, "N cm": 1e-2, "N": 1.0},
+    "torque": {"N m": 1.0, "mN m": 1e-3, "N cm": 1e-2, "N": 1.0, "A": 1.0, "mA": 1e-3},
 }
+CURRENTS = ("A", "mA")  # units of [columns] torque that need the constants of [motor]
+SPELLINGS = {
+    "time": {"sec": "s", "seconds": "s", "milliseconds": "ms", "µs": "us", "microseconds": "us"},
+    "angle": {"radians": "rad", "degrees": "deg", "degree": "deg", "°": "deg", "turns": "rev"},
+    "velocity": {"degrees/s": "deg/s", "°/s": "deg/s", "radians/s": "rad/s", "rev/min": "rpm"},
+    "torque": {
+        **dict.fromkeys(("Nm", "N*m", "N.m", "N·m"), "N m"),
+        **dict.fromkeys(("mNm", "mN*m"), "mN m"),
+        **dict.fromkeys(("Ncm", "N*cm"), "N cm"),
+        **dict.fromkeys(("ampere", "amperes", "amps"), "A"),
+    },
+}
+
+
+def unit_named(quantity: str, unit: str) -> str:
+    """Unit of a quantity under the name that `UNITS` has for it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown one, with the known ones.
+
+    >>> unit_named("torque", "Nm"), unit_named("angle", "degrees")
+    ('N m', 'deg')
+    """
+    known = UNITS[quantity]
+    name = SPELLINGS[quantity].get(unit, unit)
+    if name not in known:
+        raise ValueError(f"unknown unit {unit!r}; known: {', '.join(map(repr, known))}")
+    return name
 
 
 Column = Annotated[str, Field(min_length=1)]
@@ -52,11 +83,12 @@ def _both_clocks(time: object) -> object:
     return {"angle": time, "torque": time} if isinstance(time, str) else time
 
 
-def _as_list(number: object) -> object:
-    return number if isinstance(number, list) else [number]
+def _as_list(value: object) -> object:
+    return value if isinstance(value, list) else [value]
 
 
-Columns = Annotated[list[str], Field(min_length=1)]
+Names = Annotated[list[str], Field(min_length=1), BeforeValidator(_as_list)]
+Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(_as_list)]
 Deviations = Annotated[
     list[Annotated[float, Field(gt=0)]], Field(min_length=1), BeforeValidator(_as_list)
 ]
@@ -65,23 +97,24 @@ Deviations = Annotated[
 class TruthColumns(Strict):
     """Columns of the noise-free motion."""
 
-    angle: Columns
-    velocity: Columns
+    angle: Names
+    velocity: Names
 
 
 class ColumnNames(Strict):
     """Columns of the signals, one per joint; "" in ``torque`` where there is no motor.
 
+    torque : columns of torques or, with a unit of current, of the currents of the motors
     sigma : columns of the standard deviations of the angles, in their unit
     missing : rows without angles, such as frames with a hidden dot: "refuse" them, or "drop" them
         from all signals on the angles' clock
     """
 
     time: Annotated[Clocks, BeforeValidator(_both_clocks)]
-    angle: Columns
-    torque: Columns
-    velocity: Columns | None = None
-    sigma: Columns | None = None
+    angle: Names
+    torque: Names
+    velocity: Names | None = None
+    sigma: Names | None = None
     missing: Literal["refuse", "drop"] = "refuse"
     truth: TruthColumns | None = None
     covariates: dict[str, Column] = {}
@@ -146,10 +179,25 @@ class Units(Strict):
     @field_validator("*")
     @classmethod
     def _known_unit(cls, unit: str, info: ValidationInfo) -> str:
-        known = UNITS[info.field_name or ""]
-        if unit not in known:
-            raise ValueError(f"unknown unit {unit!r}; known: {', '.join(map(repr, known))}")
-        return unit
+        return unit_named(info.field_name or "", unit)
+
+
+class Motor(Strict):
+    """Constants that make torques at the joints of currents: torque = kt gear current.
+
+    kt : torque constant at the motor's shaft [N m/A]: one, or one per joint
+    gear : turns of the motor for one of the joint, negative where they turn against each other
+    """
+
+    kt: Constants
+    gear: Constants = [1.0]
+
+    @field_validator("*")
+    @classmethod
+    def _not_zero(cls, values: list[float]) -> list[float]:
+        if 0.0 in values:
+            raise ValueError(f"{values} must not hold a zero: no current would be a torque")
+        return values
 
 
 class Hold(Strict):
@@ -169,7 +217,7 @@ class Sigma(Strict):
 class Recordings(Strict):
     """Files of the recordings, the span of each [s] that is used, and parameters that differ."""
 
-    patterns: Annotated[list[str], Field(min_length=1)]
+    patterns: Names
     start: Annotated[float, Field(ge=0)] = 0.0
     stop: float = math.inf
     parameters: dict[str, dict[str, float]] = {}
@@ -213,36 +261,64 @@ class DatasetToml(Strict):
     citation: str = ""
     collection: str | None = None
     mechanism: Mechanism
-    columns: ColumnNames | None = None
     reader: Reader | None = None
+    columns: Annotated[ColumnNames | None, Field(validate_default=True)] = None
     units: Units = Units()
+    motor: Motor | None = None
     hold: Hold = Hold()
     sigma: Sigma = Sigma()
     recordings: Recordings
     sha256: dict[str, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]] = {}
     truth: dict[str, Any] | None = None
 
+    @field_validator("columns")
+    @classmethod
+    def _columns_or_reader(
+        cls, columns: ColumnNames | None, info: ValidationInfo
+    ) -> ColumnNames | None:
+        if columns is None and info.data.get("reader", ...) is None:  # not a wrong one
+            raise PydanticCustomError(
+                "missing_columns",
+                "the key 'columns' is missing; add it, or a [reader] that needs none",
+            )
+        return columns
+
     @model_validator(mode="after")
-    def _columns_or_reader(self) -> Self:
-        if self.columns is None and self.reader is None:
-            raise ValueError("the key 'columns' is missing; add it, or a [reader] that needs none")
+    def _columns_and_reader(self) -> Self:
         if self.reader is not None:
-            for key in ("columns", "units", "hold"):
+            for key in ("columns", "units", "hold", "motor"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
         return self
 
     @model_validator(mode="after")
-    def _one_sigma_per_joint(self) -> Self:
+    def _one_number_per_joint(self) -> Self:
         if self.columns is None:
             return self
         joints = len(self.columns.angle)
-        for label, deviations in self.sigma:
-            if deviations is not None and len(deviations) not in (1, joints):
+        given = {f"sigma.{label}": deviations for label, deviations in self.sigma}
+        given |= {f"motor.{label}": numbers for label, numbers in self.motor or ()}
+        for label, numbers in given.items():
+            if numbers is not None and len(numbers) not in (1, joints):
                 raise ValueError(
-                    f"sigma.{label} has {len(deviations)} numbers for {joints} joints; "
+                    f"{label} has {len(numbers)} numbers for {joints} joints; "
                     "give one, or one per joint"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _motor_of_currents(self) -> Self:
+        unit = self.units.torque
+        if unit in CURRENTS and self.motor is None:
+            raise ValueError(
+                f'units.torque = "{unit}" needs the table [motor]: add it with kt [N m/A] and '
+                "gear; torque at the joint = kt gear current"
+            )
+        if self.motor is not None and unit not in CURRENTS:
+            raise ValueError(
+                f'[motor] needs currents, but units.torque = "{unit}": delete [motor], or correct '
+                'the unit to "A"'
+            )
         return self
 
 

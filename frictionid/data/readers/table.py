@@ -3,6 +3,7 @@
 import csv
 import gzip
 import io
+import re
 import zlib
 from collections import Counter
 from collections.abc import Sequence
@@ -100,8 +101,10 @@ def unzip(content: bytes, file: str) -> bytes:
 
 def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
     try:
-        text = io.StringIO(content.decode("utf-8-sig"), newline="")
-        reader = csv.reader(text, strict=True)
+        decoded = content.decode("utf-8-sig")
+        separator = separator_of(decoded.partition("\n")[0])
+        text = io.StringIO(decoded, newline="")
+        reader = csv.reader(text, strict=True, delimiter=separator)
         header = [cell.strip() for cell in next(reader, [])]
         below = reader.line_num
         # A blank line is no row, but it counts where rows are named.
@@ -115,6 +118,29 @@ def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
     return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
 
 
+def separator_of(header: str) -> str:
+    r"""What separates the cells of a table, by its header: a comma, semicolon or tabulator.
+
+    >>> separator_of("time;q [rad];u, filtered"), separator_of("time,q"), separator_of("time\tq")
+    (';', ',', '\t')
+    """
+    return max((",", ";", "\t"), key=re.sub('"[^"]*"', "", header).count)
+
+
+def number(text: str) -> float:
+    """Number of a cell, with a decimal point or a decimal comma.
+
+    Raises
+    ------
+    ValueError
+        Where it is none, or has both.
+
+    >>> number("-1.5e3"), number("0,25")
+    (-1500.0, 0.25)
+    """
+    return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
+
+
 def _check_lines(
     file: str, header: list[str], lines: list[tuple[int, list[str]]], below: int
 ) -> None:
@@ -125,7 +151,7 @@ def _check_lines(
         if cells and len(cells) != len(header):
             raise InputError(
                 f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
-                "repair or delete the row"
+                "repair or delete the row (decimal commas need semicolons between the cells)"
             )
 
 
@@ -136,11 +162,11 @@ def _numbers(lines: list[tuple[int, list[str]]], at: int, name: str, file: str) 
         text = cells[at].strip()
         if text:
             try:
-                numbers[k] = float(text)
+                numbers[k] = number(text)
             except ValueError:
                 raise InputError(
                     f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
-                    "write a decimal point, or leave the cell empty"
+                    "write a number, or leave the cell empty"
                 ) from None
     return numbers
 

@@ -18,7 +18,7 @@ def signal_of(
     names: Sequence[str],
     *,
     second: float = 1.0,
-    unit: float = 1.0,
+    unit: float | Array = 1.0,
     hold: str = "linear",
     sparse: bool = False,
     sigma: Array | None = None,
@@ -31,8 +31,10 @@ def signal_of(
     clock : str
         The time column.
     names : sequence of n str
-    second, unit : float
-        SI values of one unit of the clock and of the columns.
+    second : float
+        SI value of one unit of the clock.
+    unit : float, or array, shape (n,)
+        SI value of one unit of the columns, negative where their sign is the other way round.
     hold : "linear" or "previous"
     sparse : bool
         Whether only the rows with a time on this clock belong to the signal.
@@ -55,4 +57,5 @@ def signal_of(
         raise InputError(f"{table.file}, row {rows[fault[0]]}: {fault[1]}; repair or delete it")
     # A number too large for its unit becomes infinite, which the recording refuses.
     with np.errstate(over="ignore"):
-        return Signal(time * second, value * unit, hold, None if sigma is None else sigma * unit)
+        deviation = None if sigma is None else sigma * np.abs(unit)
+        return Signal(time * second, value * unit, hold, deviation)

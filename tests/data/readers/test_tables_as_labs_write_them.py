@@ -1,0 +1,77 @@
+"""Tables as labs write them: amperes, degrees, semicolons, decimal commas, single names."""
+
+import numpy as np
+import pytest
+from fixtures.dataset_files import described, load
+
+from frictionid.data.readers.dataset_toml import SPELLINGS, UNITS, unit_named
+
+TIME = np.arange(12) / 50.0
+ANGLE, CURRENT = 90.0 * np.sin(3.0 * TIME), 2.0 * np.cos(5.0 * TIME)  # [deg], [A]
+
+
+def one_joint(**changes):
+    """A data set of one driven joint, its columns named without lists."""
+    own = {
+        "mechanism": {"kind": "pendulum"},
+        "columns": {"time": "time", "angle": "q", "torque": "i"},
+        "recordings": {"patterns": "*.csv"},
+    }
+    return described(**{**own, **changes})
+
+
+def text(separator=",", comma=False, header="time{0}q{0}i"):
+    """The table, its cells separated by a mark, with decimal points or commas."""
+    lines = [header.format(separator)]
+    for row in zip(TIME, ANGLE, CURRENT, strict=True):
+        line = separator.join(repr(float(value)) for value in row)
+        lines.append(line.replace(".", ",") if comma else line)
+    return "\n".join(lines).encode()
+
+
+def test_amperes_become_torques_at_the_joint_by_constant_and_gear(tmp_path):
+    document = one_joint(
+        units={"angle": "degrees", "torque": "A"},
+        motor={"kt": 0.05, "gear": -6.0},
+        sigma={"torque": 0.1},
+    )
+    (recording,) = load(tmp_path, document, a_csv=text()).recordings
+    np.testing.assert_allclose(recording.angle.value[:, 0], np.radians(ANGLE))
+    np.testing.assert_allclose(recording.torque.value[:, 0], 0.05 * -6.0 * CURRENT)
+    np.testing.assert_allclose(recording.torque.sigma, [0.1 * 0.05 * 6.0])
+
+
+def test_motors_of_two_joints_have_constants_of_their_own(tmp_path):
+    document = described(
+        columns={"time": "time", "angle": ["q", "p"], "torque": ["i", "j"]},
+        units={"torque": "mA"},
+        motor={"kt": [0.05, 0.02], "gear": 10.0},
+    )
+    content = b"time,q,p,i,j\n0,0,0,100,200\n0.1,0,0,-100,300\n"
+    (recording,) = load(tmp_path, document, a_csv=content).recordings
+    np.testing.assert_allclose(recording.torque.value, [[0.05, 0.04], [-0.05, 0.06]])
+
+
+@pytest.mark.parametrize(("separator", "comma"), [(";", False), (";", True), ("\t", True)])
+def test_other_separators_and_decimal_commas_hold_the_same_numbers(tmp_path, separator, comma):
+    (tmp_path / "plain").mkdir()
+    (tmp_path / "other").mkdir()
+    document = one_joint()
+    plain = load(tmp_path / "plain", document, a_csv=text()).recordings[0]
+    other = load(tmp_path / "other", document, a_csv=text(separator, comma)).recordings[0]
+    for a, b in ((plain.angle, other.angle), (plain.torque, other.torque)):
+        np.testing.assert_array_equal(a.time, b.time)
+        np.testing.assert_array_equal(a.value, b.value)
+
+
+def test_a_semicolon_in_a_name_does_not_separate(tmp_path):
+    document = one_joint(columns={"time": "time", "angle": "q;raw", "torque": "i"})
+    (recording,) = load(tmp_path, document, a_csv=text(header="time,q;raw,i")).recordings
+    np.testing.assert_array_equal(recording.angle.value[:, 0], ANGLE)
+
+
+@pytest.mark.parametrize("quantity", SPELLINGS)
+def test_every_spelling_of_a_unit_names_a_known_one(quantity):
+    for spelled, unit in SPELLINGS[quantity].items():
+        assert unit_named(quantity, spelled) == unit in UNITS[quantity]
+        assert spelled not in UNITS[quantity]
