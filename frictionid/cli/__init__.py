@@ -15,6 +15,7 @@ from frictionid.cli.evaluate import evaluate
 from frictionid.cli.excite import excite
 from frictionid.cli.fit import fit
 from frictionid.cli.log import log
+from frictionid.cli.quiet import QUIET, without_quiet
 from frictionid.cli.render import render
 from frictionid.cli.report import report
 from frictionid.cli.simulate import simulate
@@ -27,7 +28,7 @@ from frictionid.errors import InputError
 app = typer.Typer(
     name="frictionid",
     rich_markup_mode=None,  # brackets in help are units, not markup
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 for command in (
@@ -63,14 +64,22 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
+    quiet: Annotated[
+        bool, typer.Option(*QUIET, help="Print nothing but errors; after a command, too.")
+    ] = False,
 ) -> None:
     """Identify friction in robot joints from recorded motion, and compare the models fairly."""
 
 
 def main() -> int:
     """Run the command line; a user's mistake ends in one line and exit status 2."""
+    with without_quiet(sys.argv[1:] or ["--help"]) as words:
+        return _run(words)
+
+
+def _run(words: list[str]) -> int:
     try:
-        return int(app(args=sys.argv[1:] or ["--help"], standalone_mode=False) or 0)
+        return int(app(args=words, standalone_mode=False) or 0)
     except InputError as error:
         return _complain(str(error), 2)
     except typer.Exit as stop:

@@ -7,10 +7,14 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.paths import present
+
 
 def align(
-    angles: Annotated[Path, typer.Argument(help="Table of angles by the camera's clock.")],
-    torque: Annotated[Path, typer.Argument(help="Log of the drive.")],
+    angles: Annotated[
+        Path, typer.Argument(help="Table of angles by the camera's clock.", callback=present)
+    ],
+    torque: Annotated[Path, typer.Argument(help="Log of the drive.", callback=present)],
     out: Annotated[Path, typer.Option(help="Folder of the data set; a recording is added.")],
     rig: Annotated[
         Path, typer.Option(help="Settings with the tables [mechanism] and [motor].")

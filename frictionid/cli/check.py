@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.paths import DatasetPath
+
 
 def check(
-    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml, or that file.")],
+    dataset: DatasetPath,
     data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
     published: Annotated[
         Path | None, typer.Option(help="Model file to compare with the data.")

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.paths import SuitePath
+
 
 class Device(StrEnum):
     """Where networks are trained."""
@@ -17,7 +19,7 @@ class Device(StrEnum):
 
 
 def compare(
-    suite: Annotated[Path, typer.Argument(help="Suite file, e.g. comparisons/acrobot.toml.")],
+    suite: SuitePath,
     data: Annotated[
         Path | None, typer.Option(help="Folder with the tables of the suite's one data set.")
     ] = None,

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.paths import ModelsAndDataset
+
 
 def evaluate(
-    files: Annotated[list[Path], typer.Argument(help="MODEL.json ... DATASET")],
+    files: ModelsAndDataset,
     out: Annotated[Path, typer.Option(help="Table of scores to write (CSV).")],
     horizons: Annotated[
         str, typer.Option(help="Rollout horizons in seconds, with commas.")

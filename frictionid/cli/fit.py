@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from frictionid.cli.paths import DatasetPath
+
 if TYPE_CHECKING:
     from frictionid.comparison.methods import Method
     from frictionid.friction import Friction
 
 
 def fit(
-    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml, or that file.")],
+    dataset: DatasetPath,
     identifier: Annotated[str, typer.Option(help="Kind of identifier, e.g. stribeck.")],
     out: Annotated[Path, typer.Option(help="Model file to write.")],
     set_: Annotated[

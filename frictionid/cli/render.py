@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.paths import DatasetPath
+
 
 def render(
-    dataset: Annotated[Path, typer.Argument(help="A simulated data set, with its true motion.")],
+    dataset: DatasetPath,
     camera: Annotated[Path, typer.Option(help="Settings of the simulated camera, a camera.toml.")],
     out: Annotated[Path, typer.Option(help="Folder of the videos to write.")],
     only: Annotated[list[str] | None, typer.Option(help="Recordings, all where none is named.")] = (

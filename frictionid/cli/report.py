@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
+from frictionid.cli.paths import ResultFolder
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="Result folder of a comparison.")],
+    folder: ResultFolder,
 ) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
     from frictionid.comparison.results import load_results

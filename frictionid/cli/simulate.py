@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.paths import present
+
 
 def simulate(
-    rig: Annotated[Path, typer.Argument(help="Settings of the rig, a rig.toml.")],
+    rig: Annotated[Path, typer.Argument(help="Settings of the rig, a rig.toml.", callback=present)],
     out: Annotated[Path, typer.Option(help="Folder of the data set to write.")],
     seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the rig's.")] = None,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Exact angles.")] = False,

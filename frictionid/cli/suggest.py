@@ -7,9 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
+from frictionid.cli.paths import present
+
 
 def suggest(
-    mechanism: Annotated[Path, typer.Option(help="Any TOML file with a [mechanism] table.")],
+    mechanism: Annotated[
+        Path, typer.Option(help="Any TOML file with a [mechanism] table.", callback=present)
+    ],
     limits: Annotated[
         str, typer.Option(help='E.g. "torque=0.14,velocity=[10,20],angle=3.1"; SI units.')
     ],

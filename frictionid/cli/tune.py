@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.paths import SuitePath
+
 
 def tune(
-    suite: Annotated[Path, typer.Argument(help="Suite file whose identifiers have [search].")],
+    suite: SuitePath,
     data: Annotated[
         Path | None, typer.Option(help="Folder with the tables of the suite's one data set.")
     ] = None,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -17,6 +16,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_
 from frictionid.comparison.kinds import Kind
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Search, Tuning
+from frictionid.comparison.suite_path import suite_path
 from frictionid.comparison.suite_recipes import Name, RecipeEntry
 from frictionid.config import STRICT, Strict, mistake, read_toml, with_new_names
 from frictionid.errors import InputError
@@ -136,15 +136,7 @@ def load_suite(path: Path) -> Suite:
     InputError
         With the file, the key and the nearest known one.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such suite{_nearest_suite(path)}")
     try:
-        return Suite.model_validate(read_toml(path))
+        return Suite.model_validate(read_toml(suite_path(path)))
     except ValidationError as error:
         raise InputError(f"{path}: {mistake(error)}") from None
-
-
-def _nearest_suite(path: Path) -> str:
-    others = sorted(str(p) for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
-    near = get_close_matches(str(path), others, n=1)
-    return f"; did you mean {near[0]}?" if near else ""

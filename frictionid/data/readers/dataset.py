@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import nearest, read_toml
+from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml, check_dataset_toml
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
@@ -44,7 +45,7 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
     InputError
         Where a file is missing or damaged, or does not hold what dataset.toml says.
     """
-    file = _description(Path(path))
+    file = dataset_path(Path(path))
     document = read_toml(file)
     toml = check_dataset_toml(document, str(file))
     folder = _tables_folder(toml, file, None if data is None else Path(data))
@@ -68,14 +69,6 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
         origin={key: text for key, text in origin.items() if text},
         truth=toml.truth,
     )
-
-
-def _description(path: Path) -> Path:
-    """The dataset.toml of a path."""
-    file = path / "dataset.toml" if path.is_dir() else path
-    if not file.is_file():
-        raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")
-    return file
 
 
 def _tables_folder(toml: DatasetToml, file: Path, data: Path | None) -> Path:

@@ -1,0 +1,29 @@
+"""Where the dataset.toml of a data set is: light, so that a wrong path is refused at once."""
+
+from pathlib import Path
+
+from frictionid.errors import InputError
+
+TABLES = (".csv", ".csv.gz", ".parquet")  # tables that `frictionid init` describes
+
+
+def dataset_path(path: Path) -> Path:
+    """The dataset.toml of a path to it, or to its folder.
+
+    Raises
+    ------
+    InputError
+        Where there is none; where there are tables, with the command that describes them.
+    """
+    file = path / "dataset.toml" if path.is_dir() else path
+    bare = path.is_dir() and not file.exists()
+    if is_table(file) or (bare and any(map(is_table, path.iterdir()))):
+        raise InputError(f"{path} has no dataset.toml; write one with frictionid init {path}")
+    if not file.is_file():
+        raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")
+    return file
+
+
+def is_table(path: Path) -> bool:
+    """Whether a path is that of a table, by its ending."""
+    return path.name.lower().endswith(TABLES) and path.is_file()
