@@ -12,6 +12,7 @@ from frictionid.check.delay import Delay
 from frictionid.check.facts import JointFacts
 from frictionid.check.findings import Finding
 from frictionid.check.hypothesis_tests import HypothesisTests
+from frictionid.check.motion import Measured
 from frictionid.check.regression import Estimate
 from frictionid.mechanics import Mechanism
 
@@ -54,7 +55,7 @@ def advice(
     driven = measured.mechanism.description.driven
     return [
         *_faster(measured.mechanism, measured.nominal[0], facts),
-        *_decay(passive, unmoved=not all(driven)),
+        *(_decay(passive, unmoved=not all(driven)) if _falls(measured) else []),
         *(_delay(tests.delay) if any(driven) else []),
         *_base(measured.mechanism, estimate),
     ]
@@ -73,6 +74,12 @@ def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -
             direction = "forward" if fact.forward < 0.5 else "backward"
             out.append(f"joint {fact.joint} hardly moves {direction}: add motion in that direction")
     return out
+
+
+def _falls(measured: Measured) -> bool:
+    """Whether gravity moves the mechanism when its motors are off."""
+    q = np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(measured.mechanism.n)
+    return bool(measured.mechanism.dynamics(measured.nominal[0], q, 0 * q)[1].any())
 
 
 def _decay(passive: float, *, unmoved: bool) -> list[str]:

@@ -204,7 +204,10 @@ def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     fast = np.maximum(np.abs(rows.w).max(0, initial=0.0), 1e-12)
     friction = np.stack([level, level / fast, level], axis=-1) * 0.2
     small = 1e-3 * np.abs(base).max()
-    return np.concatenate([np.maximum(np.abs(base), small), friction.ravel()])
+    # a nominal zero (no gravity) counts by the torque that it would make
+    column = np.abs(np.where(rows.moving[..., None], rows.regressor, 0.0)).max((0, 1), initial=0.0)
+    own = np.where(base == 0.0, 0.2 * level.max() / np.where(column > 0, column, 1.0), np.abs(base))
+    return np.concatenate([np.maximum(own, small), friction.ravel()])
 
 
 def _spread(values: Array, moving: Array) -> Array:

@@ -111,7 +111,8 @@ def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
     --------
     >>> from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
     >>> runs = [Run(f"{i}", (1.0 + i,), (), (Sine(2.0, 0.4 + 0.3 * i),)) for i in range(3)]
-    >>> rig = Rig("demo", {"kind": "pendulum"}, Stribeck(Curve((0.3,), (0.3,), (0.05,))),
+    >>> machine = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}}
+    >>> rig = Rig("demo", machine, Stribeck(Curve((0.3,), (0.3,), (0.05,))),
     ...           Camera(300, 60.0, 1e-3), (*runs, Run("decay", (2.0,))), substeps=4)
     >>> check(simulate(rig)).level
     'good'

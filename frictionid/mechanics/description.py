@@ -9,12 +9,16 @@ import sympy as sp
 
 
 class Parameter(NamedTuple):
-    """A physical parameter of a mechanism: symbol, default value, unit and meaning."""
+    """A physical parameter of a mechanism: symbol, default value, unit and meaning.
+
+    required : a data set must give it; the default then serves examples only
+    """
 
     symbol: sp.Symbol
     default: float
     unit: str
     meaning: str
+    required: bool = False
 
 
 class Base(NamedTuple):

@@ -27,6 +27,7 @@ PARAMETERS = {
     "gr": (1.0, "1", "gear ratio"),
     "g": (9.81, "m/s^2", "gravity"),
 }
+OPTIONAL = ("Ir", "gr", "g")
 
 
 @cache
@@ -72,7 +73,9 @@ def double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Mechanism:
             q=(q1, q2),
             w=(w1, w2),
             gravity=g,
-            parameters=tuple(Parameter(s[k], *PARAMETERS[k]) for k in PARAMETERS),
+            parameters=tuple(
+                Parameter(s[k], *PARAMETERS[k], required=k not in OPTIONAL) for k in PARAMETERS
+            ),
             bodies=bodies,
             rotors=((first * Ir, gr * w1), (second * Ir, w1 - gr * w2)),
             driven=(bool(driven[0]), bool(driven[1])),

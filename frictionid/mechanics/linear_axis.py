@@ -35,7 +35,7 @@ def linear_axis(driven: bool = True) -> Mechanism:
             w=(w,),
             gravity=g,
             parameters=(
-                Parameter(mass, 1.0, "kg", "everything that moves"),
+                Parameter(mass, 1.0, "kg", "everything that moves", required=True),
                 Parameter(g, 9.81, "m/s^2", "gravity, for the load of the guide"),
             ),
             bodies=(Body(mass, q, sp.Integer(0), sp.Integer(0), sp.Integer(0), 0),),

@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics.acrobot import acrobot
@@ -52,14 +54,59 @@ def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
 
 
 def parameters_of(table: Mapping[str, Any], overrides: Mapping[str, float]) -> dict[str, float]:
-    """Physical parameters of the table's mechanism, defaults filled in, overrides applied; SI.
+    """Physical parameters of the table's mechanism, overrides applied; SI.
+
+    Masses and lengths that the kind requires have no default; rotors, gears and gravity do.
+
+    Raises
+    ------
+    InputError
+        Where one is unknown, missing or negative, or where they make an inertia negative.
 
     >>> parameters_of({"kind": "pendulum", "parameters": {"mass": 0.5}}, {"length": 0.2})["length"]
     0.2
     """
     mechanism = mechanism_of(table)
     _check(overrides, mechanism)
-    return {**mechanism.defaults, **table.get("parameters", {}), **overrides}
+    given = {**table.get("parameters", {}), **overrides}
+    _check_complete(given, mechanism)
+    values = {**mechanism.defaults, **given}
+    _check_positive(values, mechanism)
+    return values
+
+
+def _check_complete(given: Mapping[str, float], mechanism: Mechanism) -> None:
+    description = mechanism.description
+    missing = [
+        f"{p.symbol} [{p.unit}] ({p.meaning})"
+        for p in description.parameters
+        if p.required and str(p.symbol) not in given
+    ]
+    if missing:
+        raise InputError(
+            f"[mechanism] {description.kind} needs {', '.join(missing)}: "
+            "give it in [mechanism.parameters]; no machine has a usual mass or length"
+        )
+
+
+def _check_positive(values: Mapping[str, float], mechanism: Mechanism) -> None:
+    """Refuse negative masses and rotors, and an inertia matrix that is not positive definite."""
+    description = mechanism.description
+    rotors = {str(s) for inertia, _ in description.rotors for s in inertia.free_symbols}
+    for name, _, unit, *_ in description.parameters:
+        if (unit == "kg" or str(name) in rotors) and values[str(name)] < 0:
+            raise InputError(
+                f"[mechanism] {description.kind}: {name} = {values[str(name)]:g} {unit} is "
+                "negative; masses and rotor inertias are 0 or more"
+            )
+    q = np.linspace(0.0, np.pi, 7)[:, None] * np.arange(mechanism.n)
+    inertia = mechanism.dynamics(mechanism.base(values), q, np.zeros_like(q))[0]
+    least = np.linalg.eigvalsh(inertia).min()
+    if not least > 0:
+        raise InputError(
+            f"[mechanism] {description.kind}: these parameters give no inertia to a direction of "
+            f"motion (smallest eigenvalue of M: {least:.3g}); correct masses, lengths and inertias"
+        )
 
 
 def _check(parameters: Any, mechanism: Mechanism) -> None:

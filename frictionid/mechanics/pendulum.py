@@ -38,6 +38,7 @@ def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
     m, length, J, rotor, gear, g = symbols = sp.symbols("mass length inertia rotor gear g")
     q, w = sp.symbols("q1 w1")
     defaults = (1.0, 1.0, 0.0, 0.0, 1.0, 9.81)
+    required = (True, True, False, False, False, False)
     units = ("kg", "m", "kg m^2", "kg m^2", "1", "m/s^2")
     meanings = (
         "mass",
@@ -55,7 +56,7 @@ def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
             w=(w,),
             gravity=g,
             parameters=(
-                *map(Parameter, symbols, defaults, units, meanings),
+                *map(Parameter, symbols, defaults, units, meanings, required),
                 *(_MOTOR if motor else ()),
             ),
             bodies=(Body(m, length * sp.sin(q), -length * sp.cos(q), J, w, 0),),

@@ -10,6 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
 from frictionid.mechanics.mechanism import Mechanism, Terms
 from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of
 from frictionid.mechanics.unit_inertia import unit_inertia
@@ -74,14 +75,44 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
 
     `parameters` replace those of the table (such as a published model's inertias); parameters of a
     recording (such as an exchangeable mass) take precedence.
+
+    Raises
+    ------
+    InputError
+        For parameters that a machine cannot have (see `parameters_of`), columns that are
+        not one per joint, or a torque at a joint without motor.
     """
     table: Mapping[str, Any] = dataset.mechanism
     mechanism = mechanism_of(table)
+    _check_columns(dataset, mechanism)
     nominal = {**table, "parameters": {**table.get("parameters", {}), **(parameters or {})}}
     each = [parameters_of(nominal, recording.parameters) for recording in dataset.recordings]
     return Plant.from_parameters(
         mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults}
     )
+
+
+def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
+    """Refuse recordings with other joints, or with a torque where the mechanism has no motor."""
+    kind, n = mechanism.description.kind, mechanism.n
+    for recording in dataset.recordings:
+        for quantity, signal in (("angle", recording.angle), ("torque", recording.torque)):
+            columns = np.shape(signal.value)[1]
+            if columns != n:
+                raise InputError(
+                    f"data set {dataset.name!r}, recording {recording.name!r}: {columns} columns "
+                    f"of {quantity}, but {kind} has {n} joint{'s' if n > 1 else ''}; give one "
+                    "column per joint, or another kind in [mechanism]"
+                )
+        for j, driven in enumerate(mechanism.description.driven):
+            top = float(np.abs(np.asarray(recording.torque.value)[:, j]).max())
+            if top > 0 and not driven:
+                raise InputError(
+                    f"data set {dataset.name!r}, recording {recording.name!r}: torque {j + 1} is "
+                    f"up to {top:.3g} {mechanism.description.torque_unit}, but joint {j + 1} of "
+                    f'{kind} has no motor; leave its column empty (""), or declare the motor '
+                    "(driven, or another kind, in [mechanism])"
+                )
 
 
 def unit_inertia_plant(dataset: Dataset) -> Plant:

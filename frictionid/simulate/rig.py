@@ -99,12 +99,12 @@ class Rig:
     def __post_init__(self) -> None:
         check_settings(self)
         mechanism = nominal_mechanism(self)
-        parameters_of(self.mechanism, self.true_parameters)
         if self.friction.curve.n != mechanism.n:
             raise InputError(
                 f"friction has numbers for {self.friction.curve.n} joints, "
                 f"the {self.mechanism['kind']} has {mechanism.n}"
             )
+        parameters_of(self.mechanism, self.true_parameters)
         if not self.recordings:
             raise InputError("a rig needs at least one recording")
         seen: set[str] = set()

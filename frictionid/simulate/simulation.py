@@ -30,7 +30,8 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
     Examples
     --------
     >>> from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck
-    >>> rig = Rig("demo", {"kind": "pendulum"}, Stribeck(Curve((1.0,), (1.0,), (0.1,))),
+    >>> machine = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}}
+    >>> rig = Rig("demo", machine, Stribeck(Curve((1.0,), (1.0,), (0.1,))),
     ...           Camera(samples=4), (Run("fall", start_angle=(1.5,)),))
     >>> simulate(rig).recordings[0].angle.value.ravel().round(4)
     array([1.5   , 1.4988, 1.4951, 1.489 ])

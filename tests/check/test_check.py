@@ -30,6 +30,7 @@ from frictionid.report.figures.diagnostics import write_pictures
 from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate
 
 TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}
+MACHINE = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}}
 
 
 @pytest.fixture(scope="module")
@@ -246,7 +247,7 @@ def test_the_command_prints_everything_as_json_and_draws(monkeypatch, capsys, tm
 def test_recordings_too_short_or_still_are_unusable_and_no_more(samples, speed, tmp_path):
     t = np.arange(samples) / 60
     q, u = np.sin(speed * t)[:, None], np.cos(7 * t)[:, None]
-    dataset = Dataset("few", {"kind": "pendulum"}, (Recording("a", Signal(t, q), Signal(t, u)),))
+    dataset = Dataset("few", MACHINE, (Recording("a", Signal(t, q), Signal(t, u)),))
     verdict = check(dataset)
     json.loads(as_json(verdict))
     assert len(write_pictures(verdict, tmp_path)) == 3
@@ -259,5 +260,21 @@ def test_recordings_of_another_machine_are_not_called_good():
     """The torque has nothing to do with this motion: no convention explains it."""
     t = np.arange(900) / 60
     q, u = 0.5 * np.sin(3 * t)[:, None], 5 * np.cos(t)[:, None]
-    dataset = Dataset("odd", {"kind": "pendulum"}, (Recording("a", Signal(t, q), Signal(t, u)),))
+    dataset = Dataset("odd", MACHINE, (Recording("a", Signal(t, q), Signal(t, u)),))
     assert check(dataset).level != "good"
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [("pendulum", {"mass": 0.5, "length": 0.3, "g": 0.0}), ("linear_axis", {"mass": 2.0})],
+)
+def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
+    """Nor is the gravity moment missed that is zero by what is given."""
+    runs = [Run(f"{i}", (0.0,), (), (Multisine(1.0, (0.3 + 0.1 * i, 0.7, 1.3)),)) for i in range(3)]
+    table = {"kind": kind, "parameters": parameters}
+    curve = Stribeck(Curve((0.1,), (0.1,), (0.05,)))
+    verdict = check(simulate(Rig("level", table, curve, Camera(300, 100.0, 1e-3), tuple(runs))))
+    assert verdict.level == "good"
+    assert not any("decay" in words or "gravity" in words for words in verdict.next)
+    bodies = next(e for e in verdict.identifiable if e.what == "inertia combinations")
+    assert bodies.possible

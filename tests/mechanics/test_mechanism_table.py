@@ -38,7 +38,9 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
     p = parameters_of(table, {"m4": 0})
     assert p == acrobot().defaults | {"m3": 0.2, "m4": 0}
     assert table["parameters"] == {"m4": 0.1, "m3": 0.2}
-    assert parameters_of({"kind": "pendulum"}, {}) == pendulum().defaults
+    given = {"mass": 2.0, "length": 0.5}
+    table = {"kind": "pendulum", "parameters": given}
+    assert parameters_of(table, {}) == pendulum().defaults | given
 
 
 @pytest.mark.parametrize(
@@ -87,6 +89,38 @@ def test_a_wrong_override_is_reported_with_the_mistake():
         parameters_of(table, {"rotr": 1.0})
     with pytest.raises(InputError, match="m4 = None must be a finite number"):
         parameters_of(table, {"m4": None})
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "message"),
+    [
+        (
+            "pendulum",
+            {"mass": 0.5},
+            r"pendulum needs length \[m\] \(joint to centre of mass\): give",
+        ),
+        ("linear_axis", {}, r"linear_axis needs mass \[kg\]"),
+        ("double_pendulum", {"m1": 1.0, "m2": 1.0}, r"needs l1 \[m\] .*, r1 .*, r2 .*, I1 .*, I2 "),
+        ("pendulum", {"mass": -0.5, "length": 1.0}, r"mass = -0.5 kg is negative"),
+        ("acrobot", {"m4": -0.1}, r"acrobot: m4 = -0.1 kg is negative"),
+        (
+            "pendulum",
+            {"mass": 1.0, "length": 1.0, "rotor": -1e-3},
+            r"rotor = -0.001 kg m\^2 is neg",
+        ),
+        ("pendulum", {"mass": 0.0, "length": 1.0}, r"give no inertia to a direction of motion"),
+        ("pendulum", {"mass": 1.0, "length": 1.0, "inertia": -1.5}, r"eigenvalue of M: -0.5\)"),
+    ],
+)
+def test_a_machine_that_cannot_be_is_refused_by_name(kind, given, message):
+    """Without a mass or length nothing is assumed, and none is negative."""
+    with pytest.raises(InputError, match=message):
+        parameters_of({"kind": kind, "parameters": given}, {})
+
+
+def test_what_a_recording_gives_need_not_stand_in_the_table():
+    table = {"kind": "pendulum", "parameters": {"length": 0.5}}
+    assert parameters_of(table, {"mass": 2.0})["mass"] == 2.0
 
 
 def test_wrong_options_are_refused_by_the_mechanisms_themselves():

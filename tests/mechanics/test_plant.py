@@ -93,3 +93,29 @@ def test_plain_is_a_numpy_array_without_gradient():
     for array in (tensor, 2.0 * tensor - 1.0, np.ones(3), [1.0, 1.0, 1.0]):
         assert type(plain(array)) is np.ndarray
         np.testing.assert_array_equal(plain(array), np.ones(3))
+
+
+@pytest.mark.parametrize(
+    ("table", "angles", "torque", "message"),
+    [
+        (
+            {"kind": "acrobot"},
+            1,
+            0.0,
+            r"'a': 1 columns of angle, but acrobot has 2 joints; give one",
+        ),
+        ({"kind": "linear_axis"}, 2, 0.0, r"2 columns of angle, but linear_axis has 1 joint; give"),
+        (
+            {"kind": "acrobot"},
+            2,
+            0.3,
+            r"torque 1 is up to 0.3 N m, but joint 1 of acrobot has no mot",
+        ),
+    ],
+)
+def test_columns_that_the_mechanism_does_not_have_are_refused(table, angles, torque, message):
+    time = np.array([0.0, 0.1])
+    angle, u = Signal(time, np.zeros((2, angles))), Signal(time, np.full((2, angles), torque))
+    data = Dataset("rig", {**table, "parameters": {}}, (Recording("a", angle, u),))
+    with pytest.raises(InputError, match=message):
+        plant_of(data)
