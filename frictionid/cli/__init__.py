@@ -14,7 +14,10 @@ from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.excite import excite
 from frictionid.cli.fit import fit
+from frictionid.cli.identifiers import identifiers
+from frictionid.cli.laws import laws
 from frictionid.cli.log import log
+from frictionid.cli.mechanisms import mechanisms
 from frictionid.cli.quiet import QUIET, without_quiet
 from frictionid.cli.render import render
 from frictionid.cli.report import report
@@ -48,6 +51,8 @@ for command in (
 app.command()(tune)
 app.command()(track)
 app.command()(render)
+for listing in (mechanisms, laws, identifiers):
+    app.command()(listing)
 app.add_typer(data, name="data")
 
 

@@ -104,6 +104,7 @@ def friction_of(path: Path, own_laws: Sequence[str] = ()) -> Friction:
 
 
 def _published(file: str) -> Friction:
+    """The friction of a model `file`."""
     return friction_of(Path(file))
 
 

@@ -46,6 +46,13 @@ class Law(ABC):
     static law whose derivatives are found by differences. The batch axes of theta and of the inputs
     broadcast against each other; laws compute alike with NumPy and, for networks, with torch.
 
+    Parameters mean the same in all laws. `coulomb` is the level of sliding friction at all speeds.
+    `peak` is what break-away takes beyond the Coulomb level. `stribeck_velocity` is the speed at
+    which 1/e of the peak is left. `viscous` is what friction grows by with each rad/s. `drag` is
+    what it grows by with the square of the speed. `presliding` is the angle by which a joint gives
+    before it slips. `lag` is the time by which friction follows the speed. `damping` is that of
+    bristles at rest. `damping_velocity` is the speed at which 1/e of it is left.
+
     Attributes
     ----------
     width : float

@@ -45,6 +45,10 @@ NAMED: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
 def estimator_named(estimator: str, settings: Mapping[str, Any] = MappingProxyType({})) -> Any:
     """Regressor of a name in `NAMED`, or of a class "package.module:Class" or "package.Class".
 
+    estimator : gradient_boosting, random_forest, kernel_ridge, svr, knn, gaussian_process, or a
+        class such as "sklearn.svm.LinearSVR"
+    settings : arguments of the regressor's constructor
+
     Raises
     ------
     InputError

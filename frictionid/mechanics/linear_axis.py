@@ -14,7 +14,7 @@ from frictionid.mechanics.mechanism import Mechanism
 def linear_axis(driven: bool = True) -> Mechanism:
     """Mass on a level guide; the motor's inertia, seen at the carriage, is part of the mass.
 
-    mass dw/dt = u - Tf, with w [m/s], u and Tf [N]
+    mass dw/dt = u - Tf, with w [m/s], u and Tf [N]; `driven` says whether the axis has a motor.
 
     Raises
     ------

@@ -129,3 +129,12 @@ def _frozen(name: str, value: Any) -> Any:
     if any(isinstance(e, list | Mapping) for e in entries):
         raise InputError(f"[mechanism] {name} = {value!r} must be a value or a list of values")
     return tuple(value) if isinstance(value, list) else value
+
+
+def mechanism_kinds() -> Mapping[str, Callable[..., Mechanism]]:
+    """Kinds of mechanisms, and the functions that build them of their options.
+
+    >>> sorted(mechanism_kinds())
+    ['acrobot', 'double_pendulum', 'linear_axis', 'pendulum']
+    """
+    return _KINDS

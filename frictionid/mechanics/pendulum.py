@@ -21,8 +21,9 @@ def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
 
     (m l^2 + J + N^2 Jr) dw/dt = -m g l sin q + u - Tf
 
-    With `motor`, the constants kt and R of a DC motor are parameters, too: torques of recordings
-    with its voltage follow from them. At zero those of the recordings are used.
+    `driven` says whether the joint has a motor. With `motor`, the constants kt and R of a DC motor
+    are parameters, too: torques of recordings with its voltage follow from them. At zero those of
+    the recordings are used.
 
     Raises
     ------

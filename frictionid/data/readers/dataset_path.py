@@ -17,7 +17,7 @@ def dataset_path(path: Path) -> Path:
     """
     file = path / "dataset.toml" if path.is_dir() else path
     bare = path.is_dir() and not file.exists()
-    if is_table(file) or (bare and any(map(is_table, path.iterdir()))):
+    if is_table(file) or (bare and any(map(is_table, path.glob("*")))):
         raise InputError(f"{path} has no dataset.toml; write one with frictionid init {path}")
     if not file.is_file():
         raise InputError(f"{file} does not exist; name a folder with a dataset.toml, or that file")

@@ -54,6 +54,7 @@ class Library(Law):
     powers : k of the candidates w |w|^(k - 1)
     velocities : ws of the candidates exp(-(w/ws)^2) s(w) [rad/s]
     harmonics : k of the candidates cos(k gear q) s(w) and sin(k gear q) s(w)
+    gear : turns of what makes the ripple for one of the joint
     load : whether the bearing load times s(w) is a candidate
     direction : whether levels, peaks and w may differ with the direction (`offset`)
     other : whether the sum of the other joints' velocities is a candidate

@@ -36,9 +36,9 @@ class Ripple(Law):
     """A static law whose level varies with the angle, by `harmonics` of `gear` times the joint's.
 
     `base` is the law that it is laid over; its viscous friction does not ripple. The amplitudes
-    cos_k and sin_k are parts of the level, all of them together at most one, so that friction never
-    drives. With gear = 1 they repeat with each turn of the joint, with the ratio of a gear with
-    each turn of the motor.
+    `cos` and `sin` of each harmonic k are parts of the level, all of them together at most one, so
+    that friction never drives. With gear = 1 they repeat with each turn of the joint, with the
+    ratio of a gear with each turn of the motor.
     """
 
     base: Base = "coulomb_viscous"

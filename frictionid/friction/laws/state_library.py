@@ -45,6 +45,7 @@ class StateLibrary(Law):
     """All monomials up to a degree; of sin^2 + cos^2 = 1 and s^2 = 1 one side only.
 
     joints : whose state it knows; others count as none, missing ones as zero
+    degree : of the monomials, at most
     turning : whether the joints turn, or slide
     width : of the smooth sign s(w) [rad/s]
 

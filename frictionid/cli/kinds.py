@@ -1,0 +1,33 @@
+"""What the commands that list kinds share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from frictionid.comparison.kind_descriptions import KindDescription
+
+KindName = Annotated[str, typer.Argument(help="Show all of this one.", show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="Print all as JSON.")]
+
+
+def list_kinds(
+    kinds: Callable[[], list[KindDescription]], name: str, json: bool, command: str
+) -> None:
+    """Print all kinds in short, or all of one, or either as JSON."""
+    import json as texts
+
+    from frictionid.comparison.kind_descriptions import described
+    from frictionid.files import plain
+    from frictionid.report.kinds import show_kind, show_kinds
+
+    chosen = [described(kinds(), name)] if name else kinds()
+    if json:
+        print(texts.dumps(plain(chosen), indent=1))
+    elif name:
+        show_kind(chosen[0])
+    else:
+        show_kinds(chosen, f"All of one: frictionid {command} NAME")

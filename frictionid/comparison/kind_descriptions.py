@@ -1,0 +1,208 @@
+"""Kinds of mechanisms, laws and identifiers with their parameters and settings.
+
+Names, units, defaults and words are those of the classes that the program itself uses.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from frictionid.comparison.docstrings import details, meaning, summary
+from frictionid.comparison.kinds import Choice, Kind
+from frictionid.comparison.registry import IDENTIFIERS, LAWS
+from frictionid.config import nearest
+from frictionid.errors import InputError
+from frictionid.friction import Law
+from frictionid.friction.laws.levels import SIDES
+from frictionid.mechanics import Mechanism
+from frictionid.mechanics.mechanism_table import mechanism_kinds
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A parameter or setting: its default as TOML would have it ("" where it needs a value)."""
+
+    name: str
+    default: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class KindDescription:
+    """A kind: what it is, its parameters, which a fit finds or a machine has, and its settings.
+
+    base : combinations of a mechanism's parameters that motion can identify
+    """
+
+    name: str
+    summary: str
+    details: tuple[str, ...]
+    parameters: tuple[Entry, ...]
+    settings: tuple[Entry, ...]
+    base: tuple[Entry, ...] = field(default=())
+
+
+def mechanisms() -> list[KindDescription]:
+    """Descriptions of the kinds of [mechanism].
+
+    >>> [entry.meaning for entry in mechanisms()[3].parameters[:3]]
+    ['mass', 'joint to centre of mass', 'inertia about the centre of mass']
+    """
+    return [_mechanism(name, build) for name, build in mechanism_kinds().items()]
+
+
+def laws() -> list[KindDescription]:
+    """Descriptions of the friction laws of model files.
+
+    >>> next(law for law in laws() if law.name == "stribeck").parameters[2].unit
+    'rad/s'
+    """
+    return [_law(name, law) for name, law in LAWS.items()]
+
+
+def identifiers() -> list[KindDescription]:
+    """Descriptions of the kinds of identifiers, for --identifier and the [[identifiers]] of suites.
+
+    >>> [entry.name for entry in identifiers()[1].settings][:2]
+    ['symmetric', 'iterations']
+    """
+    return [_identifier(name, kind) for name, kind in IDENTIFIERS.items()]
+
+
+def described(known: Iterable[KindDescription], name: str) -> KindDescription:
+    """The description of a name among others.
+
+    Raises
+    ------
+    InputError
+        Where there is none of this name, with the nearest.
+    """
+    by_name = {kind.name: kind for kind in known}
+    if name not in by_name:
+        raise InputError(f"{name!r} is unknown; {nearest(name, by_name)}")
+    return by_name[name]
+
+
+def _mechanism(name: str, build: Callable[..., Mechanism]) -> KindDescription:
+    mechanism = build().description
+    parameters = [
+        Entry(str(p.symbol), f"{p.default:g}", p.unit, p.meaning) for p in mechanism.parameters
+    ]
+    base = [Entry(b.name, "", b.unit, str(b.expression)) for b in mechanism.base]
+    options = [
+        Entry(option.name, _toml(option.default), "", meaning(build, option.name))
+        for option in inspect.signature(build).parameters.values()
+    ]
+    return KindDescription(
+        name,
+        summary(build),
+        tuple(details(build)),
+        tuple(parameters),
+        tuple(options),
+        tuple(base),
+    )
+
+
+def _law(name: str, law: type) -> KindDescription:
+    settings = [_setting(f.name, _default(f), (law,)) for f in fields(law)]
+    return KindDescription(
+        name, summary(law), tuple(details(law)), _parameters(law), tuple(settings)
+    )
+
+
+def _parameters(law: Any) -> tuple[Entry, ...]:
+    """Parameters of a law; none of networks and libraries, which have hundreds."""
+    if not (inspect.isclass(law) and issubclass(law, Law)):
+        return ()
+    if any(f.default is MISSING and f.default_factory is MISSING for f in fields(law)):
+        return ()  # they depend on a setting that must be given
+    example = law()
+    if example.is_network or example.is_sparse:
+        return ()
+    pairs = zip(example.names, example.units, strict=True)
+    return tuple(Entry(name, "", unit, _of_parameter(law, name)) for name, unit in pairs)
+
+
+def _of_parameter(law: type, name: str) -> str:
+    """Meaning of a parameter; one direction, or one of a series, is explained by their name."""
+    side = next((end for end in SIDES if name.endswith(end)), "")
+    series = re.sub(r"_[\d.]+$", "", name.removesuffix(side))
+    said = _said(law, name) or _said(law, series)
+    return f"w {'>' if side == SIDES[0] else '<'} 0: {said}" if side and said else said
+
+
+def _default(setting: Any) -> Any:
+    factory = setting.default_factory is not MISSING
+    return setting.default_factory() if factory else setting.default
+
+
+def _identifier(name: str, kind: Kind) -> KindDescription:
+    defaults = kind.defaults({})
+    parts = kind.parts
+    settings = []
+    for setting in kind.settings:
+        choices = [choice for choice in kind.choices if choice.key == setting]
+        if choices and setting not in defaults:
+            settings.append(_choice(kind, setting, choices))
+            continue
+        all_parts = (*parts, *(part for choice in kind.choices for part in choice.parts))
+        settings.append(_setting(setting, _first_default(kind, setting), all_parts))
+    law = parts[-1]
+    words = [summary(part) for part in (parts[:-1] if len(parts) > 1 else ())]
+    return KindDescription(
+        name, summary(law), (*words, *details(law)), _parameters(law), tuple(settings)
+    )
+
+
+def _first_default(kind: Kind, setting: str) -> Any:
+    """Default of a setting in the first form of the kind that has it."""
+    tables: list[Mapping[str, Any]] = [{}, *({c.key: c.value} for c in kind.choices)]
+    return next((kind.defaults(t)[setting] for t in tables if setting in kind.defaults(t)), MISSING)
+
+
+def _choice(kind: Kind, name: str, choices: list[Choice]) -> Entry:
+    """A setting that chooses the law, or how it is fitted."""
+    differ = {choice.parts[-1] for choice in choices} != {kind.parts[-1]}
+    said = [f"{_toml(c.value)}: {summary(c.parts[-1 if differ else 0])}" for c in choices]
+    usual = [c.value for c in choices if c.parts == kind.parts]
+    usual += [not c.value for c in choices if isinstance(c.value, bool)]
+    return Entry(name, _toml(usual[0]) if usual else "", "", " ".join(said))
+
+
+def _setting(name: str, default: Any, parts: Iterable[Any]) -> Entry:
+    parts = tuple(parts)
+    said = next(filter(None, (_said(part, name) for part in parts)), "")
+    allowed = next(filter(None, (_allowed(part, name) for part in parts)), "")
+    words = said if not allowed or allowed in said else f"{allowed}; {said}".strip("; ")
+    return Entry(
+        name, "" if default in (MISSING, inspect.Parameter.empty) else _toml(default), "", words
+    )
+
+
+def _said(part: Any, name: str) -> str:
+    """What a part says of a name, or a law to which it refers: "as in `MLP`"."""
+    said = meaning(part, name)
+    if said and not re.fullmatch(r"as in `\w+`", said):
+        return said
+    doc = inspect.getdoc(part) or ""
+    others = [law for law in LAWS.values() if law is not part and f"`{law.__name__}`" in doc]
+    return next(filter(None, (meaning(other, name) for other in others)), "")
+
+
+def _allowed(part: Any, name: str) -> str:
+    """The values that a setting may have, where they are listed by its type."""
+    kind = get_type_hints(part).get(name)
+    return " or ".join(map(_toml, get_args(kind))) if get_origin(kind) is Literal else ""
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML has it; "none" stands for a setting that is left out."""
+    if value is None:
+        return "none"
+    return json.dumps(value) if isinstance(value, bool | int | float | str | tuple) else str(value)

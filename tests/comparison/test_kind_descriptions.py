@@ -1,0 +1,97 @@
+"""Descriptions of kinds say what the program itself uses, and leave nothing unsaid."""
+
+import inspect
+import json
+
+import numpy as np
+import pytest
+import sympy as sp
+from fixtures.command_line import run_command
+
+from frictionid.comparison.kind_descriptions import described, identifiers, laws, mechanisms
+from frictionid.comparison.registry import IDENTIFIERS, LAWS
+from frictionid.errors import InputError
+from frictionid.mechanics import mechanism_of
+from frictionid.mechanics.mechanism_table import mechanism_kinds
+
+KINDS = {"mechanisms": mechanisms, "laws": laws, "identifiers": identifiers}
+
+
+@pytest.mark.parametrize("kinds", KINDS.values(), ids=KINDS)
+def test_nothing_is_without_a_meaning(kinds):
+    for kind in kinds():
+        assert kind.summary and "\n" not in kind.summary
+        for entry in (*kind.parameters, *kind.settings, *kind.base):
+            assert entry.meaning, (kind.name, entry.name)
+            assert not entry.meaning.startswith("as in"), (kind.name, entry.name)
+
+
+def test_all_kinds_are_there_under_the_names_that_files_use():
+    assert [kind.name for kind in laws()] == list(LAWS)
+    assert [kind.name for kind in mechanisms()] == list(mechanism_kinds())
+    for kind, (name, known) in zip(identifiers(), IDENTIFIERS.items(), strict=True):
+        assert kind.name == name
+        assert [setting.name for setting in kind.settings] == list(known.settings)
+
+
+def test_defaults_are_those_with_which_an_identifier_is_built():
+    for kind in identifiers():
+        known = IDENTIFIERS[kind.name]
+        shown = {setting.name: setting.default for setting in kind.settings}
+        for name, value in known.defaults({}).items():
+            if isinstance(value, bool | int | float | str):
+                assert json.loads(shown[name]) == value, (kind.name, name)
+        given = {choice.key: shown[choice.key] for choice in known.choices if shown[choice.key]}
+        assert all(known.values({k: json.loads(v)}) is not None for k, v in given.items())
+
+
+def test_parameters_of_a_law_are_those_of_its_class():
+    for kind in laws():
+        if kind.parameters:
+            law = LAWS[kind.name]()
+            assert [p.name for p in kind.parameters] == list(law.names)
+            assert [p.unit for p in kind.parameters] == list(law.units)
+    shown = {kind.name for kind in laws() if kind.parameters}
+    assert {"stribeck", "lugre", "spline_asymmetric", "ripple", "dahl"} <= shown
+
+
+def test_base_parameters_are_what_the_mechanism_makes_of_its_defaults():
+    for kind in mechanisms():
+        mechanism = mechanism_of({"kind": kind.name})
+        assert [p.name for p in kind.parameters] == list(mechanism.defaults)
+        values = {sp.Symbol(p.name): float(p.default) for p in kind.parameters}
+        base = [float(sp.sympify(b.meaning).subs(values)) for b in kind.base]
+        np.testing.assert_allclose(base, mechanism.base(mechanism.defaults), rtol=1e-4)
+
+
+def test_the_point_of_every_inertia_is_said():
+    for kind in mechanisms():
+        for parameter in kind.parameters:
+            if parameter.unit == "kg m^2":
+                words = ("about", "rotor", "shaft", "clamp", "bush")
+                assert any(word in parameter.meaning for word in words), parameter
+
+
+def test_an_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(InputError, match="'strbeck' is unknown; did you mean 'stribeck'"):
+        described(laws(), "strbeck")
+
+
+@pytest.mark.parametrize("command", KINDS)
+def test_the_commands_list_all_and_show_one(monkeypatch, capsys, tmp_path, command):
+    names = [kind.name for kind in KINDS[command]()]
+    code, out, err = run_command(monkeypatch, capsys, tmp_path, command)
+    assert (code, err) == (0, "")
+    assert [line for line in out.splitlines() if line in names] == names
+    code, out, _ = run_command(monkeypatch, capsys, tmp_path, command, names[-2])
+    assert code == 0 and out.startswith(f"{names[-2]}\n")
+    code, out, _ = run_command(monkeypatch, capsys, tmp_path, command, "--json")
+    assert [kind["name"] for kind in json.loads(out)] == names
+    code, out, err = run_command(monkeypatch, capsys, tmp_path, command, "nonsense")
+    assert (code, out) == (2, "") and err.startswith("frictionid: 'nonsense' is unknown")
+
+
+def test_options_of_a_mechanism_are_its_arguments():
+    for kind in mechanisms():
+        build = mechanism_kinds()[kind.name]
+        assert [s.name for s in kind.settings] == list(inspect.signature(build).parameters)
