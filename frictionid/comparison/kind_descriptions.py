@@ -25,7 +25,7 @@ from frictionid.mechanics.mechanism_table import mechanism_kinds
 
 @dataclass(frozen=True)
 class Entry:
-    """A parameter or setting: its default as TOML would have it ("" where it needs a value)."""
+    """A parameter or setting: its default as TOML would have it ("" where it has none)."""
 
     name: str
     default: str
@@ -92,7 +92,8 @@ def described(known: Iterable[KindDescription], name: str) -> KindDescription:
 def _mechanism(name: str, build: Callable[..., Mechanism]) -> KindDescription:
     mechanism = build().description
     parameters = [
-        Entry(str(p.symbol), f"{p.default:g}", p.unit, p.meaning) for p in mechanism.parameters
+        Entry(str(p.symbol), "" if p.required else f"{p.default:g}", p.unit, p.meaning)
+        for p in mechanism.parameters
     ]
     base = [Entry(b.name, "", b.unit, str(b.expression)) for b in mechanism.base]
     options = [

@@ -59,9 +59,17 @@ def test_base_parameters_are_what_the_mechanism_makes_of_its_defaults():
     for kind in mechanisms():
         mechanism = mechanism_of({"kind": kind.name})
         assert [p.name for p in kind.parameters] == list(mechanism.defaults)
-        values = {sp.Symbol(p.name): float(p.default) for p in kind.parameters}
-        base = [float(sp.sympify(b.meaning).subs(values)) for b in kind.base]
-        np.testing.assert_allclose(base, mechanism.base(mechanism.defaults), rtol=1e-4)
+        shown = {p.name: float(p.default) for p in kind.parameters if p.default}
+        values = {**mechanism.defaults, **shown}
+        base = [
+            sp.sympify(b.meaning).subs({sp.Symbol(k): v for k, v in values.items()})
+            for b in kind.base
+        ]
+        np.testing.assert_allclose(
+            list(map(float, base)), mechanism.base(mechanism.defaults), rtol=1e-4
+        )
+        required = {str(p.symbol) for p in mechanism.description.parameters if p.required}
+        assert {p.name for p in kind.parameters if not p.default} == required
 
 
 def test_the_point_of_every_inertia_is_said():
