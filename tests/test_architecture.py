@@ -32,6 +32,7 @@ LAYERS = (
     "acquire",
     *("export", "use", "monitor"),
     "report",
+    "quickstart",
     "cli",
 )
 # The simulator must not share the physics step or the laws with what is fitted: inverse crime.

@@ -15,6 +15,7 @@ from frictionid.cli.evaluate import evaluate
 from frictionid.cli.excite import excite
 from frictionid.cli.fit import fit
 from frictionid.cli.identifiers import identifiers
+from frictionid.cli.init import init
 from frictionid.cli.laws import laws
 from frictionid.cli.log import log
 from frictionid.cli.mechanisms import mechanisms
@@ -35,6 +36,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for command in (
+    init,
     check,
     compare,
     fit,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frictionid.cli.paths import DatasetPath
+from frictionid.cli.settings import setting
 
 if TYPE_CHECKING:
     from frictionid.comparison.methods import Method
@@ -44,7 +45,7 @@ def fit(
     from frictionid.evaluation import Protocol
     from frictionid.friction.model_files import save_model
 
-    chosen = identifier_named(identifier, dict(map(_setting, set_ or [])))
+    chosen = identifier_named(identifier, dict(map(setting, set_ or [])))
     method = _recipe(recipe, by, free, fixed or [])
     method.check(chosen)
     protocol = Protocol(sample_time=sample_time)
@@ -81,18 +82,3 @@ def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Method:
     return recipe_of(
         RecipeEntry(name="shooting", by="shooting", free=blocks, fixed=fixed, start=start)
     )
-
-
-def _setting(text: str) -> tuple[str, Any]:
-    """Key and value of a setting, the value read as TOML where it is, else as text."""
-    from frictionid.config import parse_toml
-    from frictionid.errors import InputError
-
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise InputError(f"--set {text!r} must be key=value, e.g. --set symmetric=false")
-    try:
-        read = parse_toml(f"x = {value}", "--set")
-    except InputError:
-        read = {}
-    return key.strip(), read["x"] if set(read) == {"x"} else value

@@ -42,7 +42,7 @@ def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
     required = (True, True, False, False, False, False)
     units = ("kg", "m", "kg m^2", "kg m^2", "1", "m/s^2")
     meanings = (
-        "mass",
+        "mass of all that the joint carries",
         "joint to centre of mass",
         "inertia about the centre of mass",
         "rotor inertia on the motor side",

@@ -44,6 +44,8 @@ MISTAKES = {
         "the key 'motor.kt' is missing; add it",
     ),
     "no motor": ({"units__torque": "A", "motor__kt": [0.1, 0.0]}, r"motor\.kt: .* a zero"),
+    "no sign": ({"signs__angle": 2}, r"signs\.angle.* 1 or -1, not 2"),
+    "signs disagree": ({"signs__torque": [1, 1, -1]}, r"signs\.torque has 3 numbers for 2"),
     "motors disagree": (
         {"units__torque": "A", "motor__kt": [0.1, 0.1, 0.1]},
         r"motor\.kt has 3 numbers for 2 joints",

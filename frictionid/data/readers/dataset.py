@@ -188,7 +188,8 @@ def _with_deviations(
     """The angles with the standard deviation of each sample, where the table has columns for it."""
     if columns.sigma is None:
         return angle
-    return angle._replace(sigma=_signal(table, toml, columns, "angle", columns.sigma).value)
+    sigma = _signal(table, toml, columns, "angle", columns.sigma).value
+    return angle._replace(sigma=sigma * toml.signs.of("angle"))
 
 
 def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
@@ -215,6 +216,7 @@ def _signal(
     clock = columns.time.torque if torque and any(names) else columns.time.angle
     sigma = getattr(toml.sigma, quantity) if quantity else None
     unit: Any = UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0
+    unit = unit * np.array(toml.signs.of(quantity), float)
     if torque and toml.motor is not None:
         unit = unit * np.multiply(toml.motor.kt, toml.motor.gear)
     return signal_of(

@@ -1,7 +1,7 @@
 """Schema of dataset.toml: its tables and keys, their types and defaults."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -88,6 +88,7 @@ def _as_list(value: object) -> object:
 
 
 Names = Annotated[list[str], Field(min_length=1), BeforeValidator(_as_list)]
+Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(_as_list)]
 Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(_as_list)]
 Deviations = Annotated[
     list[Annotated[float, Field(gt=0)]], Field(min_length=1), BeforeValidator(_as_list)
@@ -200,6 +201,17 @@ class Motor(Strict):
         return values
 
 
+class Signs(Strict):
+    """1, or -1 where the columns count the other way round: one, or one per joint."""
+
+    angle: Directions = [1]
+    torque: Directions = [1]
+
+    def of(self, quantity: str) -> Sequence[int]:
+        """Signs of a quantity; velocities count as the angles do, covariates as they are."""
+        return (1,) if not quantity else self.torque if quantity == "torque" else self.angle
+
+
 class Hold(Strict):
     """What the torque does between two samples."""
 
@@ -265,6 +277,7 @@ class DatasetToml(Strict):
     columns: Annotated[ColumnNames | None, Field(validate_default=True)] = None
     units: Units = Units()
     motor: Motor | None = None
+    signs: Signs = Signs()
     hold: Hold = Hold()
     sigma: Sigma = Sigma()
     recordings: Recordings
@@ -286,7 +299,7 @@ class DatasetToml(Strict):
     @model_validator(mode="after")
     def _columns_and_reader(self) -> Self:
         if self.reader is not None:
-            for key in ("columns", "units", "hold", "motor"):
+            for key in ("columns", "units", "hold", "motor", "signs"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
         return self
@@ -298,6 +311,7 @@ class DatasetToml(Strict):
         joints = len(self.columns.angle)
         given = {f"sigma.{label}": deviations for label, deviations in self.sigma}
         given |= {f"motor.{label}": numbers for label, numbers in self.motor or ()}
+        given |= {f"signs.{label}": numbers for label, numbers in self.signs}
         for label, numbers in given.items():
             if numbers is not None and len(numbers) not in (1, joints):
                 raise ValueError(

@@ -7,6 +7,7 @@ import re
 import zlib
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from frictionid.data.readers.mat import mat_column, read_mat
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
+
+Rows = list[tuple[int, list[str]]]
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
 # Formats that only readers of their own understand.
@@ -75,6 +78,34 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
     return table
 
 
+def numeric_table(content: bytes, file: str) -> Table:
+    r"""Table with all columns of a CSV or Parquet file that hold numbers, in its order.
+
+    Raises
+    ------
+    InputError
+        Where the content is no such table, or two columns have one name.
+
+    Examples
+    --------
+    >>> list(numeric_table(b"t,mode,q\n0.0,hold,1.5\n", "a.csv").columns)
+    ['t', 'q']
+    """
+    parquet = file.lower().endswith(".parquet")
+    names, rows = ([], []) if parquet else _csv_rows(unzip(content, file), file)
+    names = _parquet_names(content, file) if parquet else names
+    _check_header(file, names, names)
+    picked: dict[str, Array] = {}
+    for k, name in enumerate(names):
+        with suppress(InputError):  # columns of words
+            one = _parquet(content, file, [name]).columns[name] if parquet else None
+            picked[name] = _numbers(rows, k, name, file) if one is None else one
+    length = len(next(iter(picked.values()), ()))
+    if not length:
+        raise InputError(f"{file} has no rows of numbers below its header; name another table")
+    return Table(file, np.arange(2, length + 2), picked)
+
+
 def table_name(file: str) -> str:
     """Name of a file without the ending of its format.
 
@@ -100,6 +131,14 @@ def unzip(content: bytes, file: str) -> bytes:
 
 
 def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
+    header, lines = _csv_rows(content, file)
+    _check_header(file, header, columns)
+    picked = {name: _numbers(lines, header.index(name), name, file) for name in columns}
+    return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
+
+
+def _csv_rows(content: bytes, file: str) -> tuple[list[str], Rows]:
+    """Names of the columns, and the cells of each row that is not blank, with its number."""
     try:
         decoded = content.decode("utf-8-sig")
         separator = separator_of(decoded.partition("\n")[0])
@@ -111,11 +150,8 @@ def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
         lines = [(reader.line_num, cells) for cells in reader]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{file} is no CSV text in UTF-8 ({error}); export it again") from None
-    _check_header(file, header, columns)
-    _check_lines(file, header, lines, below)
-    lines = [(row, cells) for row, cells in lines if cells]
-    picked = {name: _numbers(lines, header.index(name), name, file) for name in columns}
-    return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
+    _check_rows(file, header, lines, below)
+    return header, [(row, cells) for row, cells in lines if cells]
 
 
 def separator_of(header: str) -> str:
@@ -141,9 +177,7 @@ def number(text: str) -> float:
     return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
 
 
-def _check_lines(
-    file: str, header: list[str], lines: list[tuple[int, list[str]]], below: int
-) -> None:
+def _check_rows(file: str, header: list[str], lines: Rows, below: int) -> None:
     for expected, (row, cells) in enumerate(lines, start=below + 1):
         if row != expected:
             # Two stray quotes would otherwise swallow all the rows between them.
@@ -155,7 +189,7 @@ def _check_lines(
             )
 
 
-def _numbers(lines: list[tuple[int, list[str]]], at: int, name: str, file: str) -> Array:
+def _numbers(lines: Rows, at: int, name: str, file: str) -> Array:
     """Column ``at`` as numbers, nan where it is empty."""
     numbers = np.full(len(lines), np.nan)
     for k, (row, cells) in enumerate(lines):
@@ -169,6 +203,16 @@ def _numbers(lines: list[tuple[int, list[str]]], at: int, name: str, file: str) 
                     "write a number, or leave the cell empty"
                 ) from None
     return numbers
+
+
+def _parquet_names(content: bytes, file: str) -> list[str]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return list(pq.ParquetFile(io.BytesIO(content)).schema_arrow.names)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
 
 
 def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.dataset_files import described, load
+from fixtures.dataset_files import csv_bytes, described, load, motion
 
 from frictionid.data.readers.dataset_toml import SPELLINGS, UNITS, unit_named
 
@@ -50,6 +50,27 @@ def test_motors_of_two_joints_have_constants_of_their_own(tmp_path):
     content = b"time,q,p,i,j\n0,0,0,100,200\n0.1,0,0,-100,300\n"
     (recording,) = load(tmp_path, document, a_csv=content).recordings
     np.testing.assert_allclose(recording.torque.value, [[0.05, 0.04], [-0.05, 0.06]])
+
+
+def test_columns_that_count_the_other_way_round_are_turned(tmp_path):
+    columns = motion()
+    document = described(columns__velocity=["w1", "w2"], sigma__angle=0.1, sigma__torque=0.2)
+    (tmp_path / "as_given").mkdir()
+    given = load(tmp_path / "as_given", document, a_csv=csv_bytes(columns)).recordings[0]
+    document["signs"] = {"angle": [1, -1], "torque": -1}
+    turned = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    np.testing.assert_array_equal(turned.angle.value, given.angle.value * [1, -1])
+    np.testing.assert_array_equal(turned.velocity.value, given.velocity.value * [1, -1])
+    np.testing.assert_array_equal(turned.torque.value, -given.torque.value)
+    np.testing.assert_array_equal(turned.angle.sigma, given.angle.sigma)
+    np.testing.assert_array_equal(turned.torque.sigma, given.torque.sigma)
+
+
+def test_deviations_of_turned_angles_stay_positive(tmp_path):
+    columns = {**motion(), "s1": np.full(9, 0.1), "s2": np.full(9, 0.2)}
+    document = described(columns__sigma=["s1", "s2"], signs={"angle": [1, -1]})
+    (recording,) = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings
+    np.testing.assert_allclose(recording.angle.sigma, np.tile([0.1, 0.2], (9, 1)))
 
 
 @pytest.mark.parametrize(("separator", "comma"), [(";", False), (";", True), ("\t", True)])

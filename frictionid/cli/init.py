@@ -1,0 +1,139 @@
+"""frictionid init: a dataset.toml and a first suite for tables of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from frictionid.cli.paths import present
+
+if TYPE_CHECKING:
+    from frictionid.quickstart.describe_tables import Described, Known, Tables
+
+NAMES = "with commas, one per joint; guessed where none is given"
+
+
+def _all_present(paths: list[Path]) -> list[Path]:
+    return [path for path in paths if present(path)]
+
+
+def init(
+    tables: Annotated[
+        list[Path],
+        typer.Argument(help="Tables of recordings, or their folder.", callback=_all_present),
+    ],
+    mechanism: Annotated[str, typer.Option(help="Kind, see: frictionid mechanisms.")] = "",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A parameter or option of it, e.g. mass=0.3; repeatable."),
+    ] = None,
+    kt: Annotated[float | None, typer.Option(help="Torque constant of motors [N m/A].")] = None,
+    gear: Annotated[float | None, typer.Option(help="Turns of the motor per joint's.")] = None,
+    time: Annotated[str, typer.Option(help="Column of the time.")] = "",
+    angle: Annotated[str, typer.Option(help=f"Columns of the angles, {NAMES}.")] = "",
+    torque: Annotated[str, typer.Option(help=f"Columns of torques or currents, {NAMES}.")] = "",
+) -> None:
+    """Guess what the columns of tables are, and write dataset.toml and a first suite.toml.
+
+    What is not given is asked for in a terminal. Files that are there are never overwritten.
+    """
+    from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
+
+    found = tables_at(tables)
+    _check_free(found.folder)
+    machine = _mechanism(mechanism, set_ or [])
+    named = {"time": time, "angle": angle, "torque": torque}
+    columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
+    known = _motor(found, machine, Known(columns, kt, 1.0 if gear is None else gear), gear is None)
+    described = describe_tables(found, machine, known)
+    _write(found, described)
+
+
+def _check_free(folder: Path) -> None:
+    from frictionid.errors import InputError
+
+    for name in ("dataset.toml", "suite.toml"):
+        if (folder / name).exists():
+            raise InputError(
+                f"{folder / name} is there already and is not overwritten; "
+                "edit it, or rename it and start again"
+            )
+
+
+def _write(found: Tables, described: Described) -> None:
+    from frictionid.files import write_text
+
+    for name, text in (
+        ("dataset.toml", described.dataset_toml),
+        ("suite.toml", described.suite_toml),
+    ):
+        write_text(found.folder / name, text)
+    print(described.dataset_toml)
+    print(f"written to {found.folder / 'dataset.toml'} and {found.folder / 'suite.toml'}")
+    print(f"next: frictionid quick {found.folder}")
+
+
+# --- What is not given ------------------------------------------------------------------------
+
+
+def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
+    """The [mechanism] table of the options, the rest asked for."""
+    from frictionid.cli.settings import setting
+    from frictionid.comparison.kind_descriptions import described, mechanisms
+    from frictionid.errors import InputError
+
+    known = mechanisms()
+    if not kind:
+        kind = _asked(
+            "mechanism", f"--mechanism {' or '.join(k.name for k in known)}", known[-1].name
+        )
+    machine = described(known, kind)
+    options = {option.name for option in machine.settings}
+    given = dict(map(setting, settings))
+    table = {"kind": kind, **{k: v for k, v in given.items() if k in options}}
+    parameters = {k: v for k, v in given.items() if k not in options}
+    missing = [p for p in machine.parameters if not p.default and p.name not in parameters]
+    if missing and not _is_asked():
+        words = " ".join(f"--set {p.name}=..." for p in missing)
+        said = ", ".join(f"{p.name} [{p.unit}] ({p.meaning})" for p in missing)
+        raise InputError(f"{kind} needs {said}: add {words}")
+    for p in missing:
+        parameters[p.name] = _number(f"{p.name}, {p.meaning} [{p.unit}]")
+    return {**table, "parameters": parameters}
+
+
+def _motor(found: Tables, machine: dict[str, Any], known: Known, ask_gear: bool) -> Known:
+    """The constants of motors whose currents are in the tables, asked for where not given."""
+    from dataclasses import replace
+
+    from frictionid.quickstart.describe_tables import guess_tables
+
+    if known.kt is not None or not _is_asked():
+        return known
+    if not guess_tables(found, machine, known).is_current:
+        return known
+    kt = _number("kt, torque constant of the motor [N m/A]")
+    gear = _number("gear, turns of the motor for one of the joint") if ask_gear else known.gear
+    return replace(known, kt=kt, gear=gear)
+
+
+def _is_asked() -> bool:
+    """Whether somebody sits at a terminal who can answer."""
+    import sys
+
+    return sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _asked(what: str, option: str, default: str) -> str:
+    from frictionid.errors import InputError
+
+    if not _is_asked():
+        raise InputError(f"init needs the {what}: {option} (see frictionid {what}s)")
+    return str(typer.prompt(what, default=default, err=True))
+
+
+def _number(what: str) -> float:
+    return float(typer.prompt(what, type=float, err=True))

@@ -1,0 +1,258 @@
+"""Which columns of a table are time, angles and torques, with what speaks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.config import nearest
+from frictionid.data.readers.dataset_toml import CURRENTS, UNITS
+from frictionid.data.readers.table import Table
+from frictionid.errors import InputError
+from frictionid.quickstart.column_names import is_measured, quantity_of, unit_of
+
+_RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
+_TURNS = 2.0 * 2 * np.pi  # [rad]: joints rarely turn further, unless these are degrees
+_AMPERES = 60.0  # more are mA
+_SLOPE = 0.9  # correlation with the slope of an angle, of a velocity
+_HELD = 0.3  # share of repeated values in a column that a command holds
+
+
+class Guess(NamedTuple):
+    """Columns of a quantity, one per joint, their unit, and what speaks for both."""
+
+    columns: tuple[str, ...]
+    unit: str
+    evidence: str
+
+
+@dataclass(frozen=True)
+class ColumnGuesses:
+    """Guesses of all that a dataset.toml says of the columns.
+
+    signs : 1 or -1 per joint, by quantity; hold : what the torque does between two samples
+    unused : names of the columns with numbers that are left over
+    """
+
+    time: Guess
+    angle: Guess
+    torque: Guess
+    hold: str
+    unused: tuple[str, ...]
+    signs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the columns of torque hold currents."""
+        return self.torque.unit in CURRENTS
+
+    def with_angle_unit(self, unit: str, evidence: str) -> ColumnGuesses:
+        """The guesses with another unit of the angles."""
+        return replace(self, angle=self.angle._replace(unit=unit, evidence=evidence))
+
+
+@dataclass(frozen=True)
+class Joints:
+    """What the mechanism says of the columns: which joints are driven, and the units' kind.
+
+    unit : "rad" or "m", of the angles
+    """
+
+    driven: tuple[bool, ...]
+    unit: str = "rad"
+
+
+def guess_columns(
+    table: Table, joints: Joints, given: Mapping[str, Sequence[str]] | None = None
+) -> ColumnGuesses:
+    """Columns and units of a table's time, angles and torques.
+
+    Parameters
+    ----------
+    table : Table of all columns with numbers
+    joints : Joints
+    given : columns of "time", "angle" or "torque" that are known
+
+    Raises
+    ------
+    InputError
+        Where a quantity cannot be told, with the columns there are and the option that names it.
+
+    Examples
+    --------
+    >>> t = np.arange(50) / 50
+    >>> table = Table("a.csv", np.arange(50), {"t": t, "q": np.sin(9 * t), "i_A": np.cos(t)})
+    >>> guesses = guess_columns(table, Joints((True,)))
+    >>> guesses.angle.columns, guesses.angle.unit, guesses.torque.unit, guesses.time.evidence
+    (('q',), 'rad', 'A', 'increases in every row, at 50 Hz')
+    """
+    given = dict(given or {})
+    _check_given(given, table)
+    time = _time(table, given.get("time"))
+    clock = table.columns[time.columns[0]] * UNITS["time"][time.unit]
+    angle = _angle(table, joints, time, given.get("angle"), clock)
+    torque = _torque(table, joints, (*time.columns, *angle.columns), given.get("torque"))
+    used = {*time.columns, *angle.columns, *torque.columns}
+    held = [_repeated(table.columns[name]) for name in torque.columns if name]
+    hold = "previous" if held and min(held) > _HELD else "linear"
+    return ColumnGuesses(
+        time, angle, torque, hold, tuple(name for name in table.columns if name not in used)
+    )
+
+
+def _check_given(given: Mapping[str, Sequence[str]], table: Table) -> None:
+    for quantity, names in given.items():
+        for name in names:
+            if name and name not in table.columns:
+                raise InputError(
+                    f"--{quantity}: {table.file} has no column of numbers {name!r}; "
+                    f"{nearest(name, table.columns)}"
+                )
+
+
+def _unknown(table: Table, quantity: str, found: str) -> InputError:
+    columns = ", ".join(
+        f"{name!r} ({np.nanmin(c):.4g} to {np.nanmax(c):.4g})" for name, c in table.columns.items()
+    )
+    return InputError(f"{table.file}: {found}; name it with --{quantity}; there are {columns}")
+
+
+# --- Time -----------------------------------------------------------------------------------------
+
+
+def _time(table: Table, given: Sequence[str] | None) -> Guess:
+    increasing = [name for name, c in table.columns.items() if _increases(c)]
+    named = [name for name in increasing if quantity_of(name) == "time"]
+    candidates = list(given or named or increasing)
+    if not candidates:
+        raise _unknown(table, "time", "no column increases from row to row, as time does")
+    name = candidates[0]
+    step = float(np.nanmedian(np.diff(table.columns[name])))
+    unit = unit_of(name, "time") or _time_unit(step)
+    rate = 1.0 / (step * UNITS["time"][unit])
+    return Guess((name,), unit, f"increases in every row, at {rate:.4g} Hz")
+
+
+def _increases(column: Array) -> bool:
+    return bool(len(column) > 1 and np.isfinite(column).all() and (np.diff(column) > 0).all())
+
+
+def _time_unit(step: float) -> str:
+    """Unit in which a step between two rows is a usual one, the largest first."""
+    usual = (u for u, s in UNITS["time"].items() if _RATES[0] <= 1 / (step * s) <= _RATES[1])
+    return next(usual, "s")
+
+
+# --- Angles ---------------------------------------------------------------------------------------
+
+
+def _angle(
+    table: Table, joints: Joints, time: Guess, given: Sequence[str] | None, clock: Array
+) -> Guess:
+    n = len(joints.driven)
+    free = [name for name in table.columns if name not in time.columns]
+    named = [name for name in free if quantity_of(name) == "angle" and is_measured(name)]
+    columns, evidence = list(given or named), "as named"
+    if len(columns) < n and not given:
+        slopes = _with_slopes(table, free, clock)
+        if len(slopes) >= n:
+            columns, evidence = slopes, "another column follows its slope"
+    if len(columns) < n or (given and len(columns) != n):
+        raise _unknown(table, "angle", f"{len(columns)} columns look like angles, for {n} joints")
+    chosen = tuple(columns[:n])
+    unit, why = _angle_unit(table, chosen, joints.unit)
+    return Guess(chosen, unit, f"{evidence}; {why}")
+
+
+def _with_slopes(table: Table, free: Sequence[str], clock: Array) -> list[str]:
+    """Columns whose slope another column follows."""
+    out = []
+    for name in free:
+        slope = np.gradient(table.columns[name], clock)
+        others = [table.columns[o] for o in free if o != name]
+        if any(_correlation(slope, other) > _SLOPE for other in others):
+            out.append(name)
+    return out
+
+
+def _correlation(a: Array, b: Array) -> float:
+    use = np.isfinite(a) & np.isfinite(b)
+    if use.sum() < 3 or not (np.ptp(a[use]) > 0 and np.ptp(b[use]) > 0):
+        return 0.0
+    return float(np.corrcoef(a[use], b[use])[0, 1])
+
+
+def _angle_unit(table: Table, names: Sequence[str], kind: str) -> tuple[str, str]:
+    """Unit of the angles, by their names or their range."""
+    low = min(float(np.nanmin(table.columns[name])) for name in names)
+    high = max(float(np.nanmax(table.columns[name])) for name in names)
+    span = f"{low:.4g} to {high:.4g}"
+    unit = unit_of(names[0], "angle")
+    slides = ("m", "mm")
+    if unit and (unit in slides) == (kind == "m"):
+        return unit, f"the name says {unit}; {span}"
+    if kind == "m":
+        return ("mm", f"{span}: in m a long way") if high - low > 20 else ("m", span)
+    if high - low > _TURNS:
+        return "deg", f"{span}: in rad that were {(high - low) / (2 * np.pi):.1f} turns"
+    return "rad", f"{span}: within two turns"
+
+
+# --- Torques --------------------------------------------------------------------------------------
+
+
+def _torque(
+    table: Table, joints: Joints, used: Sequence[str], given: Sequence[str] | None
+) -> Guess:
+    driven = list(joints.driven)
+    if not any(driven):
+        return Guess(("",) * len(driven), "N m" if joints.unit == "rad" else "N", "no motor")
+    free = [name for name in table.columns if name not in used]
+    quantity, columns = _torque_columns(free, sum(driven), given)
+    if given and len(given) == len(driven):
+        columns = [name for name, motor in zip(given, driven, strict=True) if motor]
+    if len(columns) < sum(driven):
+        found = f"{len(columns)} columns look like torques or currents, for {sum(driven)} motors"
+        raise _unknown(table, "torque", found)
+    rest = iter(columns)
+    chosen = tuple(next(rest) if motor else "" for motor in driven)
+    unit, why = _torque_unit(table, [name for name in chosen if name], quantity, joints.unit)
+    return Guess(chosen, unit, why)
+
+
+def _torque_columns(
+    free: Sequence[str], motors: int, given: Sequence[str] | None
+) -> tuple[str, list[str]]:
+    """Quantity and columns that drive the motors: measured ones before commands."""
+    if given:
+        own = [name for name in given if name]
+        return ("current" if any(quantity_of(n) == "current" for n in own) else "torque"), own
+    for measured in (True, False):
+        for quantity in ("torque", "current"):
+            own = [n for n in free if quantity_of(n) == quantity and is_measured(n) == measured]
+            if len(own) >= motors:
+                return quantity, own
+    return "torque", []
+
+
+def _torque_unit(table: Table, names: Sequence[str], quantity: str, kind: str) -> tuple[str, str]:
+    top = max(float(np.nanmax(np.abs(table.columns[name]))) for name in names)
+    unit = unit_of(names[0], "torque")
+    command = "" if all(map(is_measured, names)) else "a command, no measurement; "
+    if unit:
+        return unit, f"{command}the name says {unit}; up to {top:.4g}"
+    if quantity == "current":
+        unit = "mA" if top > _AMPERES else "A"
+        return unit, f"{command}named like a current; up to {top:.4g}"
+    unit = "N" if kind == "m" else "N m"
+    return unit, f"{command}no unit in the name, taken as {unit}; up to {top:.4g}"
+
+
+def _repeated(column: Array) -> float:
+    """Share of the rows in which a column that varies repeats the value before."""
+    steps = np.diff(column)
+    return float((steps == 0).mean()) if len(steps) and np.ptp(column) > 0 else 0.0

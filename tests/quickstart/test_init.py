@@ -1,0 +1,225 @@
+"""frictionid init: tables as labs write them become a data set with the numbers that were meant."""
+
+import shutil
+import tomllib
+from importlib import import_module
+
+import numpy as np
+import pytest
+from fixtures.command_line import run_command
+from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, write_lab_tables
+
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.table import Table
+from frictionid.errors import InputError
+from frictionid.quickstart.column_guesses import Joints, guess_columns
+from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
+
+TIME = np.arange(200) / 100.0
+Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """Folder of tables in ms, degrees and amperes; the current of `turned` counts against them."""
+    folder = tmp_path_factory.mktemp("lab")
+    write_lab_tables(folder / "arm")
+    write_lab_tables(folder / "turned", sign=-1.0, separator=";", comma=True)
+    write_lab_tables(folder / "single", only=1)
+    return folder
+
+
+@pytest.fixture
+def call(lab, tmp_path, monkeypatch, capsys):
+    """Call the command line in a copy of the tables."""
+    shutil.copytree(lab, tmp_path, dirs_exist_ok=True)
+
+    def run(*arguments):
+        return run_command(monkeypatch, capsys, tmp_path, *arguments)
+
+    return run
+
+
+def same_motion(folder):
+    """Whether the data set in a folder is what was simulated, in SI units."""
+    data = load_dataset(folder)
+    assert [r.name for r in data.recordings] == [r.name for r in recordings()]
+    for mine, true in zip(data.recordings, recordings(), strict=True):
+        sign = np.sign(mine.angle.value[0] * true.angle.value[0])
+        np.testing.assert_allclose(sign * mine.angle.value, true.angle.value, atol=1e-6)
+        at = np.searchsorted(true.torque.time, mine.torque.time, side="right") - 1
+        off = sign * mine.torque.value - true.torque.value[at]
+        assert np.abs(off).max() < 6 * 0.002 * KT * GEAR
+    return data
+
+
+# --- The command ----------------------------------------------------------------------------------
+
+
+def test_milliseconds_degrees_and_amperes_are_recognised(call, tmp_path):
+    code, out, err = call("init", "arm", *INIT, *MOTOR)
+    assert (code, err) == (0, "") and out.endswith("next: frictionid quick arm\n")
+    document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
+    assert document["units"] == {"time": "ms", "angle": "deg", "torque": "A"}
+    assert document["columns"] == {"time": "t_ms", "angle": "pos_deg", "torque": "I_motor"}
+    assert document["mechanism"] == MACHINE
+    data = same_motion(tmp_path / "arm")
+    assert data.name == "arm"
+
+
+def test_signs_that_contradict_the_motion_are_turned_and_said(call, tmp_path):
+    assert call("init", "turned", *INIT, *MOTOR)[0] == 0
+    text = (tmp_path / "turned" / "dataset.toml").read_text()
+    assert "corrected: " in text and "has the wrong sign" in text
+    assert list(tomllib.loads(text)["signs"].values()) == [-1]
+    same_motion(tmp_path / "turned")
+
+
+def test_the_first_suite_can_be_compared(call, tmp_path):
+    for folder, count in (("arm", 5), ("single", 10)):
+        call("init", folder, *INIT, *MOTOR)
+        suite = tmp_path / folder / "suite.toml"
+        tasks = tasks_of(load_suite(suite), suite)
+        assert {task.benchmark.folds.count for task in tasks} == {count}
+        assert {task.name for task in tasks} == {"none", "coulomb_viscous", "stribeck"}
+
+
+def test_what_is_there_is_never_overwritten(call, tmp_path):
+    for name in ("dataset.toml", "suite.toml"):
+        (tmp_path / "arm" / name).write_text("mine")
+        code, out, err = call("init", "arm", *INIT, *MOTOR)
+        assert (code, out) == (2, "") and f"arm/{name} is there already" in err
+        assert (tmp_path / "arm" / name).read_text() == "mine"
+        (tmp_path / "arm" / name).unlink()
+
+
+MISSING = {
+    "no mechanism": (("arm",), "needs the mechanism: --mechanism acrobot or .* or pendulum"),
+    "unknown mechanism": (("arm", "--mechanism", "pendulm"), "did you mean 'pendulum'"),
+    "no mass": (
+        ("arm", "--mechanism", "pendulum"),
+        r"needs mass \[kg\] .*, length \[m\] .*: add --set mass=\.\.\. --set length=\.\.\.",
+    ),
+    "no constant": (("arm", *INIT), r"I_motor holds currents \[A\]: .*--kt .*--gear"),
+    "unknown column": (("arm", *INIT, "--angle", "pos"), "no column of numbers 'pos'; did you"),
+    "a column of words": (("arm", *INIT, "--angle", "state"), "no column of numbers 'state'"),
+    "no table": (("arm/run9.csv", *INIT), "arm/run9.csv: no such file"),
+    "no tables": ((".", *INIT), r"\. has no table that ends with \.csv"),
+    "two folders": (("arm/run1.csv", "single/run1.csv", *INIT), "lie in 2 folders"),
+    "two motors": (
+        ("arm", "--mechanism", "double_pendulum", "--set", "m1=1"),
+        "double_pendulum needs m2",
+    ),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), MISSING.values(), ids=MISSING)
+def test_what_is_missing_is_one_line_with_the_option(call, tmp_path, arguments, words):
+    import re
+
+    before = sorted(tmp_path.rglob("*"))
+    code, out, err = call("init", *arguments)
+    assert (code, out) == (2, "") and err.count("\n") == 1
+    assert re.search(words, err), err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_terminal_is_asked_for_what_is_missing(call, tmp_path, monkeypatch):
+    answers = {"mechanism": "pendulum", "mass,": 0.4, "length": 0.25, "kt": KT, "gear": GEAR}
+    asked = []
+
+    def prompt(text, **_):
+        asked.append(text)
+        return next(value for key, value in answers.items() if text.startswith(key))
+
+    command = import_module("frictionid.cli.init")
+    monkeypatch.setattr(command, "_is_asked", lambda: True)
+    monkeypatch.setattr(command.typer, "prompt", prompt)
+    assert call("init", "arm")[0] == 0
+    assert len(asked) == len(answers)
+    same_motion(tmp_path / "arm")
+
+
+# --- Guesses --------------------------------------------------------------------------------------
+
+
+def guessed(columns, driven=(True,), unit="rad", given=None):
+    columns = {name: np.asarray(c, float) for name, c in columns.items()}
+    return guess_columns(Table("a.csv", np.arange(len(TIME)), columns), Joints(driven, unit), given)
+
+
+NAMED = {
+    "plain": ({"t": TIME, "q": Q, "u": U}, ("t", "s", "q", "rad", "u", "N m")),
+    "microseconds": (
+        {"stamp": 1e6 * TIME, "q": Q, "tau": U},
+        ("stamp", "us", "q", "rad", "tau", "N m"),
+    ),
+    "by range": ({"t": TIME, "pos": 57.3 * 4 * Q, "u": U}, ("t", "s", "pos", "deg", "u", "N m")),
+    "units named": (
+        {"time [ms]": 1e3 * TIME, "Angle [deg]": Q, "Torque [mNm]": U},
+        ("time [ms]", "ms", "Angle [deg]", "deg", "Torque [mNm]", "mN m"),
+    ),
+    "milliamperes": ({"t": TIME, "q": Q, "I": 900 * U}, ("t", "s", "q", "rad", "I", "mA")),
+    "commands are second": (
+        {"t": TIME, "q_ref": Q, "q": Q, "u_cmd": U, "u": U},
+        ("t", "s", "q", "rad", "u", "N m"),
+    ),
+    "only a command": ({"t": TIME, "q": Q, "u_cmd": U}, ("t", "s", "q", "rad", "u_cmd", "N m")),
+    "torque before current": (
+        {"t": TIME, "q": Q, "i": U, "torque": U},
+        ("t", "s", "q", "rad", "torque", "N m"),
+    ),
+    "by slope": ({"a": TIME, "b": Q, "c": W, "u": U}, ("a", "s", "b", "rad", "u", "N m")),
+}
+
+
+@pytest.mark.parametrize(("columns", "expected"), NAMED.values(), ids=NAMED)
+def test_columns_and_units_are_told_by_names_and_numbers(columns, expected):
+    g = guessed(columns)
+    found = (*g.time.columns, g.time.unit, *g.angle.columns, g.angle.unit)
+    assert (*found, *g.torque.columns, g.torque.unit) == expected
+    assert set(g.unused) == set(columns) - {expected[0], expected[2], expected[4]}
+
+
+def test_motors_get_the_torques_and_other_joints_none():
+    columns = {"t": TIME, "q1": Q, "q2": W / 9, "u2": U}
+    assert guessed(columns, (False, True)).torque.columns == ("", "u2")
+    assert guessed({**columns, "u1": U}, (True, True)).torque.columns == ("u2", "u1")
+    assert guessed(columns, (False, False)).torque.columns == ("", "")
+
+
+def test_a_held_command_is_told_from_a_measurement():
+    held = np.repeat(np.sin(np.arange(20.0)), 10)
+    assert guessed({"t": TIME, "q": Q, "u": held}).hold == "previous"
+    assert guessed({"t": TIME, "q": Q, "u": U}).hold == "linear"
+    assert guessed({"t": TIME, "q": Q, "u": 0 * U}).hold == "linear"
+
+
+def test_a_sliding_joint_is_in_metres():
+    g = guessed({"t": TIME, "x": 300 * Q, "force": U}, unit="m")
+    assert (g.angle.unit, g.torque.unit) == ("mm", "N")
+    assert guessed({"t": TIME, "x_m": Q, "force": U}, unit="m").angle.unit == "m"
+
+
+UNTOLD = {
+    "no time": ({"q": Q, "u": U}, "no column increases.*name it with --time; there are 'q' \\(-"),
+    "no angle": ({"t": TIME, "a": U, "u": U}, "0 columns look like angles.*--angle"),
+    "too few angles": ({"t": TIME, "q": Q, "u": U}, "1 columns look like angles, for 2 joints"),
+    "no torque": ({"t": TIME, "q": Q}, "0 columns look like torques or currents, for 1 motors"),
+}
+
+
+@pytest.mark.parametrize(("columns", "words"), UNTOLD.values(), ids=UNTOLD)
+def test_what_cannot_be_told_is_said_with_the_columns_there_are(columns, words):
+    with pytest.raises(InputError, match=words):
+        guessed(columns, (False, True) if "2 joints" in words else (True,))
+
+
+def test_given_columns_count(lab):
+    g = guessed({"t": TIME, "q": Q, "u": U, "b": W}, given={"angle": ["b"], "torque": ["q"]})
+    assert g.angle.columns == ("b",) and g.torque.columns == ("q",)
+    known = Known({"torque": ["vel"]})
+    described = describe_tables(tables_at([lab / "arm" / "run1.csv"]), MACHINE, known)
+    assert described.draft.guesses.torque.unit == "N m" and not described.draft.motor
