@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import re
-import tempfile
-from collections.abc import Iterable, Mapping
+import secrets
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.errors import InputError
+
+TEMPORARY = ".frictionid-"  # begins the names of files that are being written
 
 
 def read_bytes(path: Path) -> bytes:
@@ -42,45 +46,60 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all; its folder is made.
+    """Write a file as a whole or not at all, with the permissions of new files; its folder is made.
 
     Raises
     ------
     InputError
         Where the place cannot be written.
     """
+    with written_beside(path) as beside:
+        beside.write_bytes(content)
+
+
+@contextmanager
+def written_beside(path: Path) -> Iterator[Path]:
+    """An empty file beside a path, with its ending, that takes its place at the end.
+
+    It is removed where the block fails: what stood at the path stays.
+
+    Raises
+    ------
+    InputError
+        Where the place cannot be written.
+    """
+    beside = path.with_name(f"{TEMPORARY}{secrets.token_hex(4)}{path.suffix[-16:]}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        beside.touch(exist_ok=False)
+        yield beside
+        os.replace(beside, path)
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written ({error.strerror}): choose another place"
         ) from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except OSError as error:
-        Path(name).unlink(missing_ok=True)
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}): choose another place"
-        ) from None
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    finally:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
 
 
 def remove_unfinished(folder: Path) -> None:
     """Remove what `write_bytes` left in a folder when it was killed."""
-    for path in folder.glob(".*"):
-        if re.fullmatch(r"\..+\.[a-z0-9_]{8}", path.name) and path.is_file():
+    for path in folder.glob(f"{TEMPORARY}*"):
+        if path.is_symlink() or path.is_file():
             path.unlink()
+        else:
+            shutil.rmtree(path, ignore_errors=True)
 
 
 def write_json(path: Path, document: Mapping[str, Any], indent: int | None = 1) -> None:
-    """Write a document as JSON; infinities become the strings "inf" and "-inf", NaN null."""
-    write_text(path, json.dumps(plain(document), indent=indent, allow_nan=False) + "\n")
+    """Write a document as JSON, see `json_text`."""
+    write_text(path, json_text(document, indent))
+
+
+def json_text(document: Mapping[str, Any], indent: int | None = 1) -> str:
+    """A document as JSON; infinities become the strings "inf" and "-inf", NaN null."""
+    return json.dumps(plain(document), indent=indent, allow_nan=False) + "\n"
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -128,14 +147,6 @@ def plain(value: Any, infinity: str | None = "inf") -> Any:
         sign = "-" if value < 0 else ""
         return None if np.isnan(value) or infinity is None else f"{sign}{infinity}"
     return str(value) if isinstance(value, Path) else value
-
-
-def remove_others(folder: Path, kept: Iterable[Path]) -> None:
-    """Remove the files of a folder that are none of those kept."""
-    stay = set(kept)
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if path.is_file() and path not in stay:
-            path.unlink()
 
 
 def file_names(names: Iterable[str]) -> dict[str, str]:

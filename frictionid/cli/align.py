@@ -49,7 +49,7 @@ def align(
     )
     from frictionid.errors import InputError
     from frictionid.files import write_bytes, write_text
-    from frictionid.report.figures.alignment import clock_picture, command_picture
+    from frictionid.report.figures.alignment import alignment_pictures
 
     if hold not in ("linear", "previous"):
         raise InputError(f"--hold {hold!r} is unknown; known: linear, previous")
@@ -60,12 +60,12 @@ def align(
     head = settings.head(hold)
     check_place(out, name, head, replace)
     one = align_files(angles, torque, settings, AlignmentOptions(marker, offset, hold))
+    pictures = alignment_pictures(one)
     add_recording(out, name, head, one.angle, one.torque)
     document = alignment_document(one.alignment, one.marker, one.responses, one.sources)
     write_text(out / f"{name}.align.toml", tomli_w.dumps(document))
-    for kind, picture in (("clock", clock_picture(one)), ("command", command_picture(one))):
-        if picture is not None:
-            write_bytes(out / f"{name}.{kind}.png", picture)
+    for kind, picture in pictures.items():
+        write_bytes(out / f"{name}.{kind}.png", picture)
     if json:
         print(texts.dumps(document, indent=1))
         return

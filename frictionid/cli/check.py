@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import DatasetPath
 
 
@@ -18,6 +19,7 @@ def check(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
+    replace: Replace = False,
 ) -> None:
     """Report errors in recordings, what the recordings identify, and what to record next.
 
@@ -29,6 +31,11 @@ def check(
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.report.diagnostics import as_json, show_verdict
 
+    if out is not None:
+        from frictionid.outputs import check_outputs
+        from frictionid.report.figures.diagnostics import picture_paths
+
+        check_outputs(picture_paths(out), (dataset, data, published), replace=replace)
     model = friction_of(published) if published else None
     verdict = check_dataset(load_dataset(dataset, data), model)
     if json:

@@ -28,6 +28,9 @@ def compare(
         int, typer.Option(min=0, help="Number of parallel tasks; 0: one per core.")
     ] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Keep finished tasks.")] = False,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Replace results of another suite, or begin anew.")
+    ] = False,
     device: Annotated[
         Device | None, typer.Option(help="Where networks are trained, whatever the suite says.")
     ] = None,
@@ -35,14 +38,17 @@ def compare(
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from frictionid.cli.progress import counted
     from frictionid.comparison.registry import LAWS
+    from frictionid.comparison.result_folder import lock, unfinished
     from frictionid.comparison.results import describe, load_results
     from frictionid.comparison.suite import load_suite
     from frictionid.comparison.suite_tasks import tasks_of
-    from frictionid.comparison.tasks import Task, lock, prepare_benchmarks, run_tasks
+    from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+    from frictionid.outputs import check_writable
     from frictionid.report import build, show
 
     table = load_suite(suite)
     folder = out or Path("report") / table.name
+    check_writable(folder)
     try:
         tasks = tasks_of(table, suite, data, device.value if device else None)
         prepared_benchmarks = prepare_benchmarks(tasks)
@@ -52,18 +58,14 @@ def compare(
                 count(f"{task.benchmark.dataset.name}: {task.name}, {task.recipe.name}")
 
             settings = table.document() | ({"device": device.value} if device else {})
-            describe(folder, table.name, table.title, settings, tasks, prepared_benchmarks)
-            run_tasks(
-                tasks,
-                prepared_benchmarks,
-                folder / "tasks",
-                LAWS,
-                jobs=jobs,
-                resume=resume,
-                done=done,
-            )
+            files = [task.file for task in tasks]
+            with unfinished(folder, table.name, files, resume=resume, replace=replace) as place:
+                describe(place, table.name, table.title, settings, tasks, prepared_benchmarks)
+                new = place / "tasks"
+                kept = (new, folder / "tasks") if resume else ()
+                run_tasks(tasks, prepared_benchmarks, new, LAWS, jobs=jobs, kept=kept, done=done)
             results = load_results(folder)
-            build(results)
+            build(results, replace=replace)
     except KeyboardInterrupt:
         typer.echo(
             f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",
@@ -71,3 +73,9 @@ def compare(
         )
         raise typer.Exit(130) from None
     show(results)
+    others = {path.name for path in (folder / "tasks").glob("*.json")} - set(files)
+    if others:
+        typer.echo(
+            f"{folder / 'tasks'}: {len(others)} results of tasks that the suite does not have stay",
+            err=True,
+        )

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import ModelsAndDataset
 
 
@@ -27,6 +28,7 @@ def evaluate(
     whole: Annotated[
         bool, typer.Option(help="Also simulate whole recordings from their start.")
     ] = False,
+    replace: Replace = False,
 ) -> None:
     """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
     from frictionid.cli.progress import counted
@@ -36,11 +38,15 @@ def evaluate(
     from frictionid.errors import InputError
     from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
     from frictionid.files import write_text
+    from frictionid.friction.model_files import model_paths
+    from frictionid.outputs import check_outputs
     from frictionid.report import show_scores
 
     if len(files) < 2:
         raise InputError("evaluate needs at least one model file and, last, a data set")
     *models, place = files
+    read = [path for model in models for path in model_paths(model)]
+    check_outputs([out], [*read, place, data], replace=replace)
     frictions = {path: friction_of(path, law or ()) for path in models}
     protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time, whole=whole)
     dataset = load_dataset(place, data)

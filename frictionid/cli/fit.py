@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import DatasetPath
 from frictionid.cli.settings import setting
 
@@ -36,6 +37,7 @@ def fit(
         list[str] | None,
         typer.Option(help="A parameter that is not free, e.g. inertia.gravity_2; repeatable."),
     ] = None,
+    replace: Replace = False,
 ) -> None:
     """Fit friction to all recordings of a data set."""
     from frictionid.comparison.fit_model import fit_model
@@ -43,8 +45,10 @@ def fit(
     from frictionid.comparison.suite_identifiers import identifier_named
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.evaluation import Protocol
-    from frictionid.friction.model_files import save_model
+    from frictionid.friction.model_files import model_paths, save_model
+    from frictionid.outputs import check_outputs
 
+    check_outputs(model_paths(out), (dataset, data), replace=replace)
     chosen = identifier_named(identifier, dict(map(setting, set_ or [])))
     method = _recipe(recipe, by, free, fixed or [])
     method.check(chosen)

@@ -31,7 +31,8 @@ def present(path: Path | None) -> Path | None:
 
 
 def _results(folder: Path) -> Path:
-    present(folder / "provenance.json")
+    if not (folder / "unfinished" / "provenance.json").exists():  # that was interrupted
+        present(folder / "provenance.json")
     return folder
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import DatasetPath
 
 
@@ -17,13 +18,15 @@ def render(
     only: Annotated[list[str] | None, typer.Option(help="Recordings, all where none is named.")] = (
         None
     ),
+    replace: Replace = False,
 ) -> None:
     """Render simulated recordings as videos of coloured dots."""
     from frictionid.cli.progress import counted
     from frictionid.config import nearest
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
-    from frictionid.simulate.film import write_film
+    from frictionid.outputs import check_outputs
+    from frictionid.simulate.film import video_path, write_film
     from frictionid.simulate.rig_file import load_film
 
     film, data = load_film(camera), load_dataset(dataset)
@@ -35,10 +38,8 @@ def render(
     without = next((r.name for r in chosen if r.truth is None), None)
     if without is not None:
         raise InputError(f"{dataset}: {without!r} has no true motion; render simulated data sets")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out} cannot be made ({error.strerror}); name another") from None
+    videos = [video_path(film, out / recording.name) for recording in chosen]
+    check_outputs(videos, (dataset, camera), replace=replace)
     with counted(len(chosen), data.name) as done:
         for recording in chosen:
             assert recording.truth is not None

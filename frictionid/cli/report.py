@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import ResultFolder
 
 
-def report(
-    folder: ResultFolder,
-) -> None:
+def report(folder: ResultFolder, replace: Replace = False) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
+    from frictionid.comparison.result_folder import lock
     from frictionid.comparison.results import load_results
-    from frictionid.comparison.tasks import lock
     from frictionid.report import build, show
 
     results = load_results(folder)  # complains where there is nothing to report, before the lock
     with lock(folder):
-        build(results)
+        build(results, replace=replace)
     show(results)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import present
 
 
@@ -15,10 +16,12 @@ def simulate(
     out: Annotated[Path, typer.Option(help="Folder of the data set to write.")],
     seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the rig's.")] = None,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Exact angles.")] = False,
+    replace: Replace = False,
 ) -> None:
     """Simulate recordings of a rig with known friction."""
     from frictionid import simulate as rigs
 
+    rigs.check_dataset_folder(out, replace=replace)
     settings = rigs.load_rig(rig)
     settings = rigs.noise_free(settings) if noise_free else settings
     dataset = rigs.simulate(settings, seed)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
+
 
 def simulate_drive(
     dataset: Annotated[Path, typer.Argument(help="Data set with the torque to play.")],
@@ -34,6 +36,7 @@ def simulate_drive(
     restarts: Annotated[int, typer.Option(help="Number of restarts of the controller.")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of faults and noise.")] = 0,
     sent: Annotated[Path | None, typer.Option(help="File for the undamaged lines.")] = None,
+    replace: Replace = False,
 ) -> None:
     """Play the torque of a recording as a drive would report it, and obey commands."""
     import contextlib
@@ -44,6 +47,7 @@ def simulate_drive(
     from frictionid.acquire.virtual_drive.terminal import Terminal
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.errors import InputError
+    from frictionid.outputs import check_outputs
 
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")
@@ -60,12 +64,10 @@ def simulate_drive(
         faults=Faults(damaged, unplugged, restarts, seed),
     )
     with contextlib.ExitStack() as stack:
-        try:
-            file = stack.enter_context(sent.open("wb")) if sent else None
-        except OSError as error:
-            raise InputError(
-                f"{sent} cannot be written ({error.strerror}); name another --sent"
-            ) from None
+        check_outputs([sent], (dataset, rig), replace=replace)
+        if sent is not None:
+            sent.parent.mkdir(parents=True, exist_ok=True)
+        file = stack.enter_context(sent.open("wb")) if sent else None
         terminal = stack.enter_context(plugged(Terminal(port)))
         print(f"{drive.lines} lines at {port}, as soon as it is opened", flush=True)
         good = play(drive, terminal, speed=speed, sent=file)

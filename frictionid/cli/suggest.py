@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import present
 
 
@@ -41,14 +42,16 @@ def suggest(
     ] = 600,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
+    replace: Replace = False,
 ) -> None:
     """Suggest torque signals, and say how well friction will be known from them."""
     from frictionid import excitation
     from frictionid.cli.progress import counted
     from frictionid.mechanics import Plant, mechanism_of, parameters_of
+    from frictionid.outputs import check_outputs
 
     places = _places(out, max(1, recordings))
-    _check_places([*places, *([] if figure is None else [figure])])
+    check_outputs([*places, figure], [mechanism], replace=replace)
     table = excitation.load_mechanism(mechanism)
     machine = mechanism_of(table)
     most = excitation.limits_of(limits, machine)
@@ -65,9 +68,7 @@ def suggest(
         start=_numbers("--start", start) or None,
         friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),
     )
-    space = excitation.SignalSpace(
-        experiment, tuple(f.strip() for f in families.split(",") if f.strip())
-    )
+    space = excitation.SignalSpace(experiment, _names(families))
     search = excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
     with counted(search.generations + 1, "searching") as done:
         design = excitation.design_signals(space, search, done)
@@ -94,22 +95,14 @@ def _places(out: Path, recordings: int) -> list[Path]:
     return [out.with_name(f"{out.stem}_{r + 1}{out.suffix}") for r in range(recordings)]
 
 
-def _check_places(places: list[Path]) -> None:
-    """Complain now about what could not be written after the search."""
-    import os
-
-    from frictionid.errors import InputError
-
-    for path in places:
-        folder = next(p for p in path.absolute().parents if p.exists())
-        if path.is_dir() or not (folder.is_dir() and os.access(folder, os.W_OK)):
-            raise InputError(f"{path} cannot be written: choose another place")
-
-
 def _noise(value: float, unit: str) -> float:
     import math
 
     return math.radians(value) if unit == "rad" else value / 1000.0
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _pair(text: str) -> tuple[float, float]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
+
 if TYPE_CHECKING:
     from frictionid.acquire.camera.angles import Angles
     from frictionid.acquire.camera.source import Source
@@ -36,12 +38,13 @@ def track(
         Path | None, typer.Option(help="Video with markers and angles drawn over it (.mp4).")
     ] = None,
     sheet: Annotated[Path | None, typer.Option(help="Contact sheet of it (.png).")] = None,
+    replace: Replace = False,
 ) -> None:
     """Track coloured dots in a video; write joint angles with their standard deviations."""
     from frictionid.errors import InputError
 
     if setup:
-        return _propose(video, rig)
+        return _propose(video, rig, replace)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
     from frictionid.acquire.camera.angles import angles_csv
@@ -50,8 +53,9 @@ def track(
     from frictionid.acquire.camera.track import track as tracked
     from frictionid.cli.progress import counted
     from frictionid.files import write_text
+    from frictionid.outputs import check_outputs
 
-    _check_places(video, rig, out, sheet, overlay)
+    check_outputs((out, sheet, overlay), (Path(video), rig), replace=replace)
     markers = load_marker_setup(rig)
     source = open_source(video, markers.camera.rate)
     if source.kind == "live" and (overlay or sheet):
@@ -70,31 +74,14 @@ def track(
     return None
 
 
-def _check_places(video: str, rig: Path, *places: Path | None) -> None:
-    """Check that no output overwrites the film, the rig's file or another output."""
-    from frictionid.errors import InputError
-
-    taken = {Path(video).resolve(): "the film itself", rig.resolve(): "the rig's file"}
-    for place in places:
-        if place is None:
-            continue
-        if place.is_dir():
-            raise InputError(f"{place} is a folder; name a file in it")
-        whole = place.resolve()
-        if whole in taken:
-            raise InputError(f"{place} is {taken[whole]} and is not overwritten; name another file")
-        taken[whole] = "written already by another option"
-
-
-def _propose(video: str, rig: Path) -> None:
+def _propose(video: str, rig: Path, replace: bool) -> None:
     from frictionid.acquire.camera.marker_setup import marker_setup_text
     from frictionid.acquire.camera.propose import propose
     from frictionid.acquire.camera.source import open_source
-    from frictionid.errors import InputError
     from frictionid.files import write_text
+    from frictionid.outputs import check_outputs
 
-    if rig.exists():
-        raise InputError(f"{rig} is there already; name another --rig, or delete it")
+    check_outputs([rig], [Path(video)], replace=replace)
     markers = propose(open_source(video))
     notes = [
         f"proposed from {Path(video).name}; check it with frictionid track ... --sheet",
@@ -121,12 +108,7 @@ def _write_sheet(source: Source, angles: Angles, sheet: Path) -> None:
 
 def _write_overlay(source: Source, angles: Angles, overlay: Path) -> None:
     from frictionid.acquire.camera.overlay import write_overlay
-    from frictionid.errors import InputError
 
-    try:
-        overlay.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{overlay} cannot be written ({error.strerror}); name another") from None
     write_overlay(source, angles, overlay)
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import SuitePath
 
 
@@ -23,32 +24,42 @@ def tune(
         int, typer.Option(min=0, help="Number of parallel trials; 0: one per core.")
     ] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Keep finished trials.")] = False,
+    replace: Replace = False,
 ) -> None:
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
     from joblib import cpu_count
 
     from frictionid.cli.progress import counted
+    from frictionid.comparison.result_folder import lock
     from frictionid.comparison.suite import load_suite
-    from frictionid.comparison.tasks import lock
     from frictionid.comparison.tuning import study_specs, tuning_tasks
     from frictionid.comparison.tuning import tune as search
+    from frictionid.outputs import check_unchanged, check_writable
     from frictionid.report.terminal import show_table
     from frictionid.report.tuning import score_table, settings_tables, write_outcome
 
     table = load_suite(suite)
     tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
     folder = out or Path("report") / f"{table.name}-tune"
+    check_writable(folder)
     try:
         tasks = tuning_tasks(table, suite, data)
         total = tuning.trials * len(study_specs(tasks, tuning))
         with (
-            lock(folder, "journal.log", "tuning"),
+            lock(folder, ["journal.log"], "tuning"),
             counted(total, f"tuning ({table.name})") as done,
         ):
+            check_unchanged(folder, replace=replace)
             results = search(
-                tasks, tuning, folder, resume=resume, jobs=jobs or cpu_count(), done=done
+                tasks,
+                tuning,
+                folder,
+                resume=resume,
+                replace_trials=replace,
+                jobs=jobs or cpu_count(),
+                done=done,
             )
-            page = write_outcome(folder, results, tuning.objective, suite)
+            page = write_outcome(folder, results, tuning.objective, suite, replace=replace)
     except KeyboardInterrupt:
         typer.echo(
             f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",

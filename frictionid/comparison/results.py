@@ -1,18 +1,18 @@
 """The result folder of a comparison: its tables are a reduction of the tasks' files.
 
-tasks/*.json      one file for each task, all that is needed below
+tasks/*.json      one file for each task with the hash of its content, all that is needed below
 datasets.json     velocities, true curves and parameters, and origin of the data sets
 provenance.json   versions, hashes of data and folds, settings
 scores.csv        all scores, one per line
 timings.csv       seconds of each task (no part of reproducibility)
 models/*.json     friction fitted to all data by each task
 summary.md, tables/, figures/   for people, see frictionid.report
+SHA256SUMS        of the files from scores.csv on: those that are unchanged are made anew
 """
 
 from __future__ import annotations
 
 import platform
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -24,6 +24,14 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import PreparedBenchmark
+from frictionid.comparison.result_folder import (
+    DATASETS,
+    PROVENANCE,
+    SEAL,
+    described,
+    is_sealed,
+    task_file,
+)
 from frictionid.comparison.tasks import Task, file_name
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -37,7 +45,7 @@ from frictionid.evaluation import (
     true_friction,
 )
 from frictionid.evaluation.curves import SLOW
-from frictionid.files import read_json, remove_others, remove_unfinished, write_json, write_text
+from frictionid.files import json_text, read_json, write_json
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.shooting.result_document import recordings_own
 
@@ -63,8 +71,7 @@ def describe(
     tasks: Sequence[Task],
     prepared_benchmarks: Mapping[str, PreparedBenchmark],
 ) -> None:
-    """Write provenance.json and datasets.json, and remove the tables of an earlier comparison."""
-    _remove_reports(folder)
+    """Write provenance.json and datasets.json."""
     benchmarks = {t.benchmark.dataset.name: t.benchmark for t in tasks}
     everything = {d.name: d for c in benchmarks.values() for d in (c.dataset, *c.tests)}
     document = {
@@ -77,21 +84,12 @@ def describe(
         "origin": {name: dict(d.origin) for name, d in everything.items()},
         "folds": {name: benchmark.folds.hash for name, benchmark in benchmarks.items()},
     }
-    write_json(folder / "provenance.json", document)
+    write_json(folder / PROVENANCE, document)
     about = {}
     for name, shared in prepared_benchmarks.items():
         about[name] = {**_about(shared.prepared), "tests": None}
         about |= {p.dataset.name: {**_about(p), "tests": name} for p in shared.tests}
-    write_json(folder / "datasets.json", about, None)
-
-
-def _remove_reports(folder: Path) -> None:
-    """Remove the tables and pictures of an earlier comparison, and no other file."""
-    remove_unfinished(folder)
-    for name in ("scores.csv", "timings.csv", "summary.md"):
-        (folder / name).unlink(missing_ok=True)
-    for name in ("models", "tables", "figures"):
-        shutil.rmtree(folder / name, ignore_errors=True)
+    write_json(folder / DATASETS, about, None)
 
 
 def _about(prepared: Prepared) -> dict[str, Any]:
@@ -201,13 +199,17 @@ def load_results(folder: Path) -> Results:
     InputError
         If the folder holds no comparison, none of its tasks is finished, or a file is incomplete.
     """
-    provenance = read_json(folder / "provenance.json")
-    paths = [folder / "tasks" / name for name in provenance.get("tasks", [])]
+    provenance = described(folder, PROVENANCE)
+    paths = [task_file(folder, name) for name in provenance.get("tasks", [])]
     documents = {path: read_json(path) for path in paths if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
-    datasets = read_json(folder / "datasets.json")
+    datasets = described(folder, DATASETS)
     for path, task in documents.items():
+        if SEAL in task and not is_sealed(task):  # earlier versions did not seal
+            raise InputError(
+                f"{path}: was changed since it was written: make the task anew with --resume"
+            )
         if not _complete(task, datasets):
             raise InputError(
                 f"{path}: is incomplete, or does not fit datasets.json: finish the comparison "
@@ -259,10 +261,8 @@ def _long(frame: pd.DataFrame, names: Sequence[str], seed: int) -> pd.DataFrame:
     return frame.assign(**known, seed=seed)[list(COLUMNS)]
 
 
-def write_reduction(results: Results) -> None:
-    """Write scores.csv, timings.csv and models/*.json of the finished tasks."""
-    folder = results.folder
-    write_text(folder / "scores.csv", results.scores.to_csv(index=False, float_format="%.9g"))
+def reduction(results: Results) -> dict[str, bytes]:
+    """Content of scores.csv, timings.csv and models/*.json of the finished tasks, by path."""
     keys = ["dataset", "identifier", "fit", "seed"]
     timings = pd.DataFrame(
         [
@@ -272,11 +272,13 @@ def write_reduction(results: Results) -> None:
         ],
         columns=[*keys, "part", "seconds"],
     )
-    write_text(folder / "timings.csv", timings.to_csv(index=False, float_format="%.3f"))
-    models = [folder / "models" / file_name(*(t[key] for key in keys)) for t in results.tasks]
-    for path, task in zip(models, results.tasks, strict=True):
-        write_json(path, _model(task))
-    remove_others(folder / "models", models)
+    texts = {
+        "scores.csv": results.scores.to_csv(index=False, float_format="%.9g"),
+        "timings.csv": timings.to_csv(index=False, float_format="%.3f"),
+    }
+    for task in results.tasks:
+        texts[f"models/{file_name(*(task[key] for key in keys))}"] = json_text(_model(task))
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def _model(task: Mapping[str, Any]) -> dict[str, Any]:

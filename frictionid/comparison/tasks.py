@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from filelock import FileLock, Timeout
 from joblib import cpu_count
 
 from frictionid.comparison.cross_validate import (
@@ -26,8 +24,9 @@ from frictionid.comparison.cross_validate import (
 from frictionid.comparison.digests import digest_of, foreign_source, package_digest
 from frictionid.comparison.methods import Method
 from frictionid.comparison.processes import side_by_side
+from frictionid.comparison.result_folder import is_sealed, sealed
 from frictionid.errors import InputError
-from frictionid.files import read_json, remove_unfinished, write_json
+from frictionid.files import read_json, write_json
 from frictionid.friction.model_files import model_document
 from frictionid.identifiers import Identifier
 from frictionid.shooting import document_of
@@ -69,35 +68,6 @@ def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:
     return "--".join(re.sub(r"[^A-Za-z0-9_.+-]+", "-", part) for part in parts) + ".json"
 
 
-def lock(
-    folder: Path, file: str = "provenance.json", what: str = "comparison"
-) -> AbstractContextManager[Any]:
-    """A lock that keeps a second comparison out of the folder; what it holds is known by a file.
-
-    Raises
-    ------
-    InputError
-        Where another process holds it, or the folder holds other things or cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        names = [path.name for path in folder.glob("[!.]*")]
-        if names and file not in names:
-            other = min(names)
-            raise InputError(f"{folder}: holds no {what} but {other!r}: choose another --out")
-        held = FileLock(folder / ".lock", timeout=0)
-        held.acquire()
-    except Timeout:
-        raise InputError(
-            f"{folder}: another {what} is writing there: wait for it, or choose another --out"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be written ({error.strerror}): choose another --out"
-        ) from None
-    return held
-
-
 def prepare_benchmarks(tasks: Sequence[Task]) -> dict[str, PreparedBenchmark]:
     """What the tasks of each data set share, by its name.
 
@@ -123,25 +93,22 @@ def run_tasks(
     laws: Mapping[str, type],
     *,
     jobs: int = 0,
-    resume: bool = False,
+    kept: Sequence[Path] = (),
     done: Callable[[Task], None] | None = None,
 ) -> None:
     """Run the tasks, `jobs` at a time on one thread each, and write their results to the folder.
 
     jobs : 0 for one per core
-    resume : results of the same digest stay; otherwise all are made anew
+    kept : folders with earlier results: those of the same digest, and unchanged, count
     done : called with each task that is finished
-
-    Results of tasks that are no part of this comparison are removed.
 
     Raises
     ------
     InputError
         Where a task fails, with its name.
     """
-    _clear(tasks, folder, resume)
     report = done or (lambda _: None)
-    finished = {task.file for task in tasks if _finished(task, folder / task.file)}
+    finished = {t.file for t in tasks if any(_finished(t, place / t.file) for place in kept)}
     for task in tasks:
         if task.file in finished:
             report(task)
@@ -150,23 +117,16 @@ def run_tasks(
     calls = [(task, prepared_benchmarks[task.benchmark.dataset.name]) for task in firsts]
     for i, result in side_by_side(_run, calls, jobs or cpu_count()):
         for task in groups[i]:
-            write_json(folder / task.file, document(task, result, laws), None)
+            write_json(folder / task.file, sealed(document(task, result, laws)), None)
             report(task)
-
-
-def _clear(tasks: Sequence[Task], folder: Path, resume: bool) -> None:
-    remove_unfinished(folder)
-    wanted = {task.file for task in tasks} if resume else set()
-    for path in folder.glob("*.json"):
-        if path.name not in wanted:
-            path.unlink()
 
 
 def _finished(task: Task, path: Path) -> bool:
     try:
-        return bool(read_json(path).get("digest") == task.digest)
+        document = read_json(path)
     except InputError:
         return False
+    return is_sealed(document) and bool(document.get("digest") == task.digest)
 
 
 def _alike(tasks: Sequence[Task]) -> list[list[Task]]:

@@ -68,20 +68,33 @@ def _law_table(law: Law, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
     return table
 
 
+def model_paths(path: Path) -> tuple[Path, Path]:
+    """A model file, and the file of a network's weights beside it.
+
+    Raises
+    ------
+    InputError
+        Where the model file has the ending of the weights.
+    """
+    if path.suffix == _WEIGHTS:
+        raise InputError(f"{path}: a model file is JSON, {_WEIGHTS} are weights: name a .json file")
+    return path, path.with_suffix(_WEIGHTS)
+
+
 def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) -> None:
     """Write a friction as a JSON model file, the weights of a network beside it.
 
     Raises
     ------
     InputError
-        Where the place cannot be written.
+        Where the place cannot be written, or has the ending of weights.
     """
     document = model_document(friction, laws)
+    path, beside = model_paths(path)
     if friction.law.is_network:
         from safetensors.numpy import save
 
         content = save({"theta": np.ascontiguousarray(document["theta"])})
-        beside = path.with_suffix(_WEIGHTS)
         write_bytes(beside, content)
         document["theta"] = {"file": beside.name, "sha256": sha256(content).hexdigest()}
     write_json(path, document)

@@ -14,8 +14,9 @@ import pandas as pd
 from frictionid.comparison.search_space import Objective, text_of
 from frictionid.comparison.tuning.studies import StudyResult
 from frictionid.comparison.tuning.tuned_suite import best_of, by_task, chosen_suite
-from frictionid.files import file_names, write_text
-from frictionid.report.figures.style import drawing, write_figure
+from frictionid.files import file_names
+from frictionid.outputs import replace_files
+from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.figures.tuning import progress
 from frictionid.report.numbers import NOTHING, decimals, fixed, mean_sd, short
 from frictionid.report.render import render
@@ -25,19 +26,29 @@ SPLIT = "held out"
 
 
 def write_outcome(
-    folder: Path, studies: Sequence[StudyResult], objective: Objective, file: Path
+    folder: Path,
+    studies: Sequence[StudyResult],
+    objective: Objective,
+    file: Path,
+    *,
+    replace: bool = False,
 ) -> Path:
-    """Path of the page written, with trials.csv and a suite for each data set beside it."""
-    write_text(folder / "trials.csv", trials(studies).to_csv(index=False, float_format="%.9g"))
+    """Path of the page written, with trials.csv and a suite for each data set beside it.
+
+    replace : write also over files that were changed since
+    """
+    texts = {"trials.csv": trials(studies).to_csv(index=False, float_format="%.9g")}
     datasets = []
     for name, own in _by_dataset(studies):
         suite = folder / f"{file_names([name])[name]}.toml"
-        write_text(suite, chosen_suite(file, own, suite, objective))
+        texts[suite.name] = chosen_suite(file, own, suite, objective)
         datasets.append((name, [score_table(own, objective), *settings_tables(own)], suite.name))
+    texts["summary.md"] = render("tuning.md.j2", {"datasets": datasets, "picture": "progress"})
+    contents = {name: text.encode() for name, text in texts.items()}
     with drawing():
-        write_figure(folder, "progress", progress(studies, objective))
-    page = render("tuning.md.j2", {"datasets": datasets, "picture": "progress"})
-    write_text(folder / "summary.md", page)
+        for kind, picture in rendered(progress(studies, objective)).items():
+            contents[f"progress.{kind}"] = picture
+    replace_files(folder, contents, replace=replace)
     return folder / "summary.md"
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.comparison.results import Results, write_reduction
-from frictionid.files import file_names, remove_others, write_text
+from frictionid.comparison.results import Results, reduction
+from frictionid.files import file_names
+from frictionid.outputs import replace_files
 from frictionid.report.difference_table import difference_table
 from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.boxplots import one_step_boxes
@@ -19,7 +19,7 @@ from frictionid.report.figures.learning import learning_curves
 from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.motion import motions
 from frictionid.report.figures.speeds import speed_table, velocity_scatter
-from frictionid.report.figures.style import Style, drawing, styles, write_figure
+from frictionid.report.figures.style import Style, drawing, rendered, styles
 from frictionid.report.figures.tradeoff import loss_against
 from frictionid.report.loops import loop_table
 from frictionid.report.page import Exhibits, NamedTable, Picture, page, shooting_fits
@@ -46,12 +46,19 @@ class Names(NamedTuple):
     styles: Mapping[str, Style]
 
 
-def build(results: Results) -> None:
-    """Write scores.csv, models/, summary.md, tables/ and figures/ of a comparison; fits nothing."""
-    write_reduction(results)
-    folder, sections = results.folder, sections_of(results)
+def build(results: Results, *, replace: bool = False) -> None:
+    """Write scores.csv, models/, summary.md, tables/ and figures/ of a comparison; fits nothing.
+
+    replace : write also over files that were changed since, or are not of the comparison
+
+    Raises
+    ------
+    InputError
+        Where a file is the user's own, or the folder cannot be written.
+    """
+    sections = sections_of(results)
     names = names_of(sections)
-    written: list[Path] = []
+    contents = reduction(results)
     exhibits = {}
     with drawing():
         for section in sections:
@@ -59,12 +66,12 @@ def build(results: Results) -> None:
                 own = exhibits_of(section, data, names)
                 exhibits[section.dataset, data.dataset] = own
                 for picture in (*own.pictures, *own.shooting_pictures, *own.linked_pictures):
-                    written += write_figure(folder / "figures", picture.stem, picture.figure)
+                    for kind, content in rendered(picture.figure).items():
+                        contents[f"figures/{picture.stem}.{kind}"] = content
                 for table in (*own.tables, *own.shooting, *own.linked):
-                    written += _write_table(folder / "tables", table)
-    write_text(folder / "summary.md", page(results, sections, exhibits, names.fits))
-    remove_others(folder / "tables", written)
-    remove_others(folder / "figures", written)
+                    contents |= _table_files(table)
+    contents["summary.md"] = page(results, sections, exhibits, names.fits).encode()
+    replace_files(results.folder, contents, replace=replace)
 
 
 def names_of(sections: tuple[Section, ...]) -> Names:
@@ -88,15 +95,12 @@ def names_of(sections: tuple[Section, ...]) -> Names:
     return Names(stems, fits, styles(model for section in sections for model in section.models))
 
 
-def _write_table(folder: Path, named: NamedTable) -> list[Path]:
-    """Write a table as Markdown and LaTeX, and its numbers as CSV where there are any."""
+def _table_files(named: NamedTable) -> dict[str, bytes]:
+    """A table as Markdown and LaTeX, and its numbers as CSV where there are any, by path."""
     texts = {"md": markdown(named.table), "tex": latex(named.table)}
     if named.numbers is not None:
         texts["csv"] = named.numbers.to_csv(index=False, float_format="%.9g")
-    paths = {folder / f"{named.stem}.{kind}": text for kind, text in texts.items()}
-    for path, text in paths.items():
-        write_text(path, text)
-    return list(paths)
+    return {f"tables/{named.stem}.{kind}": text.encode() for kind, text in texts.items()}
 
 
 def exhibits_of(section: Section, data: SummaryData, names: Names) -> Exhibits:

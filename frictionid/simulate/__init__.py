@@ -3,7 +3,7 @@
 It shares the mechanics with the identified models, but neither the physics step nor the laws.
 """
 
-from frictionid.simulate.dataset_folder import write_dataset
+from frictionid.simulate.dataset_folder import check_dataset_folder, write_dataset
 from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
 from frictionid.simulate.rig_file import load_rig
 from frictionid.simulate.simulation import simulate
@@ -26,6 +26,7 @@ __all__ = [
     "Steps",
     "Stribeck",
     "TrueFriction",
+    "check_dataset_folder",
     "load_rig",
     "noise_free",
     "simulate",

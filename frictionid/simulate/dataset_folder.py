@@ -26,7 +26,9 @@ from frictionid.data.two_clock_table import (
     two_clock_csv,
 )
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 from frictionid.mechanics import mechanism_of
+from frictionid.outputs import check_writable
 from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
 
 # finer than the 1e-7 rad and rad/s to which noise-free data sets are exact
@@ -131,6 +133,25 @@ def _exact(time: Array) -> list[str]:
     return [repr(float(t)) for t in time]
 
 
+def check_dataset_folder(folder: Path, *, replace: bool = False) -> None:
+    """Check that a data set can and may be written here, before it is simulated.
+
+    replace : whether it may take the place of an earlier simulated data set
+
+    Raises
+    ------
+    InputError
+        Where the folder holds a data set or something else, or cannot be written.
+    """
+    target = folder.resolve()
+    check_writable(target)
+    _check_replaceable(target)
+    if not replace and (target / "dataset.toml").exists():
+        raise InputError(
+            f"{folder} holds a data set: name another folder, or --replace to simulate it anew"
+        )
+
+
 def _check_replaceable(target: Path) -> None:
     if not target.exists():
         return
@@ -139,20 +160,27 @@ def _check_replaceable(target: Path) -> None:
     foreign = {path.name for path in target.iterdir()} - {"rig.toml"} - _written(target)
     if foreign:
         raise InputError(
-            f"{target} holds {min(foreign)!r}, which is no part of a simulated data set; "
-            "name a new or empty folder"
+            f"{target} holds {min(foreign)!r}, which is no part of a simulated data set, or was "
+            "changed; name a new or empty folder"
         )
 
 
 def _written(folder: Path) -> set[str]:
-    """Names of the files of an earlier `write_dataset`."""
+    """Names of the files of an earlier `write_dataset` that are unchanged."""
     try:
         document = read_toml(folder / "dataset.toml")
     except InputError:
         return set()
-    return (
-        {"dataset.toml", *document.get("sha256", {})} if document.get("origin") == ORIGIN else set()
-    )
+    if document.get("origin") != ORIGIN:
+        return set()
+    paths = {name: folder / name for name in document.get("sha256", {})}
+    same = {
+        name
+        for name, path in paths.items()
+        if path.is_file()
+        and hashlib.sha256(read_bytes(path)).hexdigest() == document["sha256"][name]
+    }
+    return {"dataset.toml"} | same
 
 
 @contextlib.contextmanager

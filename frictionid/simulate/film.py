@@ -14,6 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
+from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError
 from frictionid.simulate.scene import Image, Look, Scene, SyncLed
 from frictionid.simulate.view import View, chain
@@ -112,10 +113,16 @@ def shots(film: Film, motion: TrueMotion) -> Iterator[Shot]:
         yield Shot(float(time), _noisy(image, bank, rng), hidden)
 
 
+def video_path(film: Film, stem: Path) -> Path:
+    """Path of the video: the stem with .mov (JPEGs with time stamps) or .mp4 (at the film's rate).
+
+    A name with a dot keeps it: "run.1" becomes "run.1.mov".
+    """
+    return stem.with_name(stem.name + (".mp4" if film.codec == "mpeg4" else ".mov"))
+
+
 def write_film(film: Film, motion: TrueMotion, stem: Path) -> tuple[Path, Array, Array]:
     """Path of the video, times (K,) of its frames, and which markers (K, n + 1) are occluded.
-
-    The path is the stem with .mov (JPEGs with time stamps) or .mp4 (MPEG-4 at the film's rate).
 
     Raises
     ------
@@ -124,14 +131,11 @@ def write_film(film: Film, motion: TrueMotion, stem: Path) -> tuple[Path, Array,
     """
     jpeg = film.codec != "mpeg4"
     quality = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, _COLOUR[film.codec]]
-    path = stem.with_suffix(".mov" if jpeg else ".mp4")
-    code = cv2.VideoWriter.fourcc(*("jpeg" if jpeg else "mp4v"))
-    rate, options = (CLOCK, [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]) if jpeg else (film.rate, [])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, film.view.size, options)
-    if not writer.isOpened():
-        raise InputError(f"{path} cannot be written as a video; name another folder")
-    times, hidden = [], []
-    try:
+    form = VideoFormat("mp4v", film.rate, film.view.size)
+    if jpeg:
+        form = VideoFormat("jpeg", CLOCK, film.view.size, (cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1))
+    times, hidden, path = [], [], video_path(film, stem)
+    with video_file(path, form) as writer:
         for shot in shots(film, motion):
             times.append(shot.time)
             hidden.append(shot.hidden)
@@ -141,11 +145,6 @@ def write_film(film: Film, motion: TrueMotion, stem: Path) -> tuple[Path, Array,
                 writer.write(cv2.imencode(".jpg", shot.image, quality)[1])
             else:
                 writer.write(shot.image)
-    except BaseException:
-        writer.release()
-        path.unlink(missing_ok=True)  # half a video would pass for a whole one
-        raise
-    writer.release()
     return path, np.array(times), np.array(hidden)
 
 

@@ -111,7 +111,7 @@ def test_setup_proposes_a_rig_that_tracks(tmp_path, monkeypatch, capsys):
     status, out, _ = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
     assert status == 0 and "elbow" in out
     status, _, err = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
-    assert status == 2 and "there already" in err
+    assert status == 2 and "rig.toml exists: choose another name" in err
     status, *_ = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--out", "a.csv")
     assert status == 0
 
@@ -232,10 +232,10 @@ def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
 def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
     film, rig = (place / "even.mov").read_bytes(), (place / "rig.toml").read_bytes()
     for words, said in [
-        (["--out", "even.mov"], "the film itself"),
-        (["--out", "lost.csv", "--overlay", "./even.mov"], "the film itself"),
-        (["--out", "rig.toml"], "the rig's file"),
-        (["--out", "lost.csv", "--sheet", "lost.csv"], "another option"),
+        (["--out", "even.mov"], "belongs to what is read"),
+        (["--out", "lost.csv", "--overlay", "./even.mov"], "belongs to what is read"),
+        (["--out", "rig.toml", "--replace"], "belongs to what is read"),
+        (["--out", "lost.csv", "--sheet", "lost.csv"], "is written by two options"),
         (["--out", "lost.csv", "--sheet", "."], "is a folder"),
     ]:
         status, out, err = run_command(monkeypatch, capsys, place, "track", "even.mov", *words)

@@ -322,8 +322,9 @@ def test_bad_input_to_the_commands_is_one_line(place, monkeypatch, capsys):
     cases = (
         ("simulate-drive . --port drive --recording rum", "no recording 'rum'"),
         ("simulate-drive . --port drive --speed 0", "--speed 0 must be positive"),
-        ("simulate-drive . --port drive --sent .", ". cannot be written (Is a directory)"),
-        ("simulate-drive . --port drive --sent no/s", "no/s cannot be written (No such file"),
+        ("simulate-drive . --port drive --sent .", ". is a folder: name a file in it"),
+        ("simulate-drive . --port drive --sent file/s", "file/s: cannot be written (Not a dir"),
+        ("simulate-drive . --port drive --sent file", "file exists: choose another name, or"),
         ("simulate-drive . --port file", "file exists and is no link to a port"),
         ("simulate-drive . --port drive --rig gone.toml", "gone.toml does not exist"),
         ("excite --port /dev/ttyNO --signal signal.csv --out o.csv", "exceeds the limit of 1.5"),

@@ -13,9 +13,9 @@ from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_da
 
 from frictionid.cli import main
 from frictionid.comparison.registry import friction_of
+from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
 from frictionid.comparison.suite_identifiers import identifier_named
-from frictionid.comparison.tasks import lock
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.files import read_json
@@ -139,6 +139,7 @@ def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call)
     call("fit", "tiny", "--identifier", "quadratic", "--out", "built_in.json")
     assert read_json(place / "own.json")["law"] == {"kind": "Quadratic", "width": 0.02}
     evaluate = ("evaluate", "own.json", "built_in.json", "tiny", "--horizons", 0.3)
+    evaluate = (*evaluate, "--replace")
     code, _, err = call(*evaluate, "--out", "scores.csv")
     assert code == 2 and "law 'Quadratic' is unknown" in err and "--law module:Class" in err
     code, _, err = call(*evaluate, "--out", "scores.csv", "--law", "my_friction:quadratic")
@@ -170,7 +171,7 @@ def test_report_makes_tables_anew_and_fits_nothing(place, call, monkeypatch):
     from frictionid import report
 
     made = []
-    monkeypatch.setattr(report, "build", made.append)
+    monkeypatch.setattr(report, "build", lambda results, **_: made.append(results))
     monkeypatch.setattr(report, "show", made.append)
     (place / "empty").mkdir()
     compare_into(write_suite(place, [("identifiers", [{"kind": "none"}])]), place / "made")

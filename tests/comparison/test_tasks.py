@@ -15,11 +15,12 @@ import pytest
 from fixtures.tiny_pendulums import compare_into, recordings, write_dataset, write_suite
 
 from frictionid.cli import main
-from frictionid.comparison.results import COLUMNS, load_results, write_reduction
-from frictionid.comparison.tasks import lock
+from frictionid.comparison.result_folder import lock
+from frictionid.comparison.results import COLUMNS, load_results, reduction
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
 from frictionid.files import write_text
+from frictionid.outputs import replace_files
 
 SLOW = """
 import os
@@ -74,8 +75,8 @@ def place(tmp_path_factory):
         yield folder
 
 
-def compare(file, folder, resume=False):
-    compare_into(file, folder, resume)
+def compare(file, folder, resume=False, replace=False):
+    compare_into(file, folder, resume, replace=replace)
     return stamps(folder)
 
 
@@ -103,7 +104,7 @@ def started(folder, out, finished):
         start_new_session=True,
     )
     deadline = time.monotonic() + 60
-    while len(list((folder / out / "tasks").glob("*.json"))) < finished:
+    while len(list((folder / out / "unfinished" / "tasks").glob("*.json"))) < finished:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -146,7 +147,7 @@ def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, monk
         "frictionid: interrupted; what is done stays in stopped: finish it with --resume"
     )
     assert out == "" and group_is_gone(process.pid)
-    done = stamps(place / "stopped")
+    done = stamps(place / "stopped" / "unfinished")
     assert 2 <= len(done) < 6
     after = compare(place / "suite.toml", place / "stopped", resume=True)
     assert_same_results(place / "stopped", place / "whole")
@@ -165,18 +166,18 @@ def test_cancelled_tasks_give_no_warning():
 
 def test_a_killed_comparison_leaves_nothing_behind_and_is_resumed(place):
     process = started(place, "killed", 2)
-    done = stamps(place / "killed")
+    done = stamps(place / "killed" / "unfinished")
     os.kill(process.pid, signal.SIGKILL)  # the workers are not told
     process.communicate(timeout=20)
     assert process.returncode == -signal.SIGKILL
     assert group_is_gone(process.pid)
     # what a kill in the middle of writing leaves, and a file that was damaged since
-    half = ".tiny--b--integral--seed0.json.ab1_xy9z"
-    for part in ("", "tasks", "models", "../new"):
+    half = ".frictionid-ab12cd34.json"
+    for part in ("", "tasks", "unfinished/tasks", "../new"):
         (place / "killed" / part).mkdir(exist_ok=True)
         (place / "killed" / part / half).write_text('{"digest": ')
     first = sorted(done)[0]
-    (place / "killed" / "tasks" / first).write_text('{"digest": "')
+    (place / "killed" / "unfinished" / "tasks" / first).write_text('{"digest": "')
     after = compare(place / "suite.toml", place / "killed", resume=True)
     assert_same_results(place / "killed", place / "whole")
     assert after[first] != done[first]
@@ -202,6 +203,7 @@ def assert_same_results(folder, other):
 
 def timeless(path):
     document = json.loads(path.read_text())
+    assert document.pop("sha256")
     assert set(document.pop("seconds")) == {"prepare", "fit", "score"}
     return document
 
@@ -234,19 +236,19 @@ def test_unseeded_identifiers_are_fitted_once_for_all_seeds(place, seeded, tmp_p
     assert set(table["seed"]) == {0, 1, 2}
 
 
-def test_results_of_tasks_that_left_the_suite_are_removed(place):
+def test_results_of_tasks_that_left_the_suite_stay_and_are_not_reported(place):
     quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
     file = write_suite(place, [SUITE[0], ("identifiers", list(quick))], "quick.toml")
     out = place / "shrunk"
     compare(file, out)
-    for name in ("tables/old.csv", "figures/old.png", "summary.md"):
-        (out / name).parent.mkdir(exist_ok=True)
-        (out / name).write_text("old")
+    before = {path.name: path.read_bytes() for path in (out / "tasks").iterdir()}
+    (out / "models" / "mine.json").write_text("mine")
     write_suite(place, [SUITE[0], ("identifiers", list(quick[:1])), ("seeds", [1])], "quick.toml")
     wanted = {f"tiny--{name}--integral--seed1.json" for name in ("none", "truth")}
-    assert set(compare(file, out, resume=True)) == wanted
-    assert {path.name for path in (out / "models").iterdir()} == wanted
-    assert not [path for path in out.rglob("*") if path.is_file() and path.read_bytes() == b"old"]
+    assert set(compare(file, out, resume=True)) == {*wanted, *before}
+    assert {name: (out / "tasks" / name).read_bytes() for name in before} == before
+    assert {path.name for path in (out / "models").iterdir()} == {*wanted, "mine.json"}
+    assert set(compare(file, out, replace=True)) == wanted | set(before)
     assert set(pd.read_csv(out / "scores.csv")["identifier"]) == {"none", "truth"}
 
 
@@ -332,17 +334,18 @@ def test_timings_stand_apart(place):
 
 
 def test_tables_show_the_finished_tasks(place, tmp_path):
-    for path in (place / "whole").rglob("*.json"):
+    for path in [*(place / "whole").rglob("*.json"), place / "whole" / "SHA256SUMS"]:
         copy = tmp_path / path.relative_to(place / "whole")
         copy.parent.mkdir(exist_ok=True)
         copy.write_bytes(path.read_bytes())
     (tmp_path / "tasks" / "tiny--a--integral--seed0.json").unlink()
     (tmp_path / "models" / "old.json").write_text("{}")
     results = load_results(tmp_path)
-    write_reduction(results)
+    replace_files(tmp_path, reduction(results))
     assert set(results.scores["identifier"]) == {"none", "b", "c", "d", "truth"}
     assert {path.name for path in (tmp_path / "models").iterdir()} == {
-        f"tiny--{name}--integral--seed0.json" for name in ("none", "b", "c", "d", "truth")
+        "old.json",  # is not ours
+        *(f"tiny--{name}--integral--seed0.json" for name in ("none", "b", "c", "d", "truth")),
     }
     for path in (tmp_path / "tasks").iterdir():
         path.unlink()

@@ -201,7 +201,7 @@ def test_tuning_cannot_be_nested_in_shuffled_folds(place, tmp_path):
     shuffled = tuning_task(place, benchmark(Split(count=3, kind="shuffled")))
     with pytest.raises(InputError, match="nested .* shuffled .*tune.nested = false"):
         tune([shuffled], Tuning(trials=1, folds=2), tmp_path)
-    (result,) = tune([shuffled], Tuning(trials=1, folds=2, nested=False), tmp_path)
+    (result,) = tune([shuffled], Tuning(trials=1, folds=2, nested=False), tmp_path / "new")
     assert result.fold is None
 
 

@@ -25,7 +25,8 @@ from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import Frictionless, LeastSquares, Published
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
-from frictionid.report import show
+from frictionid.outputs import replace_files
+from frictionid.report import build, show
 from frictionid.report.tables import escape_latex
 
 ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "日本", "x" * 90)
@@ -69,6 +70,9 @@ def undrawn(monkeypatch):
     made.undraw(monkeypatch)
 
 
+OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
+
+
 def contents(folder):
     """Bytes of all files but the tasks', by their names in the folder."""
     files = [p for p in folder.rglob("*") if p.is_file() and p.parent.name != "tasks"]
@@ -93,12 +97,43 @@ def test_a_report_made_elsewhere_has_the_same_bytes(typical, tmp_path):
     assert contents(tmp_path / "moved") == contents(typical)
 
 
-def test_a_build_leaves_no_file_of_an_earlier_one(typical):
-    before = contents(typical)
+def test_a_build_leaves_no_file_of_an_earlier_one(typical, tmp_path):
+    folder = shutil.copytree(typical, tmp_path / "copy")
+    before, gone = contents(folder), {}
     for place in ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json"):
-        (typical / place).write_text("old")
-    made.built(typical)
-    assert contents(typical) == before
+        gone[place] = b"old"
+    everything = {name: content for name, content in before.items() if name not in OTHERS}
+    replace_files(folder, {**everything, **gone})
+    assert contents(folder).keys() == before.keys() | gone.keys()
+    made.built(folder)
+    assert contents(folder) == before
+
+
+def test_what_is_not_of_the_report_is_never_touched(typical, tmp_path):
+    folder = shutil.copytree(typical, tmp_path / "copy")
+    before = contents(folder)
+    (folder / "figures" / "mine.png").write_text("mine")
+    (folder / "notes.md").write_text("mine")
+    made.built(folder)
+    mine = {"figures/mine.png": b"mine", "notes.md": b"mine"}
+    assert contents(folder) == before | mine
+    (folder / "summary.md").write_text("my own words")
+    with pytest.raises(InputError, match=r"summary\.md was changed.*--replace"):
+        made.built(folder)
+    assert contents(folder) == before | mine | {"summary.md": b"my own words"}
+    build(load_results(folder), replace=True)
+    assert contents(folder) == before | mine
+
+
+def test_links_to_other_folders_are_not_followed(typical, tmp_path):
+    folder = shutil.copytree(typical, tmp_path / "copy")
+    shutil.move(folder / "figures", tmp_path / "elsewhere")
+    (folder / "figures").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere" / "mine.png").write_text("mine")
+    before = contents(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="figures is a link to another folder"):
+        made.built(folder)
+    assert contents(tmp_path / "elsewhere") == before
 
 
 @pytest.mark.parametrize("content", ["nothing", "no task"])

@@ -21,7 +21,8 @@ from frictionid.data.two_clock_table import (
     two_clock_csv,
 )
 from frictionid.errors import InputError
-from frictionid.files import write_text
+from frictionid.files import read_bytes, write_text
+from frictionid.outputs import check_outputs
 
 ORIGIN = "aligned by frictionid align"
 _DECIMALS = 9
@@ -52,11 +53,19 @@ def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool)
         )
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; name a folder with --out")
+    if (folder / "dataset.toml").exists():
+        _check_dataset(folder, head, replace)
+    elif folder.is_dir() and any(folder.glob("*.csv")):
+        raise InputError(f"{folder} holds tables without a dataset.toml; name a new folder")
+    if (folder / f"{name}.csv").exists() and not replace:
+        raise InputError(f"{folder} has a recording {name!r}: choose another --name, or --replace")
+    endings = ("csv", "align.toml", "clock.png", "command.png")
+    check_outputs([folder / f"{name}.{ending}" for ending in endings], replace=replace)
+
+
+def _check_dataset(folder: Path, head: Mapping[str, Any], replace: bool) -> None:
+    """Check that a data set is one of aligned recordings that another one fits into."""
     described = folder / "dataset.toml"
-    if not described.exists():
-        if folder.is_dir() and any(folder.glob("*.csv")):
-            raise InputError(f"{folder} holds tables without a dataset.toml; name a new folder")
-        return
     document = read_toml(described)
     if document.get("origin") != ORIGIN:
         raise InputError(f"{folder} holds another data set; name a new folder with --out")
@@ -68,8 +77,11 @@ def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool)
             raise InputError(
                 f"{folder} has recordings with another [{key}]; name a new folder with --out"
             )
-    if (folder / f"{name}.csv").exists() and not replace:
-        raise InputError(f"{folder} has a recording {name!r}: choose another --name, or --replace")
+    if not replace and read_bytes(described) != tomli_w.dumps(document).encode():
+        raise InputError(
+            f"{described} was edited by hand, and comments are lost when a recording is added: "
+            "name a new folder with --out, or --replace"
+        )
 
 
 def add_recording(
@@ -98,11 +110,12 @@ def add_recording(
     if angle.sigma is not None:
         columns["sigma"] = _deviations(head)
     document = {
-        "name": re.sub(r"\W+", "_", folder.resolve().name) or "aligned",
+        **document,
+        "name": document.get("name") or re.sub(r"\W+", "_", folder.resolve().name) or "aligned",
         "origin": ORIGIN,
         **head,
         "columns": columns,
-        "recordings": {"patterns": sorted(hashes)},
+        "recordings": {**document.get("recordings", {}), "patterns": sorted(hashes)},
         "sha256": dict(sorted(hashes.items())),
     }
     # in this order: a table that is not yet named in dataset.toml does no harm

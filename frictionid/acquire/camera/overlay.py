@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.acquire.camera.angles import FOUND, LOST, Angles
 from frictionid.acquire.camera.source import Frame, Image, Source
-from frictionid.errors import InputError
+from frictionid.data.video_file import VideoFormat, video_file
 
 _COLOURS = {FOUND: (90, 255, 90), "predicted": (60, 190, 255), LOST: (90, 90, 255)}
 _SHEET, _ACROSS = 12, 4  # pictures of the contact sheet
@@ -51,13 +51,10 @@ def write_overlay(source: Source, angles: Angles, path: Path) -> None:
         Where it cannot be written.
     """
     rate = source.rate if source.rate > 0 else 30.0
-    code = cv2.VideoWriter.fourcc(*"mp4v")
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, source.size)
-    if not writer.isOpened():
-        raise InputError(f"{path} cannot be written as a video; name an .mp4 in another folder")
-    for k, frame in enumerate(source.frames()):
-        writer.write(draw_frame(frame.image, angles, k))
-    writer.release()
+    form = VideoFormat("mp4v", rate, source.size)
+    with video_file(path, form) as writer:
+        for k, frame in enumerate(source.frames()):
+            writer.write(draw_frame(frame.image, angles, k))
 
 
 def contact_sheet(frames: Iterable[Frame], angles: Angles, size: tuple[int, int]) -> Image:

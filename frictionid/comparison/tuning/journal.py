@@ -95,13 +95,14 @@ class Study:
         return out
 
 
-def open_journal(folder: Path, resume: bool) -> Any:
+def open_journal(folder: Path, *, resume: bool = False, replace: bool = False) -> Any:
     """Optuna's storage in the folder, empty unless it is to be resumed.
 
     Raises
     ------
     InputError
-        Where it cannot be written, or is no journal.
+        Where it cannot be written, is no journal, or has trials that are neither to be kept nor to
+        be replaced.
     """
     import optuna
     from optuna.storages import JournalStorage
@@ -111,32 +112,38 @@ def open_journal(folder: Path, resume: bool) -> Any:
     path = folder / JOURNAL
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if not resume:
+        if replace and not resume:
             path.unlink(missing_ok=True)
-        return JournalStorage(JournalFileBackend(str(path)))
+        storage = JournalStorage(JournalFileBackend(str(path)))
+        names = [] if resume else optuna.get_all_study_names(storage)
+        if any(optuna.load_study(study_name=name, storage=storage).trials for name in names):
+            raise InputError(
+                f"{path}: holds trials: go on with --resume, or begin anew with --replace"
+            )
+        return storage
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror}): choose another --out"
         ) from None
+    except InputError:
+        raise
     except (ValueError, KeyError):
-        raise InputError(f"{path}: is no journal: tune anew without --resume") from None
+        raise InputError(f"{path}: is no journal: tune anew with --replace") from None
 
 
 def open_study(storage: Any, name: str, digest: str, first: Mapping[str, Any] | None) -> Any:
-    """Optuna's study of a name, or a new one where there is none of the same digest.
+    """Optuna's study of a name and digest, a new one where there is none; those of others stay.
 
     first : parameters of the first trial, where the space holds the suite's settings
     """
     import optuna
 
+    name = f"{name} [{digest}]"
     if name in optuna.get_all_study_names(storage):
         study = optuna.load_study(study_name=name, storage=storage)
-        if study.user_attrs.get("digest") == digest:
-            _set_unfinished_aside(study)
-            return study
-        optuna.delete_study(study_name=name, storage=storage)
+        _set_unfinished_aside(study)
+        return study
     study = optuna.create_study(study_name=name, storage=storage)
-    study.set_user_attr("digest", digest)
     if first is not None:
         study.enqueue_trial(dict(first), user_attrs={"suite": True})
     return study

@@ -111,6 +111,7 @@ def tune(
     folder: Path,
     *,
     resume: bool = False,
+    replace_trials: bool = False,
     jobs: int = 1,
     done: Callable[[str], None] | None = None,
 ) -> list[StudyResult]:
@@ -124,6 +125,8 @@ def tune(
         Of the journal.
     resume : bool
         Keep the trials that the journal has.
+    replace_trials : bool
+        Remove the trials that the journal has.
     jobs : int
         Trials side by side.
     done : callable, optional
@@ -136,7 +139,7 @@ def tune(
     """
     report = done or (lambda _: None)
     specs, data = study_specs(tasks, tuning), NestedData(tuning)
-    storage = open_journal(folder, resume)
+    storage = open_journal(folder, resume=resume, replace=replace_trials)
     studies = [_study(storage, spec, data) for spec in specs]
     for spec, study in zip(specs, studies, strict=True):
         for _ in study.trials[: tuning.trials]:

@@ -29,6 +29,12 @@ _SHOWN = 8.0  # [s] of torque
 _CROWD = 4000  # points
 
 
+def alignment_pictures(one: AlignedRecording) -> dict[str, bytes]:
+    """PNGs of an aligned recording by the endings of their names."""
+    pictures = {"clock": clock_picture(one), "command": command_picture(one)}
+    return {kind: picture for kind, picture in pictures.items() if picture is not None}
+
+
 def clock_picture(one: AlignedRecording) -> bytes:
     """PNG: what every offset explains, and the torque that the motion asks for beside the log."""
     with drawing():

@@ -11,6 +11,7 @@ from frictionid.check import Verdict
 from frictionid.check.motion import Motion
 from frictionid.check.published import one_way
 from frictionid.data.recordings import Recording
+from frictionid.files import write_bytes
 from frictionid.mechanics import mechanism_of
 from frictionid.report.figures.panels import panel_grid
 from frictionid.report.figures.style import (
@@ -22,7 +23,7 @@ from frictionid.report.figures.style import (
     line,
     marker,
     plain,
-    write_figure,
+    rendered,
 )
 
 MOVING, RESTING = COLOURS[:2]
@@ -30,12 +31,19 @@ RECORDINGS = 3  # shown over time
 ABREAST = 3  # joints side by side
 
 
+def picture_paths(folder: Path) -> list[Path]:
+    """Paths of the pictures: coverage, motion and residual torque (PNG)."""
+    return [folder / f"{name}.png" for name in ("coverage", "motion", "residual")]
+
+
 def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
-    """Paths of the pictures written: coverage, motion and residual torque (PNG)."""
-    kinds = {"coverage": _coverage, "motion": _motion, "residual": _residual}
+    """Paths of the pictures written, see `picture_paths`."""
+    paths, draws = picture_paths(folder), (_coverage, _motion, _residual)
     with drawing():
-        paths = [write_figure(folder, name, draw(verdict), ["png"]) for name, draw in kinds.items()]
-    return [path for own in paths for path in own]
+        pictures = [rendered(draw(verdict), ["png"])["png"] for draw in draws]
+    for path, picture in zip(paths, pictures, strict=True):
+        write_bytes(path, picture)
+    return paths
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:

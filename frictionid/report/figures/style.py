@@ -6,10 +6,8 @@ import io
 import warnings
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.files import write_bytes
 from frictionid.report.sections import Model
 
 WIDTH = 7.2  # [inch], both columns of a journal's page
@@ -96,17 +94,6 @@ def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
             picture.set_layout_engine("none")  # it holds for the next format, too
             out[kind] = stream.getvalue()
     return out
-
-
-def write_figure(
-    folder: Path, stem: str, picture: Any, kinds: Iterable[str] = FORMATS
-) -> list[Path]:
-    """Paths of a figure's files, written in all these formats."""
-    paths = []
-    for kind, content in rendered(picture, kinds).items():
-        paths.append(folder / f"{stem}.{kind}")
-        write_bytes(paths[-1], content)
-    return paths
 
 
 def plain(name: str) -> str:

@@ -1,0 +1,191 @@
+"""The result folder while it is written: beside an earlier result, in whose place it comes at last.
+
+unfinished/   a comparison that runs or was interrupted: its provenance.json, datasets.json, tasks/
+
+Finished tasks are never deleted but by `replace`. Each carries the hash of its own content.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from frictionid.errors import InputError
+from frictionid.files import plain, read_json, remove_unfinished
+from frictionid.outputs import check_unchanged, linked
+
+UNFINISHED = "unfinished"
+PROVENANCE, DATASETS = "provenance.json", "datasets.json"
+SEAL = "sha256"  # key of the hash of a document's content
+
+
+def lock(
+    folder: Path, files: Sequence[str] = (PROVENANCE, UNFINISHED), what: str = "comparison"
+) -> AbstractContextManager[Any]:
+    """A lock that keeps a second comparison out of a folder, which is known by one of some files.
+
+    Raises
+    ------
+    InputError
+        Where another process holds it, or the folder holds other things or cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        names = [path.name for path in folder.glob("[!.]*")]
+        if names and not set(files) & set(names):
+            other = min(names)
+            raise InputError(f"{folder}: holds no {what} but {other!r}: choose another --out")
+        held = FileLock(folder / ".lock", timeout=0)
+        held.acquire()
+    except Timeout:
+        raise InputError(
+            f"{folder}: another {what} is writing there: wait for it, or choose another --out"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror}): choose another --out"
+        ) from None
+    return held
+
+
+@contextmanager
+def unfinished(
+    folder: Path, suite: str, files: Sequence[str], *, resume: bool = False, replace: bool = False
+) -> Iterator[Path]:
+    """Folder to make a comparison in; at the end it takes the place of an earlier result.
+
+    Parameters
+    ----------
+    folder : Path
+        Result folder.
+    suite : str
+        Name of the suite.
+    files : sequence of str
+        Names of the files of its tasks.
+    resume : bool
+        Keep the finished tasks of an interrupted comparison.
+    replace : bool
+        Whether the results of another suite, and finished tasks of an interrupted comparison, go.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds what is not to be replaced.
+    """
+    check_unchanged(folder, replace=replace)
+    place = folder / UNFINISHED
+    before = _tasks(folder, suite, replace), _tasks(place, suite, replace)
+    for path in (folder, place, folder / "tasks", place / "tasks"):
+        if path != folder and path.is_symlink():
+            raise InputError(f"{path} is a link, which is left alone: remove it")
+        remove_unfinished(path)
+    if not resume:
+        _begin_anew(place, before[1], replace)
+    yield place
+    try:
+        _move_into_place(place, folder, files)
+        if replace:
+            _remove_finished(folder, {*before[0], *before[1]} - set(files))
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror}): finish the comparison with --resume"
+        ) from None
+
+
+def task_file(folder: Path, name: str) -> Path:
+    """Where a task's result is: of the comparison that is made, else of the finished one."""
+    new = folder / UNFINISHED / "tasks" / name
+    is_new = not (folder / PROVENANCE).exists() and new.exists()
+    return new if is_new else folder / "tasks" / name
+
+
+def described(folder: Path, name: str) -> dict[str, Any]:
+    """Document of a finished comparison or, where there is none yet, of the unfinished one.
+
+    Raises
+    ------
+    InputError
+        Where there is neither, or the file is damaged.
+    """
+    new = folder / UNFINISHED / name
+    is_new = not (folder / PROVENANCE).exists() and new.exists()
+    return read_json(new if is_new else folder / name)
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document as JSON has it, with the SHA-256 of its content.
+
+    >>> is_sealed(sealed({"a": 1})), is_sealed({**sealed({"a": 1}), "a": 2})
+    (True, False)
+    """
+    content = {key: value for key, value in plain(document).items() if key != SEAL}
+    return {SEAL: _hash(content), **content}
+
+
+def is_sealed(document: Mapping[str, Any]) -> bool:
+    """Whether a document has the content that it was sealed with."""
+    return document.get(SEAL) == _hash({k: v for k, v in document.items() if k != SEAL})
+
+
+def _hash(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _tasks(folder: Path, suite: str, replace: bool) -> list[str]:
+    """Names of the files of a folder's tasks, of this suite unless it may be replaced."""
+    if not (folder / PROVENANCE).exists():
+        return []
+    try:
+        document = read_json(folder / PROVENANCE)
+    except InputError:
+        if not replace:
+            raise
+        document = {}
+    other = document.get("suite")
+    if other != suite and not replace:
+        raise InputError(
+            f"{folder}: holds the results of suite {other!r}: choose another --out, or --replace"
+        )
+    tasks = document.get("tasks", [])
+    return [str(name) for name in tasks if Path(str(name)).name == name] if tasks else []
+
+
+def _begin_anew(place: Path, files: Iterable[str], replace: bool) -> None:
+    """Remove what an interrupted comparison has finished, where it may be replaced."""
+    done = [name for name in files if (place / "tasks" / name).exists()]
+    if done and not replace:
+        raise InputError(
+            f"{place}: holds {len(done)} finished tasks of an interrupted comparison: finish it "
+            "with --resume, or begin anew with --replace"
+        )
+    _remove_finished(place, done)
+
+
+def _remove_finished(folder: Path, files: Iterable[str]) -> None:
+    """Remove results of tasks, but none that was changed."""
+    for name in files:
+        path = folder / "tasks" / name
+        with suppress(InputError, FileNotFoundError):
+            if linked(folder, path) is None and is_sealed(read_json(path)):
+                path.unlink()
+
+
+def _move_into_place(place: Path, folder: Path, files: Sequence[str]) -> None:
+    """Move a comparison into the place of the earlier one, which is still whole until now."""
+    (folder / "tasks").mkdir(exist_ok=True)
+    (folder / PROVENANCE).unlink(missing_ok=True)  # from here on the unfinished one is what counts
+    for name in files:
+        if (place / "tasks" / name).exists():
+            os.replace(place / "tasks" / name, folder / "tasks" / name)
+    for name in (DATASETS, PROVENANCE):
+        os.replace(place / name, folder / name)
+    for empty in (place / "tasks", place):
+        with suppress(OSError):  # the user's own files stay
+            empty.rmdir()
