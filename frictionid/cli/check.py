@@ -28,14 +28,16 @@ def check(
     from frictionid.check import LEVELS
     from frictionid.check import check as check_dataset
     from frictionid.comparison.registry import friction_of
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.report.diagnostics import as_json, show_verdict
 
     if out is not None:
         from frictionid.outputs import check_outputs
         from frictionid.report.figures.diagnostics import picture_paths
 
-        check_outputs(picture_paths(out), (dataset, data, published), replace=replace)
+        check_outputs(
+            picture_paths(out), (*dataset_files(dataset, data), published), replace=replace
+        )
     model = friction_of(published) if published else None
     verdict = check_dataset(load_dataset(dataset, data), model)
     if json:

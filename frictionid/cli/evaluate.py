@@ -34,7 +34,7 @@ def evaluate(
     from frictionid.cli.progress import counted
     from frictionid.comparison.registry import friction_of
     from frictionid.comparison.results import model_scores
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import InputError
     from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
     from frictionid.files import write_text
@@ -46,7 +46,7 @@ def evaluate(
         raise InputError("evaluate needs at least one model file and, last, a data set")
     *models, place = files
     read = [path for model in models for path in model_paths(model)]
-    check_outputs([out], [*read, place, data], replace=replace)
+    check_outputs([out], [*read, *dataset_files(place, data)], replace=replace)
     frictions = {path: friction_of(path, law or ()) for path in models}
     protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time, whole=whole)
     dataset = load_dataset(place, data)

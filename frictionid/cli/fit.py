@@ -43,12 +43,12 @@ def fit(
     from frictionid.comparison.fit_model import fit_model
     from frictionid.comparison.registry import LAWS
     from frictionid.comparison.suite_identifiers import identifier_named
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.evaluation import Protocol
     from frictionid.friction.model_files import model_paths, save_model
     from frictionid.outputs import check_outputs
 
-    check_outputs(model_paths(out), (dataset, data), replace=replace)
+    check_outputs(model_paths(out), dataset_files(dataset, data), replace=replace)
     chosen = identifier_named(identifier, dict(map(setting, set_ or [])))
     method = _recipe(recipe, by, free, fixed or [])
     method.check(chosen)

@@ -23,7 +23,7 @@ def render(
     """Render simulated recordings as videos of coloured dots."""
     from frictionid.cli.progress import counted
     from frictionid.config import nearest
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import InputError
     from frictionid.outputs import check_outputs
     from frictionid.simulate.film import video_path, write_film
@@ -39,7 +39,7 @@ def render(
     if without is not None:
         raise InputError(f"{dataset}: {without!r} has no true motion; render simulated data sets")
     videos = [video_path(film, out / recording.name) for recording in chosen]
-    check_outputs(videos, (dataset, camera), replace=replace)
+    check_outputs(videos, (*dataset_files(dataset), camera), replace=replace)
     with counted(len(chosen), data.name) as done:
         for recording in chosen:
             assert recording.truth is not None

@@ -45,7 +45,7 @@ def simulate_drive(
     from frictionid.acquire.virtual_drive.controller import Drive, Faults, torque_of
     from frictionid.acquire.virtual_drive.serve import play, plugged
     from frictionid.acquire.virtual_drive.terminal import Terminal
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import InputError
     from frictionid.outputs import check_outputs
 
@@ -64,7 +64,7 @@ def simulate_drive(
         faults=Faults(damaged, unplugged, restarts, seed),
     )
     with contextlib.ExitStack() as stack:
-        check_outputs([sent], (dataset, rig), replace=replace)
+        check_outputs([sent], (*dataset_files(dataset), rig), replace=replace)
         if sent is not None:
             sent.parent.mkdir(parents=True, exist_ok=True)
         file = stack.enter_context(sent.open("wb")) if sent else None

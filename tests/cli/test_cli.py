@@ -285,3 +285,23 @@ def test_the_tiny_data_are_read_as_they_are_made(place):
     for a, b in zip(made.recordings, read.recordings, strict=True):
         np.testing.assert_array_equal(a.angle.value, b.angle.value)
         np.testing.assert_array_equal(a.truth.velocity.value, b.truth.velocity.value)
+
+
+@pytest.mark.parametrize("out", ["tiny/dataset.toml", "tiny/00.csv"])
+def test_fit_never_writes_over_its_data(place, call, out):
+    before = (place / out).read_bytes()
+    for words in ((), ("--replace",)):
+        code, _, err = call("fit", "tiny", "--identifier", "none", "--out", out, *words)
+        assert code == 2 and "belongs to what is read and is not overwritten" in err
+    assert (place / out).read_bytes() == before
+
+
+def test_a_model_is_written_over_with_replace_only(place, call):
+    (place / "mine.json").write_text("mine")
+    for kind in ("fit", "tiny", "--identifier", "none"), ("evaluate", "mine.json", "tiny"):
+        code, _, err = call(*kind, "--out", "mine.json")
+        assert code == 2 and "mine.json" in err and (place / "mine.json").read_text() == "mine"
+    call("fit", "tiny", "--identifier", "none", "--out", "mine.json", "--replace")
+    assert read_json(place / "mine.json")["law"]["kind"] == "none"
+    code, _, err = call("fit", "tiny", "--identifier", "none", "--out", "mine.safetensors")
+    assert code == 2 and "a model file is JSON, .safetensors are weights" in err

@@ -48,8 +48,7 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
     file = dataset_path(Path(path))
     document = read_toml(file)
     toml = check_dataset_toml(document, str(file))
-    folder = _tables_folder(toml, file, None if data is None else Path(data))
-    names = _matching(toml.recordings.patterns, folder, file)
+    folder, names = _tables(toml, file, data)
     _check_names(toml.sha256, names, f"{file}: sha256")
     _check_names(toml.recordings.parameters, names, f"{file}: recordings.parameters")
     read = None if toml.reader is None else reader_of(toml.reader.kind, file)
@@ -69,6 +68,25 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
         origin={key: text for key, text in origin.items() if text},
         truth=toml.truth,
     )
+
+
+def dataset_files(path: str | Path, data: str | Path | None = None) -> list[Path]:
+    """Files that `load_dataset` reads: dataset.toml and its tables.
+
+    Raises
+    ------
+    InputError
+        Where dataset.toml is damaged, or its tables are missing.
+    """
+    file = dataset_path(Path(path))
+    folder, names = _tables(check_dataset_toml(read_toml(file), str(file)), file, data)
+    return [file, *(folder / name for name in names)]
+
+
+def _tables(toml: DatasetToml, file: Path, data: str | Path | None) -> tuple[Path, list[str]]:
+    """Folder of the tables, and their names in it."""
+    folder = _tables_folder(toml, file, None if data is None else Path(data))
+    return folder, _matching(toml.recordings.patterns, folder, file)
 
 
 def _tables_folder(toml: DatasetToml, file: Path, data: Path | None) -> Path:
