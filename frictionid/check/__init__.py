@@ -4,7 +4,9 @@ motion, balance_windows   smoothed motion, and momentum balances over short wind
 regression                least squares of base parameters and friction
 partial_regression        one suspected error at a time, beside unknown friction
 facts                     clock, joints and noise
-sensors, commanded        faults of the readings
+fine_structure, torque_source, gravity_model, unmeasured
+                          noise and steps of a signal; where the torque comes from
+sensors                   faults of the readings
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism
 passive                   energy without input, loads at rest
 coverage, published       missing motion, advice; somebody's model

@@ -6,10 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from frictionid.arrays import Array
+from frictionid.check.fine_structure import resolution
 from frictionid.check.motion import Motion, speeds_of
 from frictionid.data.recordings import Recording
+
+# Intervals around one whose median is the usual one where the sampling rate changes.
+NEIGHBOURS = 21
 
 
 @dataclass(frozen=True)
@@ -44,14 +49,17 @@ class JointFacts:
 class ClockFacts:
     """Facts of the angles' clock: recordings, duration [s], rate [Hz], jitter and losses.
 
-    jitter : standard deviation of the sample intervals over their median, gaps left out ;
-    dropped : samples missing at 1.5 to 5 intervals ; gaps : intervals longer than 5
+    rate, slowest, fastest : usual sampling rate and the range of its changes ; jitter : standard
+    deviation of the sample intervals over the usual one of their neighbourhood, gaps left out ;
+    dropped : samples missing at 1.5 to 5 of these ; gaps : intervals longer than 5
     """
 
     recordings: int
     duration: float
     samples: int
     rate: float
+    slowest: float
+    fastest: float
     jitter: float
     dropped: int
     gaps: int
@@ -67,10 +75,16 @@ def clock_of(recordings: Sequence[Recording]) -> ClockFacts:
     >>> clock = clock_of([Recording("a", angle, angle)])
     >>> clock.dropped, clock.gaps
     (3, 0)
+
+    A change of the sampling rate is no loss:
+
+    >>> twice = np.concatenate([np.arange(100) * 0.01, 1.0 + np.arange(100) * 0.02])
+    >>> clock = clock_of([Recording("a", Signal(twice, np.zeros((200, 1))), angle)])
+    >>> clock.dropped, round(clock.slowest), round(clock.fastest)
+    (0, 50, 100)
     """
     steps = [np.diff(r.angle.time) for r in recordings]
-    usual = [np.full(len(s), np.median(s)) for s in steps]
-    dt, middle = np.concatenate(steps), np.concatenate(usual)
+    dt, middle = np.concatenate(steps), np.concatenate([_usual(s) for s in steps])
     ratio = dt / middle
     lost = (ratio > 1.5) & (ratio <= 5.0)
     plain = ratio <= 1.5
@@ -79,11 +93,27 @@ def clock_of(recordings: Sequence[Recording]) -> ClockFacts:
         duration=float(sum(np.ptp(r.angle.time) for r in recordings)),
         samples=len(dt) + len(recordings),
         rate=float(1.0 / np.median(middle)),
+        slowest=float(1.0 / np.quantile(middle, 0.99)),
+        fastest=float(1.0 / np.quantile(middle, 0.01)),
         jitter=float(np.std(ratio[plain])) if plain.any() else 0.0,
         dropped=int(np.rint(ratio[lost] - 1).sum()),
         gaps=int((ratio > 5.0).sum()),
         longest_gap=float(dt[ratio > 1.5].max(initial=0.0)),
     )
+
+
+def _usual(intervals: Array) -> Array:
+    """Usual interval around each one: the median of NEIGHBOURS of them, or of the recording.
+
+    Of the recording, unless the sampling rate changes: then most of a neighbourhood is longer or
+    shorter by a factor that lost samples would not leave there.
+    """
+    whole = np.full(len(intervals), np.median(intervals) if len(intervals) else np.nan)
+    if len(intervals) < NEIGHBOURS:
+        return whole
+    near = median_filter(intervals, NEIGHBOURS, mode="mirror")
+    ratio = near / whole
+    return np.where((ratio > 1.4) | (ratio < 1 / 1.4), near, whole)
 
 
 def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> list[JointFacts]:
@@ -112,8 +142,8 @@ def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> lis
                 angle_noise=float(angle_noise[j]),
                 velocity_noise=float(velocity_noise[j]),
                 torque_noise=_ripple(recordings, j),
-                angle_step=_resolution(q[:, j]),
-                torque_step=_resolution(u[:, j]),
+                angle_step=resolution(q[:, j]),
+                torque_step=resolution(u[:, j]),
             )
         )
     return out
@@ -128,17 +158,3 @@ def _ripple(recordings: Sequence[Recording], j: int) -> float:
     """Standard deviation of white noise on the torque, from second differences, robustly."""
     second = np.concatenate([np.diff(r.torque.value[:, j], n=2) for r in recordings])
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
-
-
-def _resolution(values: Array) -> float:
-    """Step of which all differences between readings are multiples, 0 where there is none.
-
-    >>> _resolution(np.array([0.1, 0.3, 0.2, 0.6, 0.2])).__round__(6)
-    0.1
-    """
-    gaps = np.diff(np.unique(values))
-    if len(gaps) < 2:
-        return 0.0
-    step = float(np.quantile(gaps, 0.1))
-    ratio = gaps / step
-    return step if np.mean(np.abs(ratio - np.rint(ratio)) < 0.05) > 0.9 else 0.0

@@ -17,6 +17,8 @@ from frictionid.mechanics import Mechanism
 
 # Shortest passive phase [s]; energy may seem to rise by this share of its range in it.
 PHASE, RISE = 0.5, 0.25
+# The range of energy in it exceeds the noise this many times.
+SHOWS = 20.0
 # At rest the load stays below this many times the Coulomb level: break-away peaks are smaller.
 BAND = 2.5
 FEWEST = 10  # windows at rest that a statement needs
@@ -45,6 +47,13 @@ def passive_time(measured: Measured) -> float:
     return total
 
 
+class Answered(NamedTuple):
+    """Answer of a test: passed, failed or (None) not tested, with figures or the reason."""
+
+    passed: bool | None
+    words: str
+
+
 class Rise(NamedTuple):
     """Largest rise of energy in a passive phase, over its range; recording and start [s]."""
 
@@ -54,15 +63,26 @@ class Rise(NamedTuple):
 
 
 def energy_rises(measured: Measured) -> list[Rise]:
-    """Rise of the nominal mechanism's energy in each passive phase."""
+    """Rise of the nominal mechanism's energy in each passive phase in which energy shows."""
     out = []
     for p, recording, motion in zip(
         measured.nominal, measured.dataset.recordings, measured.motions, strict=True
     ):
         for phase in passive_phases(recording, motion):
             share = energy_rise(measured.mechanism, p, motion, phase)
-            out.append(Rise(share, recording.name, float(motion.states.time[phase.start])))
+            if share is not None:
+                out.append(Rise(share, recording.name, float(motion.states.time[phase.start])))
     return out
+
+
+def energy_answer(measured: Measured) -> Answered:
+    """Whether energy falls without input."""
+    rises = energy_rises(measured)
+    if not rises:
+        return Answered(None, "no passive phase in which the energy exceeds its noise")
+    share = max(rises).share
+    words = f"rises by at most {100 * share:.2g} % of its range, {len(rises)} passive phases"
+    return Answered(share <= RISE, words)
 
 
 def energy_findings(measured: Measured) -> list[Finding]:
@@ -84,49 +104,94 @@ def energy_findings(measured: Measured) -> list[Finding]:
     ]
 
 
-def energy_rise(mechanism: Mechanism, p: Array, motion: Motion, phase: slice) -> float:
-    """Largest rise of energy between two moments of a phase, over its range; noise taken off."""
+def energy_rise(mechanism: Mechanism, p: Array, motion: Motion, phase: slice) -> float | None:
+    """Largest rise of energy between two moments of a phase, over its range; noise taken off.
+
+    None where the range is below SHOWS times the noise: nothing could be seen to rise or fall.
+    """
     q, w = motion.states.q[phase], motion.states.w[phase]
     terms = mechanism.terms(p, q, w)
     span = float(np.ptp(terms.energy))
-    momentum_noise = np.abs(terms.momentum) @ motion.velocity_noise
+    speed_noise = np.abs(terms.momentum) @ motion.velocity_noise
+    noise = float(np.median(speed_noise + np.abs(terms.dLdq) @ motion.angle_noise))
+    if span < SHOWS * noise or span == 0.0:
+        return None
     rise = float((terms.energy - np.minimum.accumulate(terms.energy)).max())
-    return max(rise - 4.0 * float(np.median(momentum_noise)), 0.0) / max(span, 1e-300)
+    return max(rise - 4.0 * noise, 0.0) / span
 
 
-def rest_loads(tests: HypothesisTests) -> list[Array]:
-    """|torque - gravity| of each joint over the windows in which all joints rest [N m]."""
-    measured, rows = tests.measured, tests.rows
-    nominal = rows.at(measured.nominal)
-    inertia, gravity = nominal.inertia[..., 0], nominal.gravity[..., 0]
-    still = (np.abs(rows.w) < measured.speeds.threshold).all(1) & ~rows.moving.any(1)
-    # a joint that swings through a reversal is slow on average, too: look at the acceleration
-    level = np.abs(gravity).max(0)
-    still &= (np.abs(inertia) < 0.02 * level + 1e-12).all(1)
-    load = np.abs(rows.means(measured.torque) - gravity)
-    return [load[still, j] for j in range(load.shape[1])]
+class RestLoad(NamedTuple):
+    """Load [N m] of a joint at rest: what 90 % of the windows stay below, and what it may be.
+
+    possible : the load if torque and gravity added up, which the band must exceed to say anything
+    """
+
+    joint: int
+    level: float
+    high: float
+    band: float
+    possible: float
+
+
+def rest_answers(tests: HypothesisTests, estimate: Estimate) -> list[Answered]:
+    """Whether each joint's friction can hold the loads under which it rests."""
+    out = []
+    for load in _rest_loads(tests, estimate):
+        if isinstance(load, str):
+            out.append(Answered(None, load))
+            continue
+        words = f"|torque - gravity| up to {load.high:.2g}, Coulomb {load.level:.2g}"
+        if load.high <= load.band and load.possible <= load.band:
+            out.append(Answered(None, f"no load that friction could not hold: {words}"))
+        else:
+            out.append(Answered(load.high <= load.band, words))
+    return out
 
 
 def rest_findings(tests: HypothesisTests, estimate: Estimate) -> list[Finding]:
     """Findings of joints that rest under loads which their friction could not hold."""
-    out = []
-    gravity = np.abs(tests.rows.at(tests.measured.nominal).gravity[..., 0]).max(0)
-    for j, load in enumerate(rest_loads(tests)):
+    return [
+        Finding(
+            "gravity_at_rest",
+            "doubtful",
+            f"joint {load.joint} rests under a load of {load.high:.3g} N m, but its Coulomb "
+            f"friction is {load.level:.3g} N m: torque and gravity do not balance",
+            "check the zero of the angles, the offset of the torque and the masses",
+            load.joint,
+            {"load": load.high, "band": load.band},
+        )
+        for load in _rest_loads(tests, estimate)
+        if isinstance(load, RestLoad) and load.high > load.band
+    ]
+
+
+def _rest_loads(tests: HypothesisTests, estimate: Estimate) -> list[RestLoad | str]:
+    """Load of each joint over the windows in which all rest, or why there is none to test."""
+    nominal = tests.rows.at(tests.measured.nominal)
+    gravity, torque = nominal.gravity[..., 0], tests.rows.means(tests.measured.torque)
+    still, top = _still(tests, nominal.inertia[..., 0], gravity), np.abs(gravity).max(0)
+    out: list[RestLoad | str] = []
+    for j in range(tests.measured.mechanism.n):
         level, error = estimate.at(f"coulomb_{j + 1}")
-        if len(load) < FEWEST or not np.isfinite(error) or level < 4 * error:
-            continue
-        band = BAND * (level + 2 * error) + 0.02 * float(gravity[j])
-        high = float(np.quantile(load, 0.9))
-        if high > band:
-            out.append(
-                Finding(
-                    "gravity_at_rest",
-                    "doubtful",
-                    f"joint {j + 1} rests under a load of {high:.3g} N m, but its Coulomb friction "
-                    f"is {level:.3g} N m: torque and gravity do not balance",
-                    "check the zero of the angles, the offset of the torque and the masses",
-                    j + 1,
-                    {"load": high, "band": band},
-                )
+        own, weight = torque[still, j], gravity[still, j]
+        if len(own) < FEWEST:
+            out.append("it hardly rests under load")
+        elif not np.isfinite(error) or level < 4 * error:
+            out.append("its Coulomb friction is not known well enough")
+        else:
+            high, possible = (
+                float(np.quantile(load, 0.9))
+                for load in (np.abs(own - weight), np.abs(own) + np.abs(weight))
             )
+            band = BAND * (level + 2 * error) + 0.02 * float(top[j])
+            out.append(RestLoad(j + 1, level, high, band, possible))
+    return out
+
+
+def _still(tests: HypothesisTests, inertia: Array, gravity: Array) -> Array:
+    """Windows (K,) in which all joints rest."""
+    slow = (np.abs(tests.rows.w) < tests.measured.speeds.threshold).all(1)
+    # a joint that swings through a reversal is slow on average, too: look at the acceleration
+    steady = (np.abs(inertia) < 0.02 * np.abs(gravity).max(0) + 1e-12).all(1)
+    out: Array = slow & ~tests.rows.moving.any(1) & steady
     return out

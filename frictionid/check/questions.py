@@ -1,50 +1,90 @@
-"""The classic questions with their answers, also where nothing is wrong: signs, energy, rest."""
+"""The classic questions with their answers: yes, no, or not tested and why.
+
+An answer is yes only where its test ran and could have failed.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
+from frictionid.check.conventions import ALIKE, EXPLAINS, MARGIN, Scored
 from frictionid.check.hypothesis_tests import HypothesisTests, percent_unexplained
-from frictionid.check.passive import FEWEST, energy_rises, rest_loads
+from frictionid.check.passive import Answered, energy_answer, rest_answers
 from frictionid.check.regression import Estimate
+from frictionid.check.torque_source import TorqueSource
 
 
 class Question(NamedTuple):
-    """A question to the data and its answer; `passed` is None where the data cannot answer."""
+    """A question to the data and its answer; `passed` is None where it could not be tested."""
 
     question: str
     passed: bool | None
     words: str
 
 
-def questions(tests: HypothesisTests, estimate: Estimate, kinds: set[str]) -> list[Question]:
-    """Questions in the order in which they are tested; `kinds` are those of all findings."""
-    measured = "commanded_torque" not in kinds
-    words = "it is no gravity model" if measured else "it equals a gravity model"
-    first = Question("is the torque measured", measured, words)
+def questions(
+    tests: HypothesisTests, estimate: Estimate, sources: Sequence[TorqueSource]
+) -> list[Question]:
+    """Questions in the order in which they are tested."""
+    first = _measured(tests, sources)
     if not tests.done:
-        return [first]
+        return first
+    rest = rest_answers(tests, estimate)
     return [
-        first,
-        _conventions(tests),
+        *first,
+        _conventions(tests.conventions),
         *_signs(tests),
-        _energy(tests, kinds),
-        *_rest(tests, estimate, kinds),
+        _question("energy falls without input", energy_answer(tests.measured)),
+        *(_question(f"gravity at rest, joint {j}", a) for j, a in enumerate(rest, start=1)),
     ]
 
 
-def _conventions(tests: HypothesisTests) -> Question:
-    """Signs, joints, frames and units: what is unexplained as given, and as the next best."""
-    given, *others = tests.conventions
-    best = min(others, key=lambda s: s.score)
-    return Question(
-        "signs, frames, units",
-        given.score < best.score,
-        f"as given {percent_unexplained(given.score)} of the torque stays unexplained; the best "
-        f'alternative ("{best.convention.words}") leaves {percent_unexplained(best.score)}',
-    )
+def _question(words: str, answer: Answered) -> Question:
+    return Question(words, answer.passed, answer.words)
+
+
+def _measured(tests: HypothesisTests, sources: Sequence[TorqueSource]) -> list[Question]:
+    """Whether each motor's torque is measured; one question for all where they agree."""
+    question = "is the torque measured"
+    if not any(tests.measured.mechanism.description.driven):
+        return [Question(question, None, "no joint has a motor")]
+    if not sources:
+        return [Question(question, None, "no torque acts")]
+    if len({s.source for s in sources}) == 1:
+        first, *others = sources
+        also = f" (and torque {', '.join(str(s.joint) for s in others)})" if others else ""
+        return [Question(question, _passed(first), f"{first.source}{also}: {first.words}")]
+    return [
+        Question(f"is torque {s.joint} measured", _passed(s), f"{s.source}: {s.words}")
+        for s in sources
+    ]
+
+
+def _passed(source: TorqueSource) -> bool | None:
+    return None if source.source == "cannot tell" else source.source == "measured"
+
+
+def _conventions(scored: Sequence[Scored]) -> Question:
+    """Signs, joints, frames and units: what is unexplained as given, and as the next best.
+
+    Mirror images leave as much unexplained; these recordings cannot tell them from each other.
+    """
+    given, *others = scored
+    mirrors = [s for s in others if abs(s.score - given.score) < ALIKE]
+    worse = [s for s in others if s not in mirrors]
+    left = f"as given {percent_unexplained(given.score)} of the torque stays unexplained"
+    best = min(worse, key=lambda s: s.score, default=None)
+    if best is not None:
+        words = best.convention.words
+        left += f'; the best alternative ("{words}") leaves {percent_unexplained(best.score)}'
+    if best is not None and best.score < given.score - MARGIN:
+        return Question("signs, frames, units", False, left)
+    if mirrors:
+        names = " and ".join(f'"{s.convention.words}"' for s in mirrors)
+        left = f"{names} would look the same in these recordings; {left}"
+    clear = best is not None and best.score > given.score + MARGIN / 2 and given.score < EXPLAINS
+    return Question("signs, frames, units", True if clear and not mirrors else None, left)
 
 
 def _signs(tests: HypothesisTests) -> list[Question]:
@@ -54,31 +94,17 @@ def _signs(tests: HypothesisTests) -> list[Question]:
         Question(
             f"sign of {e.words.removeprefix('gain of ')}",
             e.size > 0 if abs(e.size) > 3 * e.error else None,
-            f"{e.size:.3f} +- {e.error:.3f} times what the acceleration needs",
+            f"{e.size:.3f} +- {e.error:.3f} times what the acceleration needs"
+            + (", too uncertain to tell" if abs(e.size) <= 3 * e.error else ""),
         )
         for e in gains
     ]
 
 
-def _energy(tests: HypothesisTests, kinds: set[str]) -> Question:
-    rises = energy_rises(tests.measured)
-    if not rises:
-        return Question("energy falls without input", None, "no passive phase")
-    return Question(
-        "energy falls without input",
-        "energy" not in kinds,
-        f"rises by at most {100 * max(rises).share:.2g} % of its range, "
-        f"{len(rises)} passive phases",
-    )
+def answer_of(passed: bool | None) -> str:
+    """Word of an answer.
 
-
-def _rest(tests: HypothesisTests, estimate: Estimate, kinds: set[str]) -> list[Question]:
-    out = []
-    for j, load in enumerate(rest_loads(tests), start=1):
-        passed, words = None, "it hardly rests under load"
-        if len(load) >= FEWEST:
-            passed = "gravity_at_rest" not in kinds
-            level = estimate.at(f"coulomb_{j}")[0]
-            words = f"|torque - gravity| up to {np.quantile(load, 0.9):.2g}, Coulomb {level:.2g}"
-        out.append(Question(f"gravity at rest, joint {j}", passed, words))
-    return out
+    >>> [answer_of(passed) for passed in (True, False, None)]
+    ['yes', 'NO', 'not tested']
+    """
+    return {True: "yes", False: "NO", None: "not tested"}[passed]

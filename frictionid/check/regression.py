@@ -13,12 +13,14 @@ does not appear. [Gautier1990]
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import Rows
+from frictionid.check.motion import Measured
 
 FRICTION = ("coulomb", "viscous", "offset")
 # Errors are correlated within a swing: this long a block [s] counts as one observation, or a whole
@@ -48,6 +50,15 @@ class Estimate(NamedTuple):
         """Value and standard error of a parameter."""
         i = self.names.index(name)
         return float(self.value[i]), float(self.error[i])
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """Corrected data of the least squares; rows and their mean torques (K, n) [N m]."""
+
+    measured: Measured
+    rows: Rows
+    torque: Array
 
 
 def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array) -> Estimate:

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows, adaptive_rows
-from frictionid.check.commanded import commanded
+from frictionid.check.balance_windows import adaptive_rows
 from frictionid.check.conventions import Scored
 from frictionid.check.coverage import advice, still_joints
 from frictionid.check.delay import Delay
 from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
 from frictionid.check.findings import LEVELS, Finding
+from frictionid.check.gravity_model import gravity_models
 from frictionid.check.hypothesis_tests import HypothesisTests, run_tests, untested
 from frictionid.check.identifiable import Identifiable, identifiable
 from frictionid.check.model_errors import ModelError
@@ -20,8 +20,10 @@ from frictionid.check.motion import Measured, Motion, motions_of
 from frictionid.check.passive import energy_findings, passive_time, rest_findings
 from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.questions import Question, questions
-from frictionid.check.regression import Estimate, regress
+from frictionid.check.regression import Estimate, Regression, regress
 from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
+from frictionid.check.torque_source import TorqueSource, torque_sources
+from frictionid.check.unmeasured import unmeasured
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction
 from frictionid.mechanics import plant_of
@@ -45,8 +47,10 @@ class Verdict:
     delay : Delay or None, where no torque varies
     model_errors : tuple of ModelError
         Changes of the nominal mechanism, the one that explains most first.
+    torque : tuple of TorqueSource
+        Whether each motor's torque is measured, commanded or modelled, and what shows it.
     questions : tuple of Question
-        The classic questions with their answers, also where nothing is wrong.
+        The classic questions, answered by yes, no, or not tested and why.
     estimate : Estimate
         Least squares of base parameters and friction, with conventions and delay corrected.
     nominal : array, shape (nb,)
@@ -68,6 +72,7 @@ class Verdict:
     conventions: tuple[Scored, ...]
     delay: Delay | None
     model_errors: tuple[ModelError, ...]
+    torque: tuple[TorqueSource, ...]
     questions: tuple[Question, ...]
     estimate: Estimate
     nominal: Array
@@ -75,15 +80,6 @@ class Verdict:
     next: tuple[str, ...]
     published: Compared | None
     regression: Regression
-
-
-@dataclass(frozen=True, eq=False)
-class Regression:
-    """Corrected data of the least squares; rows and their mean torques (K, n) [N m]."""
-
-    measured: Measured
-    rows: Rows
-    torque: Array
 
 
 @dataclass(frozen=True)
@@ -136,6 +132,7 @@ def judge(
     screening = screened(Measured.of(dataset, motions))
     tests = untested(screening.usable) if screening.command else run_tests(screening.usable)
     regression, estimate = _least_squares(tests)
+    sources = torque_sources(dataset)
     model = _compared(regression, estimate, published) if published else None
     everything = _worst_first(
         [
@@ -144,6 +141,7 @@ def judge(
             *still_joints(tests, facts),
             *tests.findings,
             *_passivity_findings(tests, estimate),
+            *(unmeasured(sources, regression, estimate, tests.delay) if tests.done else []),
             *(incompatible(model) if model else []),
         ]
     )
@@ -158,7 +156,8 @@ def judge(
         conventions=tests.conventions,
         delay=tests.delay,
         model_errors=tests.model_errors,
-        questions=tuple(questions(tests, estimate, {f.kind for f in everything})),
+        torque=sources,
+        questions=tuple(questions(tests, estimate, sources)),
         estimate=estimate,
         nominal=tests.measured.nominal[0],
         identifiable=tuple(_identifiable(screening, tests, facts, estimate)),
@@ -177,7 +176,7 @@ def screened(measured: Measured) -> Screening:
     moving = measured.without({f.recording for f in angles})
     torques = frozen_torques(moving)
     usable = moving.without({f.recording for f in torques})
-    commands = commanded(usable)
+    commands = gravity_models(usable)
     findings = (
         *commands,
         *frozen_findings(measured, angles, "angle"),

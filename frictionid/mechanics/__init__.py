@@ -5,7 +5,7 @@ from frictionid.mechanics.description import Base, Body, Description, Parameter
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.mechanism import Mechanism, Partials, Terms
-from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of
+from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of, with_defaults
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import Plant, plant_of, unit_inertia_plant
 from frictionid.mechanics.unit_inertia import unit_inertia
@@ -28,4 +28,5 @@ __all__ = [
     "plant_of",
     "unit_inertia",
     "unit_inertia_plant",
+    "with_defaults",
 ]

@@ -75,6 +75,21 @@ def parameters_of(table: Mapping[str, Any], overrides: Mapping[str, float]) -> d
     return values
 
 
+def with_defaults(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The table with the default of each required parameter that it does not give.
+
+    For machines that exist in a simulation only; those of recordings are what they are.
+
+    >>> with_defaults({"kind": "pendulum", "parameters": {"mass": 0.5}})["parameters"]
+    {'length': 1.0, 'mass': 0.5}
+    """
+    mechanism = mechanism_of(table)
+    given = table.get("parameters", {})
+    known = mechanism.description.parameters
+    filled = {str(p.symbol): p.default for p in known if p.required and str(p.symbol) not in given}
+    return {**table, "parameters": {**filled, **given}} if filled else dict(table)
+
+
 def _check_complete(given: Mapping[str, float], mechanism: Mechanism) -> None:
     description = mechanism.description
     missing = [

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.check import Verdict
+from frictionid.check.facts import ClockFacts
+from frictionid.check.questions import answer_of
 from frictionid.check.regression import Estimate
 from frictionid.files import plain
 from frictionid.mechanics import mechanism_of
@@ -51,13 +53,20 @@ def _headline(verdict: Verdict, console: Any) -> None:
     line.append(verdict.level, f"bold {COLOURS[verdict.level]}")
     plural = "recording" if clock.recordings == 1 else "recordings"
     line.append(
-        f"   {clock.recordings} {plural}, {clock.duration:.0f} s at {clock.rate:.4g} Hz, jitter "
+        f"   {clock.recordings} {plural}, {clock.duration:.0f} s at {_rates(clock)} Hz, jitter "
         f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} gaps"
     )
     if clock.gaps:
         line.append(f" (longest {clock.longest_gap:.2g} s)")
     line.append(f", {verdict.passive:.0f} s of free decay")
     console.print(line)
+
+
+def _rates(clock: ClockFacts) -> str:
+    """Sampling rate, or the range of the rates where they differ."""
+    if clock.fastest < 1.2 * clock.slowest:
+        return f"{clock.rate:.4g}"
+    return f"{clock.slowest:.4g} to {clock.fastest:.4g}"
 
 
 def _joints(verdict: Verdict, console: Any) -> None:
@@ -101,12 +110,20 @@ def _findings(verdict: Verdict, console: Any) -> None:
 def _questions(verdict: Verdict, console: Any) -> None:
     from rich.text import Text
 
-    marks = {True: ("yes", "green"), False: ("NO", "red"), None: ("?", "yellow")}
+    colours = {True: "green", False: "red", None: "yellow"}
     table = _plain_table()
     for question in verdict.questions:
-        table.add_row(Text(*marks[question.passed]), question.question, question.words)
+        table.add_row(
+            Text(answer_of(question.passed), colours[question.passed]),
+            question.question,
+            question.words,
+        )
     for entry in verdict.identifiable:
-        table.add_row(Text(*marks[entry.possible]), f"identifiable: {entry.what}", entry.reason)
+        table.add_row(
+            Text(answer_of(entry.possible), colours[entry.possible]),
+            f"identifiable: {entry.what}",
+            entry.reason,
+        )
     console.print(table)
 
 

@@ -10,7 +10,7 @@ from pydantic import Field
 from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.mechanics import Mechanism, mechanism_of, parameters_of
+from frictionid.mechanics import Mechanism, mechanism_of, parameters_of, with_defaults
 from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.torques import AnyCommand
 from frictionid.simulate.true_friction import FilmLag, LuGre, Stribeck
@@ -65,7 +65,7 @@ class Rig:
     ----------
     name : str
     mechanism : dict
-        Nominal [mechanism] table, as it stands in the data set.
+        Nominal [mechanism] table; what it does not give has the default, see `nominal_table`.
     friction : Stribeck, FilmLag or LuGre
     camera : Camera
     recordings : tuple of Run
@@ -104,7 +104,7 @@ class Rig:
                 f"friction has numbers for {self.friction.curve.n} joints, "
                 f"the {self.mechanism['kind']} has {mechanism.n}"
             )
-        parameters_of(self.mechanism, self.true_parameters)
+        parameters_of(nominal_table(self), self.true_parameters)
         if not self.recordings:
             raise InputError("a rig needs at least one recording")
         seen: set[str] = set()
@@ -115,6 +115,11 @@ class Rig:
             _check_run(run, mechanism)
 
 
+def nominal_table(rig: Rig) -> dict[str, Any]:
+    """Nominal [mechanism] table of the data set, complete: the machine is what the rig says."""
+    return with_defaults(rig.mechanism)
+
+
 def nominal_mechanism(rig: Rig) -> Mechanism:
     """Mechanism of the rig; its parameters, nominal or true, are arguments."""
     return mechanism_of(rig.mechanism)
@@ -123,7 +128,7 @@ def nominal_mechanism(rig: Rig) -> Mechanism:
 def true_system(rig: Rig) -> TrueSystem:
     """Mechanism with its true parameters and true friction."""
     mechanism = nominal_mechanism(rig)
-    p: Array = mechanism.base(parameters_of(rig.mechanism, rig.true_parameters))
+    p: Array = mechanism.base(parameters_of(nominal_table(rig), rig.true_parameters))
     return TrueSystem(mechanism, p, rig.friction)
 
 

@@ -57,7 +57,7 @@ RIG = Rig(
 # A wheel of 1 kg m^2 without gravity and friction: its velocity is the integral of the torque.
 WHEEL = Rig(
     name="wheel",
-    mechanism={"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0, "g": 0.0}},
+    mechanism={"kind": "pendulum", "parameters": {"g": 0.0}},
     friction=Stribeck(Curve((0.0,), (0.0,), (0.0,))),
     camera=Camera(samples=31, rate=50.0),
     recordings=(Run("steps", (0.0,), (5.0,), (Steps(1.0, 0.07),)),),

@@ -20,7 +20,8 @@ from frictionid.files import read_bytes
 def read_emps(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Position [m] and force [N] of the carriage; force = gtau vir, held by the controller.
 
-    The reference position qg is the covariate `reference` [m].
+    The reference position qg is the covariate `reference` [m], the controller's output vir the
+    covariate `voltage` [V].
 
     Raises
     ------
@@ -39,5 +40,8 @@ def read_emps(path: Path, settings: Mapping[str, Any]) -> Recording:
         table_name(path.name),
         signal_of(table, "t", ["qm"]),
         signal_of(table, "t", ["vir"], unit=float(gain[0]), hold="previous"),
-        covariates={"reference": signal_of(table, "t", ["qg"])},
+        covariates={
+            "reference": signal_of(table, "t", ["qg"]),
+            "voltage": signal_of(table, "t", ["vir"], hold="previous"),
+        },
     )

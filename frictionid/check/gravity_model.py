@@ -1,8 +1,4 @@
-"""Torque that is no measurement: a column that equals a gravity model holds a command.
-
-Such a column is a function of the angle alone; friction does not appear in it, and nothing can be
-identified from it.
-"""
+"""Torque that equals a gravity model: a function of the angles, in which no friction shows."""
 
 from __future__ import annotations
 
@@ -15,22 +11,22 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 from frictionid.mechanics import Mechanism
 
-# Residual of most samples over the torque's root mean square: friction and inertia leave more in
-# any measurement. A few samples may differ (the controller's start and end).
+# Residual of most samples over the torque's own size: friction and inertia leave more in any
+# measurement. A few samples may differ (the controller's start and end, glitches).
 EQUAL, MOST = 0.02, 0.8
 _SAMPLES = 500  # of a recording that are used
 
 
-def commanded(measured: Measured) -> list[Finding]:
+def gravity_models(measured: Measured) -> list[Finding]:
     """Findings of joints whose torque is a function of the angles, b + sum of gravity terms."""
     out = []
     mechanism = measured.mechanism
     for j in np.flatnonzero(mechanism.description.driven).tolist():
-        shares = [_residual_share(r, mechanism, j) for r in measured.dataset.recordings]
-        known = {i: share for i, share in enumerate(shares) if share is not None}
-        commands = {i: share for i, share in known.items() if share < EQUAL}
+        acts = [i for i, r in enumerate(measured.dataset.recordings) if r.torque.value[:, j].any()]
+        shares = {i: gravity_share(measured.dataset.recordings[i], mechanism, j) for i in acts}
+        commands = {i: share for i, share in shares.items() if share is not None}
         if commands:
-            out.append(_finding(measured.dataset, j, commands, len(commands) == len(known)))
+            out.append(_finding(measured.dataset, j, commands, len(commands) == len(acts)))
     return out
 
 
@@ -49,26 +45,35 @@ def _finding(dataset: Dataset, j: int, shares: dict[int, float], everywhere: boo
     )
 
 
-def _residual_share(recording: Recording, mechanism: Mechanism, j: int) -> float | None:
-    """Share of the torque that no gravity model explains, None where torque or angle rest."""
+def gravity_share(recording: Recording, mechanism: Mechanism, j: int) -> float | None:
+    """Share of torque j that b + sum of gravity terms leaves, None where it is no such function.
+
+    Shares are of most samples, so that a few glitches make neither the torque nor the model.
+    """
     keep = slice(None, None, max(len(recording.torque.time) // _SAMPLES, 1))
     time, torque = recording.torque.time[keep], recording.torque.value[keep, j]
-    power = float(np.sqrt((torque**2).mean()))
-    if power < 1e-9 or len(time) < 30 or np.std(torque) < 0.05 * power:
+    size = float(np.quantile(np.abs(torque), MOST))
+    varies = float(np.quantile(np.abs(torque - np.median(torque)), MOST))
+    if size < 1e-9 or len(time) < 30 or varies < 0.05 * size:
         return None
     dt = float(np.median(np.diff(recording.torque.time)))
     # a controller computes from the sample before or from this one
-    delays = (0.0, dt)
-    return min(_residual(recording, mechanism, j, time - late, torque) for late in delays) / power
+    left = min(_residual(recording, mechanism, j, time - late, torque) for late in (0.0, dt))
+    share = left / size
+    return share if share < EQUAL else None
 
 
 def _residual(
     recording: Recording, mechanism: Mechanism, j: int, time: Array, torque: Array
 ) -> float:
-    """Residual [N m] of most samples after a fit of gravity at the angles of some times."""
+    """Residual [N m] of most samples after a robust fit of gravity at the angles of some times."""
     q = sample(recording.angle, time)
     unit = np.eye(len(mechanism.base_names))[:, None, :]
     gravity = -mechanism.terms(unit, q, np.zeros_like(q)).dLdq[..., j].T
     columns = np.column_stack([gravity[:, np.abs(gravity).max(0) > 0], np.ones(len(q))])
-    left = torque - columns @ np.linalg.lstsq(columns, torque, rcond=1e-10)[0]
-    return float(np.quantile(np.abs(left), MOST))
+    use = np.ones(len(q), dtype=bool)
+    for _ in range(4):  # trimmed least squares: the samples that fit best decide
+        x = np.linalg.lstsq(columns[use], torque[use], rcond=1e-10)[0]
+        left = np.abs(torque - columns @ x)
+        use = left <= np.quantile(left, MOST)
+    return float(np.quantile(left, MOST))

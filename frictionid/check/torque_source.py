@@ -1,0 +1,209 @@
+"""Where the torque of each motor comes from: measured, commanded, modelled, or cannot tell.
+
+Friction that is fitted to a command includes what the drive adds to it or loses of it; friction
+fitted to a motor model includes that model's error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.check.fine_structure import (
+    noise_of,
+    quantisation,
+    repeated,
+    unexplained_noise,
+)
+from frictionid.check.gravity_model import gravity_share
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, sample
+from frictionid.mechanics import Mechanism, mechanism_of
+
+Source = Literal["measured", "commanded", "modelled", "cannot tell"]
+
+# No torque sensor has less noise than this share of the torque's root mean square.
+NOISELESS = 3e-4
+# A quantisation step below this share may be the digits of a table.
+COARSE = 3e-4
+# Noise beyond rounding, in steps; rounding alone leaves 0.29.
+BEYOND = 0.45
+# Root mean square of a torque in steps, below which its noise says nothing.
+STEPS = 8.0
+# Noise that readings explain but for this share was computed from them (real drives: 0.3 and more).
+COMPUTED = 0.15
+# Noise above this share of the torque is as likely the command's own.
+LOUD = 0.1
+# Share of repeated readings from which a torque is held between the controller's samples.
+HELD = 0.8
+# A column that a covariate and the velocity leave this share of was computed from that covariate.
+MODELLED = 3e-3
+# Fewest samples that a statement needs, and the most that it uses.
+FEWEST, MOST = 60, 20000
+
+
+class Evidence(NamedTuple):
+    """What one recording shows of one motor's torque: source, and the sentence that shows it."""
+
+    source: Source
+    words: str
+
+
+class TorqueSource(NamedTuple):
+    """Source of one motor's torque, from all recordings in which it acts.
+
+    joint : from 1; words : the evidence; recordings : those that show it
+    """
+
+    joint: int
+    source: Source
+    words: str
+    recordings: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The statement in one sentence."""
+        verdict = "may be measured or not" if self.source == "cannot tell" else f"is {self.source}"
+        return f"torque {self.joint} {verdict}: {self.words}"
+
+
+def torque_sources(dataset: Dataset) -> tuple[TorqueSource, ...]:
+    """Source of each motor's torque; none for joints without motor or without any torque.
+
+    Examples
+    --------
+    >>> time = np.arange(500) * 0.002
+    >>> angle, torque = np.sin(3 * time)[:, None], np.cos(5 * time)[:, None]
+    >>> noise = 0.01 * np.random.default_rng(0).standard_normal(torque.shape)
+    >>> machine = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}}
+    >>> for value in (torque, np.round((torque + noise) / 0.005) * 0.005):
+    ...     one = Recording("a", Signal(time, angle), Signal(time, value))
+    ...     print(torque_sources(Dataset("d", machine, (one,)))[0].source)
+    commanded
+    measured
+    """
+    mechanism = mechanism_of(dataset.mechanism)
+    out = []
+    for j in np.flatnonzero(mechanism.description.driven).tolist():
+        shown = [(r.name, _evidence(r, mechanism, j)) for r in dataset.recordings]
+        known = [(name, evidence) for name, evidence in shown if evidence is not None]
+        if known:
+            out.append(_together(j + 1, known))
+    return tuple(out)
+
+
+def _together(joint: int, shown: Sequence[tuple[str, Evidence]]) -> TorqueSource:
+    """The statement of all recordings: one column has one source, unless recordings contradict."""
+    decided = [(n, e) for n, e in shown if e.source != "cannot tell"]
+    sources = sorted({e.source for _, e in decided})
+    if len(sources) != 1:
+        if not sources:
+            name, evidence = shown[0]
+            return TorqueSource(joint, "cannot tell", evidence.words, (name,))
+        first = [next((n, e) for n, e in decided if e.source == s) for s in sources]
+        words = "; ".join(f"{e.source} in {n!r} ({e.words})" for n, e in first)
+        return TorqueSource(joint, "cannot tell", words, tuple(n for n, _ in first))
+    names = tuple(n for n, _ in decided)
+    return TorqueSource(joint, decided[0][1].source, decided[0][1].words, names)
+
+
+def _evidence(recording: Recording, mechanism: Mechanism, j: int) -> Evidence | None:
+    """What a recording shows of motor j; None where its torque is zero or too short."""
+    torque = recording.torque
+    time, value = torque.time[:MOST], torque.value[:MOST, j]
+    level = float(np.sqrt(np.mean(value**2)))
+    if level == 0.0 or len(value) < FEWEST:
+        return None
+    computed = _modelled(recording, time, value)
+    if computed is not None:
+        return computed
+    share = gravity_share(recording, mechanism, j)
+    if share is not None:
+        return Evidence("commanded", f"it equals a gravity model to {_percent(share)}")
+    return next(_by_noise(recording.angle, time, value, level))
+
+
+def _by_noise(angle: Signal, time: Array, value: Array, level: float) -> Iterator[Evidence]:
+    """Evidence of steps and noise, the clearest first."""
+    step, held = quantisation(value), repeated(value)
+    if step > COARSE * level:
+        yield _of_steps(time, value, level, step)
+    if held == 1.0:
+        yield Evidence("cannot tell", "it never changes")
+    if held > HELD:
+        yield Evidence(
+            "commanded", f"it is held for {1 / (1 - held):.0f} samples at a time, without noise"
+        )
+    changes = np.append(True, np.diff(value) != 0.0)
+    if changes.sum() < FEWEST:
+        yield Evidence("cannot tell", "it changes too rarely to show any noise")
+    noise = noise_of(time[changes], value[changes])
+    same_clock = np.array_equal(time, angle.time[: len(time)])
+    readings = angle.value[: len(time)]
+    left = unexplained_noise(time, value, readings) if same_clock else 1.0
+    own = min(noise.floor, noise.level * left) / level
+    if own < NOISELESS:
+        yield Evidence(
+            "commanded",
+            f"no quantisation step, and noise of only {own:.1g} of its root mean square",
+        )
+    if left < COMPUTED:
+        yield Evidence(
+            "commanded",
+            f"its noise is that of the angle readings but for {_percent(left)}, as of a controller",
+        )
+    steady = noise.steady and noise.level < LOUD * level and held < 0.05
+    yield _of_noise(_percent(noise.level / level), own=steady and same_clock and left > 0.8)
+
+
+def _of_noise(size: str, *, own: bool) -> Evidence:
+    if own:
+        return Evidence("measured", f"steady white noise of {size} that no angle reading explains")
+    return Evidence(
+        "cannot tell",
+        f"no quantisation step, and noise of {size} that a sensor or a controller may make",
+    )
+
+
+def _of_steps(time: Array, value: Array, level: float, step: float) -> Evidence:
+    noise = noise_of(time, value)
+    size = f"quantised in steps of {step:.2g} ({_percent(step / level)} of its root mean square)"
+    if level < STEPS * step:
+        return Evidence("cannot tell", f"{size}, too small a torque to show more")
+    if noise.level > BEYOND * step:
+        return Evidence("measured", f"{size}, with noise of {noise.level / step:.1f} steps")
+    return Evidence("cannot tell", f"{size}, without noise beyond rounding")
+
+
+def _modelled(recording: Recording, time: Array, value: Array) -> Evidence | None:
+    """Evidence of a motor model: while it acts, the torque is a covariate plus the velocity."""
+    velocity = np.gradient(sample(recording.angle, time), time, axis=0)
+    acts = value != 0.0
+    columns, value = np.column_stack([velocity, np.ones(len(time))])[acts], value[acts]
+    if len(value) < FEWEST or _left(columns, value) < MODELLED:
+        return None
+    known = {name: sample(signal, time)[acts] for name, signal in recording.covariates.items()}
+    shares = {name: _left(np.column_stack([v, columns]), value) for name, v in known.items()}
+    name = min(shares, key=lambda key: shares[key], default="")
+    if not name or shares[name] > MODELLED:
+        return None
+    best = shares[name]
+    return Evidence(
+        "modelled", f"it is computed from {name!r} and the velocity, to {_percent(best)}"
+    )
+
+
+def _left(columns: Array, value: Array) -> float:
+    """Share of a torque that least squares on some columns leave, in most samples."""
+    level = float(np.sqrt(np.mean(value**2)))
+    size = np.sqrt((columns**2).sum(0))
+    columns = columns / np.where(size > 0, size, 1.0)
+    left = value - columns @ np.linalg.lstsq(columns, value, rcond=1e-10)[0]
+    return float(np.quantile(np.abs(left), 0.8)) / level
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
