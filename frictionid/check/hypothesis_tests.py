@@ -17,6 +17,7 @@ from frictionid.check.delay import Delay, delay_of
 from frictionid.check.findings import Finding
 from frictionid.check.model_errors import ModelError, errors_named, free_share, model_errors
 from frictionid.check.motion import Measured
+from frictionid.mechanics import NO_MOTOR_REMEDY, torque_without_motor
 
 # A torque is called late where its delay exceeds this many standard errors, this share of a sample
 # and this time [s], and removes this share of the sum of squares (healthy: at most 0.03).
@@ -77,6 +78,8 @@ def run_tests(measured: Measured) -> HypothesisTests:
         *late,
         *_mechanism_findings(errors, rows, torque, nominal),
     ]
+    if not fitting:  # else the joints may be swapped
+        findings += _motor_findings(measured)
     findings = findings or _unexplained_findings(rows, torque, nominal)
     return HypothesisTests(
         corrected, rows, given, True, tuple(conventions), delay, shift, errors, tuple(findings)
@@ -120,6 +123,13 @@ def _convention_findings(fitting: list[Scored], given: Scored) -> list[Finding]:
             None,
             {"score": fitting[0].score, "given": given.score},
         )
+    ]
+
+
+def _motor_findings(measured: Measured) -> list[Finding]:
+    return [
+        Finding("torque_without_motor", "unusable", sentence, NO_MOTOR_REMEDY, j + 1)
+        for j, sentence in torque_without_motor(measured.dataset).items()
     ]
 
 

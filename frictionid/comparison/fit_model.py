@@ -15,7 +15,7 @@ from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics import plant_of
+from frictionid.mechanics import plant_of, refuse_torque_without_motor
 from frictionid.shooting import document_of
 
 
@@ -61,6 +61,7 @@ def fit_model(
     """
     recipe.check(identifier)
     protocol = protocol or Protocol()
+    refuse_torque_without_motor(dataset)
     estimated = EstimatedStates(dataset, protocol.sample_time)
     prepared = Prepared(dataset, protocol, estimated, plant_of(dataset))
     training = training_set(prepared, [recipe])

@@ -34,7 +34,7 @@ from frictionid.identifiers.formulation import (
     training_problem,
 )
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics import Plant, plant_of, unit_inertia_plant
+from frictionid.mechanics import Plant, plant_of, refuse_torque_without_motor, unit_inertia_plant
 from frictionid.mechanics.calibration import Calibration, calibrated_dataset, calibrated_plant
 from frictionid.shooting import SampleWindows
 
@@ -163,6 +163,7 @@ def prepare(
         Where the recordings are too short for the protocol, or a parameter is unknown.
     """
     plant = plant_of(dataset, parameters)
+    refuse_torque_without_motor(dataset)
     if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
         raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
     estimated = EstimatedStates(dataset, protocol.sample_time)

@@ -7,10 +7,18 @@ from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.mechanism import Mechanism, Partials, Terms
 from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of, with_defaults
 from frictionid.mechanics.pendulum import pendulum
-from frictionid.mechanics.plant import Plant, plant_of, unit_inertia_plant
+from frictionid.mechanics.plant import (
+    NO_MOTOR_REMEDY,
+    Plant,
+    plant_of,
+    refuse_torque_without_motor,
+    torque_without_motor,
+    unit_inertia_plant,
+)
 from frictionid.mechanics.unit_inertia import unit_inertia
 
 __all__ = [
+    "NO_MOTOR_REMEDY",
     "Base",
     "Body",
     "Description",
@@ -26,6 +34,8 @@ __all__ = [
     "parameters_of",
     "pendulum",
     "plant_of",
+    "refuse_torque_without_motor",
+    "torque_without_motor",
     "unit_inertia",
     "unit_inertia_plant",
     "with_defaults",

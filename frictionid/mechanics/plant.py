@@ -80,7 +80,7 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     ------
     InputError
         For parameters that a machine cannot have (see `parameters_of`), columns that are
-        not one per joint, or a torque at a joint without motor.
+        not one per joint.
     """
     table: Mapping[str, Any] = dataset.mechanism
     mechanism = mechanism_of(table)
@@ -93,7 +93,7 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
 
 
 def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
-    """Refuse recordings with other joints, or with a torque where the mechanism has no motor."""
+    """Refuse recordings of other joints than the mechanism's."""
     kind, n = mechanism.description.kind, mechanism.n
     for recording in dataset.recordings:
         for quantity, signal in (("angle", recording.angle), ("torque", recording.torque)):
@@ -104,15 +104,40 @@ def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
                     f"of {quantity}, but {kind} has {n} joint{'s' if n > 1 else ''}; give one "
                     "column per joint, or another kind in [mechanism]"
                 )
-        for j, driven in enumerate(mechanism.description.driven):
-            top = float(np.abs(np.asarray(recording.torque.value)[:, j]).max())
-            if top > 0 and not driven:
-                raise InputError(
-                    f"data set {dataset.name!r}, recording {recording.name!r}: torque {j + 1} is "
-                    f"up to {top:.3g} {mechanism.description.torque_unit}, but joint {j + 1} of "
-                    f'{kind} has no motor; leave its column empty (""), or declare the motor '
-                    "(driven, or another kind, in [mechanism])"
-                )
+
+
+def torque_without_motor(dataset: Dataset) -> dict[int, str]:
+    """Joints (from 0) without motor that have a torque, each with a sentence; none is right.
+
+    >>> from frictionid.data.recordings import Recording
+    >>> from frictionid.data.signals import Signal
+    >>> both = Signal(np.array([0.0, 1.0]), np.array([[0.2, 0.1], [0.0, 0.3]]))
+    >>> machine = Dataset("rig", {"kind": "acrobot"}, (Recording("a", both, both),))
+    >>> torque_without_motor(machine)
+    {0: "torque 1 is up to 0.2 N m (recording 'a'), but joint 1 of acrobot has no motor"}
+    """
+    description = mechanism_of(dataset.mechanism).description
+    out = {}
+    for j in np.flatnonzero(~np.array(description.driven)).tolist():
+        tops = [float(np.abs(r.torque.value[:, j]).max()) for r in dataset.recordings]
+        if max(tops) > 0:
+            name = dataset.recordings[int(np.argmax(tops))].name
+            out[j] = (
+                f"torque {j + 1} is up to {max(tops):.3g} {description.torque_unit} "
+                f"(recording {name!r}), but joint {j + 1} of {description.kind} has no motor"
+            )
+    return out
+
+
+NO_MOTOR_REMEDY = (
+    'leave its column empty (""), or declare the motor (driven, or another kind, in [mechanism])'
+)
+
+
+def refuse_torque_without_motor(dataset: Dataset) -> None:
+    """Raise InputError where a joint without motor has a torque: no fit could use it."""
+    for sentence in torque_without_motor(dataset).values():
+        raise InputError(f"data set {dataset.name!r}: {sentence}; {NO_MOTOR_REMEDY}")
 
 
 def unit_inertia_plant(dataset: Dataset) -> Plant:

@@ -18,12 +18,16 @@ from frictionid.check.facts import clock_of, joints_of
 from frictionid.check.motion import motions_of
 from frictionid.check.regression import regress
 from frictionid.cli import main
+from frictionid.comparison.fit_model import fit_model
 from frictionid.data.integrals import integrals_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, prepare
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
+from frictionid.identifiers import LeastSquares
 from frictionid.mechanics import plant_of
 from frictionid.report.diagnostics import as_json
 from frictionid.report.figures.diagnostics import write_pictures
@@ -278,3 +282,18 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
     assert not any("decay" in words or "gravity" in words for words in verdict.next)
     bodies = next(e for e in verdict.identifiable if e.what == "inertia combinations")
     assert bodies.possible
+
+
+def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
+    rigs, rng = pool.pool(seed=0)[:1], np.random.default_rng(3)
+    acrobot = pool.case(rigs[0], rng)
+    wrong = pool.with_torques(acrobot, lambda u: u + np.array([0.2, 0.0]))
+    finding = next(f for f in check(wrong).findings if f.kind == "torque_without_motor")
+    assert finding.text.startswith("torque 1 is up to 0.2 N m")
+    assert finding.level == "unusable"
+    for refuses in (
+        lambda: fit_model(wrong, LeastSquares(CoulombViscous())),
+        lambda: prepare(wrong, Protocol()),
+    ):
+        with pytest.raises(InputError, match="but joint 1 of acrobot has no motor; leave its col"):
+            refuses()

@@ -96,7 +96,7 @@ def test_plain_is_a_numpy_array_without_gradient():
 
 
 @pytest.mark.parametrize(
-    ("table", "angles", "torque", "message"),
+    ("table", "angles", "message"),
     [
         (
             {"kind": "acrobot"},
@@ -104,7 +104,7 @@ def test_plain_is_a_numpy_array_without_gradient():
             0.0,
             r"'a': 1 columns of angle, but acrobot has 2 joints; give one",
         ),
-        ({"kind": "linear_axis"}, 2, 0.0, r"2 columns of angle, but linear_axis has 1 joint; give"),
+        ({"kind": "linear_axis"}, 2, r"2 columns of angle, but linear_axis has 1 joint; give"),
         (
             {"kind": "acrobot"},
             2,
@@ -113,9 +113,9 @@ def test_plain_is_a_numpy_array_without_gradient():
         ),
     ],
 )
-def test_columns_that_the_mechanism_does_not_have_are_refused(table, angles, torque, message):
+def test_columns_that_the_mechanism_does_not_have_are_refused(table, angles, message):
     time = np.array([0.0, 0.1])
-    angle, u = Signal(time, np.zeros((2, angles))), Signal(time, np.full((2, angles), torque))
-    data = Dataset("rig", {**table, "parameters": {}}, (Recording("a", angle, u),))
+    angle = Signal(time, np.zeros((2, angles)))
+    data = Dataset("rig", table, (Recording("a", angle, angle),))
     with pytest.raises(InputError, match=message):
         plant_of(data)
