@@ -19,6 +19,8 @@ from frictionid.cli.init import init
 from frictionid.cli.laws import laws
 from frictionid.cli.log import log
 from frictionid.cli.mechanisms import mechanisms
+from frictionid.cli.predict import predict
+from frictionid.cli.quick import quick
 from frictionid.cli.quiet import QUIET, without_quiet
 from frictionid.cli.render import render
 from frictionid.cli.report import report
@@ -37,10 +39,12 @@ app = typer.Typer(
 )
 for command in (
     init,
+    quick,
     check,
     compare,
     fit,
     evaluate,
+    predict,
     report,
     simulate,
     suggest,

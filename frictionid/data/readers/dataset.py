@@ -163,7 +163,7 @@ def _recording(
         recording = replace(own, name=table_name(name), parameters=parameters)
         recording = _with_sigma(recording, toml)
     start, stop = toml.recordings.start, toml.recordings.stop
-    return recording if (start, stop) == (0.0, math.inf) else _within(recording, start, stop)
+    return recording if (start, stop) == (0.0, math.inf) else within(recording, start, stop)
 
 
 def _from_table(content: bytes, folder: Path, name: str, toml: DatasetToml) -> Recording:
@@ -249,8 +249,14 @@ def _signal(
     )
 
 
-def _within(recording: Recording, start: float, stop: float) -> Recording:
-    """The recording from ``start`` to ``stop`` [s] after its first angle sample."""
+def within(recording: Recording, start: float, stop: float) -> Recording:
+    """The recording from ``start`` to ``stop`` [s] after its first angle sample.
+
+    Raises
+    ------
+    InputError
+        Where no sample lies in that span.
+    """
     first = float(recording.angle.time[0])
     span = partial(cut, start=first + start, stop=first + stop)
     try:

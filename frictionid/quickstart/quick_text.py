@@ -1,0 +1,128 @@
+"""A first verdict in words, for people in the terminal and for programs as JSON."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from frictionid.comparison.docstrings import summary
+from frictionid.comparison.registry import IDENTIFIERS
+from frictionid.files import plain
+from frictionid.mechanics import mechanism_of
+from frictionid.quickstart.quick import Candidate, Quick
+from frictionid.report.diagnostics import COLOURS
+from frictionid.report.estimates import estimates
+from frictionid.report.numbers import short
+from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+from frictionid.report.terminal import console, parameter_table
+
+
+def show_quick(found: Quick) -> None:
+    """Print a first verdict: what the check found, the laws, which one, and its parameters."""
+    from rich.text import Text
+
+    out = console()
+    check = found.check
+    head = Text(check.dataset, style="bold").append(": the data are ", "")
+    out.print(head.append(check.level, f"bold {COLOURS[check.level]}"))
+    for finding in check.findings:
+        remedy = f" -> {finding.remedy}" if finding.remedy else ""
+        out.print(f"  {finding.text}{remedy}", markup=False, soft_wrap=True)
+    out.print()
+    if found.chosen is None:
+        out.print("No law was fitted: correct the data first.", markup=False)
+        return
+    for text in for_terminal(_table(found)):
+        out.print(text, soft_wrap=True)
+    for sentence in verdict(found):
+        out.print(sentence, markup=False, soft_wrap=True)
+    if found.refined:
+        out.print()
+        for text in for_terminal(parameter_table(estimates(found.refined))):
+            out.print(text, soft_wrap=True)
+    for advice in check.next:
+        out.print(f"next: {advice}", markup=False, soft_wrap=True)
+
+
+def verdict(found: Quick) -> list[str]:
+    """The verdict in sentences; none for unusable data."""
+    if found.chosen is None:
+        return []
+    chosen, unit = found.chosen, _unit(found)
+    best = min(found.candidates, key=lambda c: c.error)
+    out = [
+        f"Verdict: {chosen.name}, {summary(IDENTIFIERS[chosen.name].parts[-1])}",
+        f"It is {short(chosen.error)} {unit} off after {found.horizon:g} s on held-out motion "
+        f"(median), {short(_without(found).error)} {unit} without friction.",
+    ]
+    if best is not chosen:
+        out.append(
+            f"{best.name} has the smallest error, but {chosen.name} is not clearly worse and has "
+            "fewer parameters."
+        )
+    simpler = [c.name for c in found.candidates if c.parameters < chosen.parameters]
+    if simpler:
+        out.append(f"Clearly worse than {best.name}: {', '.join(simpler)}.")
+    if len(found.free) > 1:
+        out.append(f"Free beside friction, as the check asks for it: {', '.join(found.free[1:])}.")
+    return out
+
+
+def quick_json(found: Quick) -> str:
+    """A first verdict as JSON text; SI units, null for what is infinite or unknown."""
+    check = found.check
+    document = {
+        "dataset": check.dataset,
+        "level": check.level,
+        "findings": check.findings,
+        "seconds": found.seconds,
+        "horizon": found.horizon,
+        "free": found.free,
+        "candidates": [
+            {
+                "name": c.name,
+                "parameters": c.parameters,
+                "error": c.error,
+                "by_fold": c.by_fold,
+                "to_best": c.to_best,
+            }
+            for c in found.candidates
+        ],
+        "chosen": found.chosen and found.chosen.name,
+        "verdict": verdict(found),
+        "fit": found.refined,
+    }
+    return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
+
+
+def _table(found: Quick) -> Table:
+    columns = [
+        *text_columns("law"),
+        Column("parameters"),
+        Column(f"error after {found.horizon:g} s [{_unit(found)}]"),
+        Column("times the best (95 %)"),
+    ]
+    best = min(found.candidates, key=lambda c: c.error)
+    lines = []
+    for c in found.candidates:
+        against = "best" if c is best else _ratio(c)
+        mark = f"{c.name} *" if c is found.chosen else c.name
+        lines.append(line([mark, str(c.parameters), short(c.error), against]))
+    return Table("", "", tuple(columns), tuple(lines))
+
+
+def _ratio(c: Candidate) -> str:
+    mean, low, high = c.to_best
+    if not np.isfinite(mean):
+        return "diverges"
+    return f"{mean:.2g} ({low:.2g} to {high:.2g})"
+
+
+def _without(found: Quick) -> Candidate:
+    return next(c for c in found.candidates if not c.parameters)
+
+
+def _unit(found: Quick) -> str:
+    mechanism = found.check.regression.measured.dataset.mechanism
+    return mechanism_of(mechanism).description.angle_unit
