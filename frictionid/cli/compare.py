@@ -36,7 +36,9 @@ def compare(
     ] = None,
 ) -> None:
     """Compare friction models on identical folds, and report which one the evidence supports."""
-    from frictionid.cli.progress import counted
+    from joblib import cpu_count
+
+    from frictionid.cli.progress import running
     from frictionid.comparison.registry import LAWS
     from frictionid.comparison.result_folder import lock, unfinished
     from frictionid.comparison.results import describe, load_results
@@ -52,10 +54,12 @@ def compare(
     try:
         tasks = tasks_of(table, suite, data, device.value if device else None)
         prepared_benchmarks = prepare_benchmarks(tasks)
-        with lock(folder), counted(len(tasks), f"comparing ({table.name})") as count:
+        words = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
+        title = f"comparing ({table.name})"
+        with lock(folder), running([*words.values()], title, jobs or cpu_count()) as count:
 
             def done(task: Task) -> None:
-                count(f"{task.benchmark.dataset.name}: {task.name}, {task.recipe.name}")
+                count(words[task.file])
 
             settings = table.document() | ({"device": device.value} if device else {})
             files = [task.file for task in tasks]

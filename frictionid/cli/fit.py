@@ -37,6 +37,9 @@ def fit(
         list[str] | None,
         typer.Option(help="A parameter that is not free, e.g. inertia.gravity_2; repeatable."),
     ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
+    ] = None,
     replace: Replace = False,
 ) -> None:
     """Fit friction to all recordings of a data set."""
@@ -45,17 +48,25 @@ def fit(
     from frictionid.comparison.suite_identifiers import identifier_named
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.evaluation import Protocol
+    from frictionid.files import write_bytes
     from frictionid.friction.model_files import model_paths, save_model
     from frictionid.outputs import check_outputs
+    from frictionid.report.figures.fitted import check_drawable, fit_picture
 
-    check_outputs(model_paths(out), dataset_files(dataset, data), replace=replace)
+    check_outputs([*model_paths(out), figure], dataset_files(dataset, data), replace=replace)
     chosen = identifier_named(identifier, dict(map(setting, set_ or [])))
     method = _recipe(recipe, by, free, fixed or [])
     method.check(chosen)
     protocol = Protocol(sample_time=sample_time)
-    friction = fit_model(load_dataset(dataset, data), chosen, method, protocol, seed)
+    if figure is not None:
+        check_drawable(chosen)
+    loaded = load_dataset(dataset, data)
+    friction = fit_model(loaded, chosen, method, protocol, seed)
     save_model(friction, out, LAWS)
     _show(friction, out)
+    if figure is not None:
+        write_bytes(figure, fit_picture(friction, loaded))
+        print(f"written to {figure}")
 
 
 def _show(friction: Friction, out: Path) -> None:

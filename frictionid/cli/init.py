@@ -40,10 +40,13 @@ def init(
 
     What is not given is asked for in a terminal. Files that are there are never overwritten.
     """
+    from frictionid.outputs import check_outputs
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
     found = tables_at(tables)
-    _check_free(found.folder)
+    files = [found.folder / name for name in ("dataset.toml", "suite.toml")]
+    _check_free(files)
+    check_outputs(files)
     machine = _mechanism(mechanism, set_ or [])
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
@@ -52,13 +55,16 @@ def init(
     _write(found, described)
 
 
-def _check_free(folder: Path) -> None:
+def _check_free(files: Sequence[Path]) -> None:
+    """What somebody has written is never overwritten here, so that there is no --replace."""
+    import os
+
     from frictionid.errors import InputError
 
-    for name in ("dataset.toml", "suite.toml"):
-        if (folder / name).exists():
+    for file in files:
+        if os.path.lexists(file):
             raise InputError(
-                f"{folder / name} is there already and is not overwritten; "
+                f"{file} is there already and is not overwritten; "
                 "edit it, or rename it and start again"
             )
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import DataFolder, DatasetPath, ModelPath
 
 
@@ -26,13 +27,16 @@ def predict(
         typer.Option(help="Class of a law that is not built in, module:Class; repeatable."),
     ] = None,
     data: DataFolder = None,
+    replace: Replace = False,
 ) -> None:
     """Write the motion that a model predicts beside the measured one, in SI units."""
     from frictionid.comparison.registry import friction_of
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.evaluation.predicted_motion import predicted_motion
     from frictionid.files import write_bytes
+    from frictionid.outputs import check_outputs
 
+    check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     friction = friction_of(model, law or ())
     table = predicted_motion(friction, load_dataset(dataset, data), horizon, every, whole=whole)
     if out.suffix == ".parquet":

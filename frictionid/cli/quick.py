@@ -7,28 +7,35 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Replace
 from frictionid.cli.paths import DataFolder, DatasetPath
 
 
 def quick(
     dataset: DatasetPath,
-    figure: Annotated[Path, typer.Option(help="Picture to write (PNG).")] = Path("quick.png"),
+    figure: Annotated[
+        Path | None, typer.Option(help="Picture to write (PNG) [quick-<name>.png].")
+    ] = None,
     data: DataFolder = None,
     json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
+    replace: Replace = False,
 ) -> None:
     """Check a data set, compare three friction laws on held-out motion, and say which one holds.
 
     The exit status is 2 where the data are unusable, else 0.
     """
     from frictionid.cli.progress import running
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import write_bytes
+    from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import STEPS
     from frictionid.quickstart.quick import quick as first_verdict
     from frictionid.quickstart.quick_picture import quick_picture
     from frictionid.quickstart.quick_text import quick_json, show_quick
 
     loaded = load_dataset(dataset, data)
+    figure = figure or Path(f"quick-{loaded.name}.png")
+    check_outputs([figure], dataset_files(dataset, data), replace=replace)
     with running(STEPS, f"first verdict ({loaded.name})") as done:
         found = first_verdict(loaded, done)
     print(quick_json(found)) if json else show_quick(found)

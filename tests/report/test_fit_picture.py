@@ -1,0 +1,44 @@
+"""fit --figure: one picture of the fitted friction, with the band where shooting knows one."""
+
+import numpy as np
+import pytest
+from fixtures.command_line import run_command
+from fixtures.tiny_pendulums import dataset, write_dataset
+
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.report.figures import fitted
+
+FIT = ("fit", "tiny", "--identifier", "coulomb_viscous", "--out", "model.json")
+
+
+def test_the_picture_is_written_beside_the_model(monkeypatch, capsys, tmp_path):
+    write_dataset(tmp_path / "tiny")
+    words = (*FIT, "--figure", "friction.png")
+    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    assert (code, err) == (0, "") and out.endswith("written to friction.png\n")
+    assert (tmp_path / "friction.png").read_bytes().startswith(b"\x89PNG")
+    (tmp_path / "model.json").unlink()
+    code, _, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    assert code == 2 and "friction.png exists" in err and not (tmp_path / "model.json").exists()
+
+
+def test_a_model_without_friction_is_refused_before_the_fit(monkeypatch, capsys, tmp_path):
+    write_dataset(tmp_path / "tiny")
+    words = ("fit", "tiny", "--identifier", "sindy_dynamics", "--out", "m.json")
+    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words, "--figure", "f.png")
+    assert (code, out) == (2, "") and "no friction torque to draw" in err
+    assert not list(tmp_path.glob("m.*"))
+
+
+@pytest.mark.parametrize("width", [0.004, None])
+def test_the_band_is_that_of_the_document(monkeypatch, width):
+    bands = {"velocity": np.linspace(-20, 20, 5)[:, None], "simultaneous": np.full((5, 1), width)}
+    source = {} if width is None else {"refined": {"bands": bands}}
+    friction = Friction(CoulombViscous(), np.array([[0.03, 0.004]]), provenance=source)
+    drawn = []
+    monkeypatch.setattr(fitted, "_panel", lambda *given: drawn.append(given[1:]))
+    assert fitted.fit_picture(friction, dataset()).startswith(b"\x89PNG")
+    ((w, curve, half),) = drawn
+    np.testing.assert_allclose(curve, 0.03 * np.tanh(w / 0.02) + 0.004 * w)
+    assert half is None if width is None else np.allclose(half, width)
