@@ -2,6 +2,7 @@
 
 import difflib
 import importlib
+import importlib.util
 import re
 import reprlib
 import sys
@@ -9,6 +10,7 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar, get_type_hints
 
@@ -96,6 +98,54 @@ def imported(reference: str, folder: Path, where: str) -> Any:
     except Exception as error:  # whatever the user's own module raises
         reason = f"{type(error).__name__}: {error}"
         raise InputError(f"{where}: {reference!r} cannot be imported ({reason})") from None
+
+
+def imported_for_suite(reference: str, folder: Path, where: str) -> Any:
+    """What `module:name` names in a suite: in a module of the suite's folder, or installed.
+
+    Raises
+    ------
+    InputError
+        For a module from elsewhere, Python's own included, before it is imported.
+
+    Examples
+    --------
+    >>> imported_for_suite("subprocess:Popen", Path(), "suite.toml")
+    Traceback (most recent call last):
+    frictionid.errors.InputError: suite.toml: 'subprocess:Popen' is neither in a module beside ...
+    """
+    top = reference.partition(":")[0].partition(".")[0]
+    if str(folder.resolve()) not in sys.path:
+        sys.path.append(str(folder.resolve()))
+    if not (is_installed(top) or _is_beside(top, folder)):
+        raise InputError(
+            f"{where}: {reference!r} is neither in a module beside the file nor in an installed "
+            "package: copy it there, or install it"
+        )
+    return imported(reference, folder, where)
+
+
+def is_installed(module: str) -> bool:
+    """Whether a module is of an installed package, which the standard library is not.
+
+    >>> is_installed("numpy.linalg"), is_installed("os.path")
+    (True, False)
+    """
+    top = module.partition(".")[0]
+    return top == __name__.partition(".")[0] or top in packages_distributions()
+
+
+def _is_beside(top: str, folder: Path) -> bool:
+    """Whether a module that is not nested is a file or package in a folder, or a copy of it."""
+    try:
+        spec = importlib.util.find_spec(top)
+    except (ImportError, ValueError):
+        return False
+    own = (folder / f"{top}.py", folder / top / "__init__.py")
+    if spec is None or not spec.origin or not Path(spec.origin).is_file():
+        return False
+    content = Path(spec.origin).read_bytes()
+    return any(path.is_file() and path.read_bytes() == content for path in own)
 
 
 class Strict(BaseModel):

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Replace, Trust
 from frictionid.cli.paths import DatasetPath
 
 
@@ -20,6 +20,7 @@ def check(
     json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
     replace: Replace = False,
+    trust: Trust = False,
 ) -> None:
     """Report errors in recordings, what the recordings identify, and what to record next.
 
@@ -39,7 +40,7 @@ def check(
             picture_paths(out), (*dataset_files(dataset, data), published), replace=replace
         )
     model = friction_of(published) if published else None
-    verdict = check_dataset(load_dataset(dataset, data), model)
+    verdict = check_dataset(load_dataset(dataset, data, trust=trust), model)
     if json:
         print(as_json(verdict))
     else:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Trust
 from frictionid.cli.paths import SuitePath
 
 
@@ -28,6 +29,7 @@ def compare(
         int, typer.Option(min=0, help="Number of parallel tasks; 0: one per core.")
     ] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Keep finished tasks.")] = False,
+    trust: Trust = False,
     replace: Annotated[
         bool, typer.Option("--replace", help="Replace results of another suite, or begin anew.")
     ] = False,
@@ -52,7 +54,7 @@ def compare(
     folder = out or Path("report") / table.name
     check_writable(folder)
     try:
-        tasks = tasks_of(table, suite, data, device.value if device else None)
+        tasks = tasks_of(table, suite, data, device.value if device else None, trust=trust)
         prepared_benchmarks = prepare_benchmarks(tasks)
         words = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
         title = f"comparing ({table.name})"
@@ -77,6 +79,11 @@ def compare(
         )
         raise typer.Exit(130) from None
     show(results)
+    _say_what_stays(folder, files)
+
+
+def _say_what_stays(folder: Path, files: list[str]) -> None:
+    """Name results of tasks that the suite does not have: they are neither deleted nor shown."""
     others = {path.name for path in (folder / "tasks").glob("*.json")} - set(files)
     if others:
         typer.echo(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Replace, Trust
 from frictionid.cli.paths import ModelsAndDataset
 
 
@@ -29,6 +29,7 @@ def evaluate(
         bool, typer.Option(help="Also simulate whole recordings from their start.")
     ] = False,
     replace: Replace = False,
+    trust: Trust = False,
 ) -> None:
     """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
     from frictionid.cli.progress import counted
@@ -49,7 +50,7 @@ def evaluate(
     check_outputs([out], [*read, *dataset_files(place, data)], replace=replace)
     frictions = {path: friction_of(path, law or ()) for path in models}
     protocol = Protocol(horizons=_seconds(horizons), sample_time=sample_time, whole=whole)
-    dataset = load_dataset(place, data)
+    dataset = load_dataset(place, data, trust=trust)
     prepared = prepare(dataset, protocol)
     scores = {}
     with counted(len(models), f"evaluating ({dataset.name})") as done:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Replace, Trust
 from frictionid.cli.paths import DatasetPath
 from frictionid.cli.settings import setting
 
@@ -41,6 +41,7 @@ def fit(
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
     ] = None,
     replace: Replace = False,
+    trust: Trust = False,
 ) -> None:
     """Fit friction to all recordings of a data set."""
     from frictionid.comparison.fit_model import fit_model
@@ -60,7 +61,7 @@ def fit(
     protocol = Protocol(sample_time=sample_time)
     if figure is not None:
         check_drawable(chosen)
-    loaded = load_dataset(dataset, data)
+    loaded = load_dataset(dataset, data, trust=trust)
     friction = fit_model(loaded, chosen, method, protocol, seed)
     save_model(friction, out, LAWS)
     _show(friction, out)

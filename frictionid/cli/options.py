@@ -6,6 +6,9 @@ from typing import Annotated
 
 import typer
 
+Trust = Annotated[
+    bool, typer.Option("--trust", help="Run the reader that a data set names by its module.")
+]
 Replace = Annotated[
     bool, typer.Option("--replace", help="Write over files that exist (never over what is read).")
 ]

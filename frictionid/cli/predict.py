@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Replace, Trust
 from frictionid.cli.paths import DataFolder, DatasetPath, ModelPath
 
 
@@ -28,6 +28,7 @@ def predict(
     ] = None,
     data: DataFolder = None,
     replace: Replace = False,
+    trust: Trust = False,
 ) -> None:
     """Write the motion that a model predicts beside the measured one, in SI units."""
     from frictionid.comparison.registry import friction_of
@@ -38,7 +39,9 @@ def predict(
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     friction = friction_of(model, law or ())
-    table = predicted_motion(friction, load_dataset(dataset, data), horizon, every, whole=whole)
+    table = predicted_motion(
+        friction, load_dataset(dataset, data, trust=trust), horizon, every, whole=whole
+    )
     if out.suffix == ".parquet":
         write_bytes(out, table.to_parquet(index=False))
     else:

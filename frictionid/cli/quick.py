@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Replace, Trust
 from frictionid.cli.paths import DataFolder, DatasetPath
 
 
@@ -19,6 +19,7 @@ def quick(
     data: DataFolder = None,
     json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
     replace: Replace = False,
+    trust: Trust = False,
 ) -> None:
     """Check a data set, compare three friction laws on held-out motion, and say which one holds.
 
@@ -26,15 +27,15 @@ def quick(
     """
     from frictionid.cli.progress import running
     from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.files import write_bytes
+    from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import STEPS
     from frictionid.quickstart.quick import quick as first_verdict
     from frictionid.quickstart.quick_picture import quick_picture
     from frictionid.quickstart.quick_text import quick_json, show_quick
 
-    loaded = load_dataset(dataset, data)
-    figure = figure or Path(f"quick-{loaded.name}.png")
+    loaded = load_dataset(dataset, data, trust=trust)
+    figure = figure or Path(f"quick-{file_names([loaded.name])[loaded.name]}.png")
     check_outputs([figure], dataset_files(dataset, data), replace=replace)
     with running(STEPS, f"first verdict ({loaded.name})") as done:
         found = first_verdict(loaded, done)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Replace, Trust
 from frictionid.cli.paths import SuitePath
 
 
@@ -25,6 +25,7 @@ def tune(
     ] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Keep finished trials.")] = False,
     replace: Replace = False,
+    trust: Trust = False,
 ) -> None:
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
     from joblib import cpu_count
@@ -43,7 +44,7 @@ def tune(
     folder = out or Path("report") / f"{table.name}-tune"
     check_writable(folder)
     try:
-        tasks = tuning_tasks(table, suite, data)
+        tasks = tuning_tasks(table, suite, data, trust=trust)
         total = tuning.trials * len(study_specs(tasks, tuning))
         with (
             lock(folder, ["journal.log"], "tuning"),

@@ -11,7 +11,7 @@ from frictionid.comparison.kinds import built
 from frictionid.comparison.methods import Method
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.suite import IdentifierEntry
-from frictionid.config import imported, nearest
+from frictionid.config import imported_for_suite, is_installed, nearest
 from frictionid.errors import InputError
 from frictionid.identifiers import Identifier, Network
 
@@ -79,9 +79,16 @@ def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
 
 
 def _imported(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Identifier:
-    """Identifier of a class "package.module:Class"."""
+    """Identifier of a class "package.module:Class", or what a function beside the suite makes."""
+    part = imported_for_suite(kind, folder, where)
+    own = isinstance(part, type) and issubclass(part, Identifier)
+    if is_installed(kind.partition(":")[0]) and not own:
+        raise InputError(
+            f"{where}: {kind!r} is no class derived from frictionid.identifiers.Identifier, and "
+            "installed packages are asked for nothing else"
+        )
     try:
-        made = imported(kind, folder, where)(**settings)
+        made = part(**settings)
     except (TypeError, ValueError) as error:
         raise InputError(
             str(error) if isinstance(error, InputError) else f"{where}: {error}"

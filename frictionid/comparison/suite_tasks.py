@@ -27,7 +27,12 @@ from frictionid.mechanics import plant_of
 
 
 def tasks_of(
-    suite: Suite, file: Path, data: Path | None = None, device: str | None = None
+    suite: Suite,
+    file: Path,
+    data: Path | None = None,
+    device: str | None = None,
+    *,
+    trust: bool = False,
 ) -> list[Task]:
     """Tasks of the suite of a file, in the order in which tables show them.
 
@@ -42,6 +47,8 @@ def tasks_of(
         Folder with the tables of its one data set.
     device : str, optional
         Where networks are trained, whatever the suite says.
+    trust : bool
+        Whether readers that its data sets name by their modules may run.
 
     Raises
     ------
@@ -49,19 +56,21 @@ def tasks_of(
         For unknown names, settings that do not fit, data that cannot be read.
     """
     try:
-        return _tasks(suite, file.parent, data, device)
+        return _tasks(suite, file.parent, data, device, trust)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 
 
-def _tasks(suite: Suite, folder: Path, data: Path | None, device: str | None) -> list[Task]:
+def _tasks(
+    suite: Suite, folder: Path, data: Path | None, device: str | None, trust: bool
+) -> list[Task]:
     recipes = recipes_of(suite.recipes)
     identifiers = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
     if device is not None:
         identifiers = [i._replace(identifier=on_device(i.identifier, device)) for i in identifiers]
     distinct([recipe.name for recipe in recipes], "recipes")
     distinct(list(map(str, suite.seeds)), "seeds")
-    benchmarks = benchmarks_of(suite, folder, data)
+    benchmarks = benchmarks_of(suite, folder, data, trust=trust)
     tasks = [
         task
         for entry, benchmark in zip(suite.datasets, benchmarks, strict=True)
@@ -101,7 +110,9 @@ def used_recipes(entry: DatasetEntry, recipes: Sequence[Method]) -> list[Method]
     return [recipe for recipe in recipes if entry.recipes is None or recipe.name in entry.recipes]
 
 
-def benchmarks_of(suite: Suite, folder: Path, data: Path | None) -> list[Benchmark]:
+def benchmarks_of(
+    suite: Suite, folder: Path, data: Path | None, *, trust: bool = False
+) -> list[Benchmark]:
     """Data, folds and protocol of each data set of a suite; each folder is read once."""
     if data is not None and len(suite.datasets) > 1:
         names = ", ".join(entry.path for entry in suite.datasets)
@@ -110,7 +121,7 @@ def benchmarks_of(suite: Suite, folder: Path, data: Path | None) -> list[Benchma
             "set FRICTIONID_DATA to the folder that holds their collections"
         )
     paths = dict.fromkeys(path for entry in suite.datasets for path in (entry.path, *entry.tests))
-    loaded = {path: load_dataset(folder / path, data) for path in paths}
+    loaded = {path: load_dataset(folder / path, data, trust=trust) for path in paths}
     benchmarks = [_benchmark(suite, entry, loaded) for entry in suite.datasets]
     distinct([d.name for b in benchmarks for d in (b.dataset, *b.tests)], "data sets")
     return benchmarks

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
 
+from frictionid.config import is_installed
 from frictionid.errors import InputError
 
 
@@ -78,7 +79,12 @@ def _imported(name: str) -> Any:
             f"sklearn: estimator {name!r} is unknown; {hint}known are {', '.join(NAMED)}, and "
             'classes such as "sklearn.svm.LinearSVR"'
         )
+    if not is_installed(module):
+        raise InputError(f"sklearn: estimator {name!r} is of no installed package: install it")
     try:
-        return getattr(importlib.import_module(module), last)
+        found = getattr(importlib.import_module(module), last)
     except (ImportError, AttributeError) as error:
         raise InputError(f"sklearn: estimator {name!r} cannot be imported ({error})") from None
+    if not (isinstance(found, type) and hasattr(found, "fit") and hasattr(found, "predict")):
+        raise InputError(f"sklearn: estimator {name!r} is no class with fit and predict")
+    return found

@@ -13,7 +13,7 @@ import pandas as pd
 
 from frictionid.comparison.search_space import Objective, text_of
 from frictionid.comparison.tuning.studies import StudyResult
-from frictionid.comparison.tuning.tuned_suite import best_of, by_task, chosen_suite
+from frictionid.comparison.tuning.tuned_suite import best_of, by_task, chosen_suite, own_modules
 from frictionid.files import file_names
 from frictionid.outputs import replace_files
 from frictionid.report.figures.style import drawing, rendered
@@ -44,7 +44,7 @@ def write_outcome(
         texts[suite.name] = chosen_suite(file, own, suite, objective)
         datasets.append((name, [score_table(own, objective), *settings_tables(own)], suite.name))
     texts["summary.md"] = render("tuning.md.j2", {"datasets": datasets, "picture": "progress"})
-    contents = {name: text.encode() for name, text in texts.items()}
+    contents = {name: text.encode() for name, text in texts.items()} | own_modules(file)
     with drawing():
         for kind, picture in rendered(progress(studies, objective)).items():
             contents[f"progress.{kind}"] = picture

@@ -258,7 +258,7 @@ def test_misuse_is_one_line_and_exit_code_2(call, arguments, words):
 def test_ctrl_c_while_reading_is_130(place, call, monkeypatch):
     from frictionid.comparison import suite_tasks
 
-    def stop(*_):
+    def stop(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(suite_tasks, "load_dataset", stop)

@@ -188,6 +188,24 @@ def test_nested_folds_leave_out_the_held_out_block_and_its_gap():
         assert all(r.truth is None for r in (*part.dataset.recordings, *test.recordings))
 
 
+@pytest.mark.parametrize("kind", ["blocks", "recordings"])
+def test_samples_keep_their_own_deviations(place, tmp_path, kind):
+    def deviating(r):
+        sigma = 1e-4 * (1.0 + np.arange(len(r.angle.time))[:, None] % 3)
+        return replace(r, angle=r.angle._replace(sigma=sigma))
+
+    own = benchmark(Split(count=3, kind=kind, gap=0.1))
+    own = replace(
+        own, dataset=replace(own.dataset, recordings=tuple(map(deviating, own.dataset.recordings)))
+    )
+    (first, *_) = training_benchmark(own, 1, Split(count=2)).dataset.recordings
+    whole = next(r for r in own.dataset.recordings if r.name == first.name.split(",")[0])
+    rows = np.isin(whole.angle.time, first.angle.time)
+    np.testing.assert_array_equal(first.angle.sigma, np.asarray(whole.angle.sigma)[rows])
+    (result, *_) = tune([tuning_task(place, own)], Tuning(trials=1, folds=2), tmp_path)
+    assert np.isfinite(result.best.value)
+
+
 def samples(part):
     """Times of the samples of each recording that pieces came from."""
     out = {}

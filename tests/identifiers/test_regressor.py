@@ -158,9 +158,9 @@ def test_its_settings_choose_the_estimator():
     [
         ({"estimator": "gradient_bosting"}, "did you mean 'gradient_boosting'"),
         ({"estimator": "sklearn.svm.Nothing"}, "cannot be imported"),
-        ({"estimator": "no.such.Thing"}, "cannot be imported"),
+        ({"estimator": "no.such.Thing"}, "is of no installed package"),
         ({"estimator": "sklearn.base.clone"}, "sklearn: "),
-        ({"estimator": "sklearn.preprocessing.StandardScaler"}, "is no regressor"),
+        ({"estimator": "sklearn.preprocessing.StandardScaler"}, "no class with fit and predict"),
         ({"estimator": "knn", "settings": {"neighbours": 4}}, "neighbours"),
         ({"estimator": "knn", "settings": {"n_neighbors": -4}}, "n_neighbors"),
         ({"estimator": "knn", "bins": 1}, "bins"),

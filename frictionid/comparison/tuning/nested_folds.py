@@ -93,4 +93,6 @@ def _pieces(recording: Recording, use: Array) -> Iterator[Recording]:
 
 
 def _between(signal: Signal, first: int, stop: int) -> Signal:
-    return signal._replace(time=signal.time[first:stop], value=signal.value[first:stop])
+    each = signal.sigma is not None and np.ndim(signal.sigma) == 2
+    sigma = np.asarray(signal.sigma)[first:stop] if each else signal.sigma
+    return Signal(signal.time[first:stop], signal.value[first:stop], signal.hold, sigma)

@@ -12,6 +12,7 @@ from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective
 from frictionid.comparison.tuning.studies import StudyResult
 from frictionid.config import read_toml, with_new_names
+from frictionid.files import read_bytes
 
 
 def by_task(results: Sequence[StudyResult]) -> list[list[StudyResult]]:
@@ -52,6 +53,14 @@ def chosen_suite(
     return "\n".join(head) + "\n" + tomli_w.dumps(document)
 
 
+def own_modules(file: Path) -> dict[str, bytes]:
+    """Modules beside a suite that its identifiers are of, by name: a copy of it needs them, too."""
+    kinds = [str(entry.get("kind")) for entry in read_toml(file)["identifiers"]]
+    names = {f"{kind.partition(':')[0].partition('.')[0]}.py" for kind in kinds if ":" in kind}
+    paths = [file.parent / name for name in sorted(names)]
+    return {path.name: read_bytes(path) for path in paths if path.is_file()}
+
+
 def _chosen(
     table: Mapping[str, Any], best: Sequence[StudyResult], file: Path, place: Path
 ) -> list[dict[str, Any]]:
@@ -76,12 +85,12 @@ def _chosen(
 
 def _is(entry: Mapping[str, Any], file: Path, name: str) -> bool:
     """Whether an entry of a suite is the data set of a name."""
-    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.data.readers.dataset_path import dataset_path
 
     if "name" in entry:
         return bool(entry["name"] == name)
     path = file.parent / entry["path"]
-    return path.name == name or load_dataset(path).name == name
+    return path.name == name or read_toml(dataset_path(path)).get("name") == name
 
 
 def _moved(entry: Mapping[str, Any], file: Path, place: Path) -> dict[str, Any]:

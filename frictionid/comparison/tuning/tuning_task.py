@@ -63,7 +63,9 @@ class TuningTask:
         return Task(benchmark, self.name, identifier, self.recipe, self.seed)
 
 
-def tuning_tasks(suite: Suite, file: Path, data: Path | None = None) -> list[TuningTask]:
+def tuning_tasks(
+    suite: Suite, file: Path, data: Path | None = None, *, trust: bool = False
+) -> list[TuningTask]:
     """What a suite has to tune: its identifiers with a `search` table, all spaces checked.
 
     Raises
@@ -72,12 +74,12 @@ def tuning_tasks(suite: Suite, file: Path, data: Path | None = None) -> list[Tun
         Where nothing is to be searched, or an end of a space is no value of its setting.
     """
     try:
-        return _tuning_tasks(suite, file.parent, data)
+        return _tuning_tasks(suite, file.parent, data, trust)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 
 
-def _tuning_tasks(suite: Suite, folder: Path, data: Path | None) -> list[TuningTask]:
+def _tuning_tasks(suite: Suite, folder: Path, data: Path | None, trust: bool) -> list[TuningTask]:
     entries = [entry for entry in suite.identifiers if entry.search]
     if not entries:
         raise InputError(
@@ -87,7 +89,7 @@ def _tuning_tasks(suite: Suite, folder: Path, data: Path | None) -> list[TuningT
     recipes = recipes_of(suite.recipes)
     for entry in entries:
         _check_space(entry, folder, recipes)
-    benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data)]
+    benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]
     tasks = [
         TuningTask(benchmark, entry.label, entry, recipe, suite.seeds[0], folder)
         for dataset, benchmark in zip(suite.datasets, benchmarks, strict=True)

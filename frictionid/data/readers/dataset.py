@@ -24,7 +24,9 @@ from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
 
-def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
+def load_dataset(
+    path: str | Path, data: str | Path | None = None, *, trust: bool = False
+) -> Dataset:
     """The data set of a dataset.toml.
 
     Parameters
@@ -34,6 +36,8 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
     data : str or Path, optional
         Folder of the tables. Default: that of dataset.toml or, where it names a collection, the
         folder of that name in $FRICTIONID_DATA or in the cache.
+    trust : bool
+        Whether a reader that dataset.toml names by its module may run.
 
     Returns
     -------
@@ -51,7 +55,7 @@ def load_dataset(path: str | Path, data: str | Path | None = None) -> Dataset:
     folder, names = _tables(toml, file, data)
     _check_names(toml.sha256, names, f"{file}: sha256")
     _check_names(toml.recordings.parameters, names, f"{file}: recordings.parameters")
-    read = None if toml.reader is None else reader_of(toml.reader.kind, file)
+    read = None if toml.reader is None else reader_of(toml.reader.kind, file, trust=trust)
     recordings, hashes = [], {}
     for name in names:
         content = read_bytes(folder / name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -33,18 +34,27 @@ READERS: Mapping[str, Reader] = {
 }
 
 
-def reader_of(kind: str, file: Path) -> Reader:
-    """Reader of a name in dataset.toml: a built-in one, or `package.module:function`.
+def reader_of(kind: str, file: Path, *, trust: bool = False) -> Reader:
+    """Reader of a name in dataset.toml: built-in, an installed one, or `package.module:function`.
 
-    Modules of one's own are searched beside the dataset.toml, in the current folder and among the
-    installed packages.
+    Installed packages offer readers as entry points of the group `frictionid.readers`, by their
+    names. A reader by its module is code that the data set brings along: only with `trust` it is
+    searched beside the dataset.toml, in the current folder and among the installed packages.
 
     Raises
     ------
     InputError
-        Where there is no such reader.
+        Where there is no such reader, or it is not trusted.
     """
+    installed = {point.name: point for point in entry_points(group="frictionid.readers")}
+    if kind in installed and kind not in READERS:
+        return _checked(installed[kind].load(), kind)
     if ":" in kind:
+        if not trust:
+            raise InputError(
+                f"{file}: [reader] kind = {kind!r} is code, which runs with your rights: read it, "
+                "and give --trust (trust=True in Python) where it is harmless"
+            )
         found = imported(kind, file.parent, f"{file}: [reader] kind")
         if not callable(found):
             raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")

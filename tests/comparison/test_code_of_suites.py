@@ -1,0 +1,69 @@
+"""Suites name code of their own folder or of installed packages, and nothing else is imported."""
+
+import sys
+
+import pytest
+from fixtures.tiny_pendulums import write_suite
+
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.errors import InputError
+
+HARM = 'from pathlib import Path\nPath("harm").touch()\ndef make():\n    Path("harm").touch()\n'
+
+
+@pytest.fixture
+def complaint(tmp_path, monkeypatch):
+    """What is said to an identifier of a suite, which leaves no trace."""
+    (tmp_path / "suites").mkdir()
+    (tmp_path / "elsewhere.py").write_text(HARM)
+    monkeypatch.chdir(tmp_path)
+
+    def call(**entry):
+        file = write_suite(tmp_path / "suites", [("identifiers", [entry])])
+        with pytest.raises(InputError) as caught:
+            tasks_of(load_suite(file), file)
+        assert not (tmp_path / "harm").exists() and "elsewhere" not in sys.modules
+        return str(caught.value)
+
+    return call
+
+
+@pytest.mark.parametrize("kind", ["subprocess:Popen", "os:system", "elsewhere:make", "nowhere:x"])
+def test_code_from_elsewhere_is_not_imported(complaint, kind):
+    said = complaint(kind=kind, args=["touch", "harm"])
+    assert f"{kind!r} is neither in a module beside the file nor in an installed package" in said
+
+
+def test_a_file_of_the_name_of_a_python_module_does_not_open_it(complaint, tmp_path):
+    (tmp_path / "suites" / "subprocess.py").write_text("mine = 1\n")
+    assert "is neither in a module beside" in complaint(
+        kind="subprocess:Popen", args=["touch", "harm"]
+    )
+
+
+@pytest.mark.parametrize("kind", ["joblib:load", "numpy:load", "sklearn.svm:SVR"])
+def test_installed_packages_are_asked_for_identifiers_only(complaint, kind):
+    assert "is no class derived from frictionid.identifiers.Identifier" in complaint(kind=kind)
+
+
+ESTIMATORS = {
+    "subprocess:Popen": "is of no installed package",
+    "os.system": "is of no installed package",
+    "elsewhere:make": "is of no installed package",
+    "joblib:load": "is no class with fit and predict",
+    "sklearn.utils.Bunch": "is no class with fit and predict",
+}
+
+
+@pytest.mark.parametrize(("name", "words"), ESTIMATORS.items(), ids=ESTIMATORS.keys())
+def test_estimators_are_classes_of_installed_packages(complaint, name, words):
+    settings = {"args": ["touch", "harm"]}
+    assert words in complaint(kind="sklearn", estimator=name, settings=settings)
+
+
+def test_a_module_beside_the_suite_is_its_own(tmp_path):
+    text = "from frictionid.identifiers import Frictionless as beside\n"
+    (tmp_path / "beside_the_suite.py").write_text(text)
+    file = write_suite(tmp_path, [("identifiers", [{"kind": "beside_the_suite:beside"}])])
+    assert {task.name for task in tasks_of(load_suite(file), file)} == {"beside", "truth"}
