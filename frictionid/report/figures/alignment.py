@@ -9,7 +9,7 @@ import numpy as np
 from frictionid.acquire.align.align_files import AlignedRecording
 from frictionid.acquire.align.drive_response import DriveResponse
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import unit_rows
+from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
 from frictionid.check.motion import motions_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.recordings import Dataset, Recording
@@ -36,7 +36,7 @@ def alignment_pictures(one: AlignedRecording) -> dict[str, bytes]:
 
 
 def clock_picture(one: AlignedRecording) -> bytes:
-    """PNG: what every offset explains, and the torque that the motion asks for beside the log."""
+    """PNG: what every offset explains, and the torque that motion and friction ask for."""
     with drawing():
         coarse = len(one.alignment.coarse.offsets) > 0
         picture = figure(2.4 * (1 + coarse))
@@ -77,6 +77,7 @@ def _torques(ax: Any, one: AlignedRecording) -> None:
     rows = unit_rows(plant.mechanism, motions_of([recording]))
     asked = rows.required(np.asarray(plant.p))
     logged = rows.means(integrals_of([recording.torque]))
+    asked = asked + least_squares_friction(rows, logged - asked)
     middle = (rows.start + rows.stop) / 2
     begin, end = _liveliest(middle, logged)
     shown = (middle >= begin) & (middle <= end)
@@ -87,10 +88,20 @@ def _torques(ax: Any, one: AlignedRecording) -> None:
             asked[shown, j],
             color=COLOURS[1],
             lw=0.9,
-            label="asked for by the motion",
+            label="asked for by motion and friction",
         )
     ax.set_xlabel("time of the angles [s]")
     ax.set_ylabel(f"torque [{one.mechanism.description.torque_unit}]")
+
+
+def least_squares_friction(rows: Rows, torque: Array) -> Array:
+    """Friction (K, n) [N m] of the shapes of rows that explains most of torques (K, n)."""
+    out = np.zeros_like(torque)
+    for j in range(torque.shape[1]):
+        use, shapes = rows.moving[:, j], rows.friction[:, j]
+        if use.sum() >= MIN_WINDOWS:
+            out[:, j] = shapes @ np.linalg.lstsq(shapes[use], torque[use, j], rcond=None)[0]
+    return out
 
 
 def _liveliest(time: Array, torque: Array) -> tuple[float, float]:

@@ -26,75 +26,67 @@ from frictionid.report.figures.style import (
 )
 from frictionid.report.sections import DataDescription, Model, Section
 
-COLUMNS = 4  # identifiers side by side; more go to another picture
+COLUMNS = 4  # models side by side; more go to another picture
 DENSITY = 0.16  # height of the velocity density, share of a panel
 DOTTED = (0, (1, 1.6))
 
 
 def friction_curves(section: Section, styles: Mapping[str, Style]) -> list[Any]:
-    """Pictures of friction over velocity: a column for each identifier, rows of joints, recipes.
+    """Pictures of friction over velocity: a column for each model, a row for each joint.
 
     Fixed numbers and the truth stand in every panel. All panels of a joint have the same axes.
     """
     # models without physics have no friction curve
     fitted = [m for m in section.of_role("fitted") if np.isfinite(m.curves).any()]
-    columns = [
-        [m for m in fitted if m.label == name] for name in dict.fromkeys(m.label for m in fitted)
-    ]
+    names = list(dict.fromkeys(m.label for m in fitted))
+    columns = sorted(fitted, key=lambda m: names.index(m.label))  # recipes of one law side by side
     given = section.of_role("given")
     if not columns:
-        columns, given = [[model] for model in given], []
+        columns, given = given, []
+    data = section.description
+    limits = [_limits([*columns, *given], data, joint) for joint in range(len(data.joints))]
     parts = side_by_side(columns, COLUMNS)
-    return [_picture(part, given, section.description, styles) for part in parts]
+    return [_picture(part, given, (data, limits), styles) for part in parts]
 
 
 def _picture(
-    columns: Sequence[Sequence[Model]],
+    columns: Sequence[Model],
     given: Sequence[Model],
-    data: DataDescription,
+    place: tuple[DataDescription, Sequence[tuple[float, float]]],
     styles: Mapping[str, Style],
 ) -> Any:
-    shown = [model for column in columns for model in column]
-    recipes = list(dict.fromkeys(model.recipe for model in shown))
-    rows = [(joint, recipe) for joint in range(len(data.joints)) for recipe in recipes]
-    picture = figure(0.6 + 1.45 * len(rows))
-    axes = picture.subplots(len(rows), len(columns), squeeze=False)
-    for line_of_axes, (joint, recipe) in zip(axes, rows, strict=True):
-        limits = _limits([*shown, *given], data, joint)
-        for c, (axis, column) in enumerate(zip(line_of_axes, columns, strict=True)):
-            own = [r for r in recipes if not c or given or r in {m.recipe for m in column}]
-            if recipe not in own:
-                axis.set_axis_off()  # nothing was fitted so
-                continue
-            models = [model for model in column if model.recipe == recipe]
-            _panel(axis, models, given, (data, joint, limits), styles)
-            axis.tick_params(labelleft=c == 0, labelbottom=recipe == own[-1])
-        beside = f", {recipe}" if len(recipes) > 1 else ""
-        line_of_axes[0].set_ylabel(f"{data.joints[joint]}{plain(beside)}\n[{data.torque_unit}]")
-    for axis, column in zip(axes[0], columns, strict=True):
-        axis.set_title(plain(column[0].label), color=styles[column[0].label].colour, weight="bold")
-    key_above(picture, _key(shown, given, data, styles))
+    """A picture; `place` is the data set, and the ends of the joints' torque axes."""
+    data, limits = place
+    picture = figure(0.6 + 1.75 * len(limits))
+    axes = picture.subplots(len(limits), len(columns), squeeze=False)
+    for joint, row in enumerate(axes):
+        for axis, model in zip(row, columns, strict=True):
+            _panel(axis, model, given, (data, joint, limits[joint]), styles)
+            axis.tick_params(labelleft=axis is row[0], labelbottom=joint == len(limits) - 1)
+        row[0].set_ylabel(f"{data.joints[joint]}\n[{data.torque_unit}]")
+    for axis, model in zip(axes[0], columns, strict=True):
+        axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
+    key_above(picture, _key(columns, given, data, styles))
     picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
     return picture
 
 
 def _panel(
     axis: Any,
-    models: Sequence[Model],
+    model: Model,
     given: Sequence[Model],
     place: tuple[DataDescription, int, tuple[float, float]],
     styles: Mapping[str, Style],
 ) -> None:
-    """Curves of one joint: `place` is the data set, the joint, and the ends of its torque axis."""
+    """Curves of a model and a joint; `place`: data set, joint, and ends of its torque axis."""
     data, joint, limits = place
     w = data.velocity[:, joint]
     _density(axis, data, joint, limits)
     velocity_axis(axis, w, limits)
-    for model in given:
-        colour = styles[model.label].colour
-        axis.plot(w, model.curves[-1, :, joint], "--", color=colour, linewidth=0.9, zorder=3)
-    for model in models:
-        _folds(axis, model, data, joint, styles[model.label].colour)
+    for other in given:
+        colour = styles[other.label].colour
+        axis.plot(w, other.curves[-1, :, joint], "--", color=colour, linewidth=0.9, zorder=3)
+    _folds(axis, model, data, joint, styles[model.label].colour)
     draw_truth(axis, data, joint)
 
 

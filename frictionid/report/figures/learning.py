@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.panels import panel_grid
+from frictionid.report.figures.panels import panel_grid, plain_logarithm
 from frictionid.report.figures.style import DARK, GREY, Style, key_above, line, marker, plain
 from frictionid.report.sections import Model
 
@@ -37,7 +37,8 @@ def learning_curves(models: Sequence[Model], styles: Mapping[str, Style], unit: 
             axis.plot(epochs, values.T, color=colour, linewidth=0.6, alpha=0.6)
         if "held_out" in losses:
             _ends(axis, losses["held_out"])
-        axis.set_yscale("log")
+        plain_logarithm(axis)
+        axis.xaxis.get_major_locator().set_params(integer=True)
         axis.set_title(plain(model.name), fontsize=7, loc="left", color=own)
     picture.supxlabel("epoch", fontsize=8)
     picture.supylabel(f"loss {unit}", fontsize=8)

@@ -23,6 +23,8 @@ from frictionid.report.loops import KINDS, Loop, has_memory, loops_of, middle, w
 from frictionid.report.sections import Model, Section
 
 COLUMNS = 4  # models side by side; more go to another picture
+REST = 1e-6  # of the largest velocity: there sgn(w) is rounding
+RESOLVED = 0.01  # of the largest velocity: closer samples on both sides of a reversal are joined
 TONES = (0.55, 0.0, -0.45)  # towards white, and towards black: from slow to fast
 
 
@@ -78,7 +80,7 @@ def _truth(axis: Any, section: Section, joint: int, kind: str) -> None:
         if own:
             w, torque = middle(own).velocity, middle(own).torque[-1]
             order = np.argsort(w)  # there and back on one line, dashes would fill each other
-            line = _closed(w, torque) if has_memory(model) else (w[order], torque[order])
+            line = _closed(w, torque) if has_memory(model) else _broken(w[order], torque[order])
             axis.plot(*line, **style)
             return
     data = section.description
@@ -86,11 +88,27 @@ def _truth(axis: Any, section: Section, joint: int, kind: str) -> None:
         low, high = axis.get_xlim()
         w = data.velocity[:, joint]
         inside = (w >= low) & (w <= high)
-        axis.plot(w[inside], data.truth[inside, joint], **style)
+        axis.plot(*_broken(w[inside], data.truth[inside, joint]), **style)
 
 
-def _closed(x: Array, y: Array) -> tuple[Array, Array]:
-    return np.append(x, x[0]), np.append(y, y[0])
+def _closed(w: Array, torque: Array) -> tuple[Array, Array]:
+    """The closed loop, open at reversals that no sample resolves: friction jumps there.
+
+    >>> _closed(np.array([1.0, 3.0, 2.0]), np.ones(3))[0]
+    array([1., 3., 2., 1.])
+    >>> _closed(np.array([-2.0, 2.0]), np.ones(2))[0]
+    array([-2., nan,  2., nan, -2.])
+    """
+    return _broken(np.append(w, w[0]), np.append(torque, torque[0]))
+
+
+def _broken(w: Array, torque: Array) -> tuple[Array, Array]:
+    """The line, with a gap between samples that are not close and have no common direction."""
+    most = np.abs(w).max()
+    side = np.where(np.abs(w) < REST * most, 0.0, np.sign(w))
+    far = np.abs(np.diff(w)) > RESOLVED * most
+    jumps = np.flatnonzero(far & (side[1:] != side[:-1])) + 1
+    return np.insert(w, jumps, np.nan), np.insert(torque, jumps, np.nan)
 
 
 def _tones(count: int) -> list[float]:

@@ -19,7 +19,8 @@ from frictionid.report.figures.style import (
 )
 from frictionid.report.sections import EULER, Model, Section, rollout
 
-MARKERS = {"none": "s", "given": "D", "truth": "*"}  # others are dots
+MARKERS = {"none": "s", "given": "D", "truth": "*"}  # others have those of their recipes
+RECIPES = ("o", "^", "v", "P", "X", "<", ">", "p")
 
 
 def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
@@ -55,20 +56,19 @@ def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
 def _point(
     axis: Any, section: Section, model: Model, place: tuple[float, float], colour: str
 ) -> None:
-    """A model's point at its loss; `place` is its height and size."""
+    """A model's point at its loss, with the marker of its recipe; `place`: its height and size."""
     height, size = place
     loss = section.fitted.value(model, EULER)
     if model.role == "truth" and np.isfinite(loss):
         axis.axvline(loss, color=DARK, linewidth=1, linestyle=DASHED, zorder=1)
     if not np.isfinite([loss, height]).all() or height <= 0:
         return
-    hollow = len(section.recipes) > 1 and model.recipe == section.recipes[0]
     axis.plot(
         loss,
         height,
-        MARKERS.get(model.role, "o"),
+        MARKERS.get(model.role) or _marker(section, model.recipe),
         color=colour,
-        markerfacecolor="white" if hollow else colour,
+        markerfacecolor="white" if _hollow(section, model.recipe) else colour,
         markeredgewidth=1.3,
         markersize={"none": 6, "truth": 9}.get(model.role, size),
     )
@@ -77,8 +77,17 @@ def _point(
 def _key(section: Section, styles: Mapping[str, Style]) -> dict[str, Any]:
     roles = {model.label: MARKERS.get(model.role, "o") for model in section.models}
     key = {name: marker(styles[name].colour, kind, 5) for name, kind in roles.items()}
-    if len(section.recipes) > 1:
-        first, *others = section.recipes
-        key[f"{first} recipe"] = marker("black", size=6, face="white")
-        key[f"{', '.join(others)} recipe"] = marker("black", size=6)
+    for recipe in section.recipes if len(section.recipes) > 1 else ():
+        face = "white" if _hollow(section, recipe) else "black"
+        key[f"{recipe} recipe"] = marker("black", _marker(section, recipe), 6, face)
     return key
+
+
+def _marker(section: Section, recipe: str) -> str:
+    """Each recipe has its own, the first two are dots."""
+    place = section.recipes.index(recipe) if recipe in section.recipes else 0
+    return RECIPES[max(place - 1, 0) % len(RECIPES)]
+
+
+def _hollow(section: Section, recipe: str) -> bool:
+    return len(section.recipes) > 1 and recipe == section.recipes[0]

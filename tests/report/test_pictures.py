@@ -1,0 +1,92 @@
+"""Pictures show what is there: no ramp at reversals, a marker for each recipe, no empty panel."""
+
+import numpy as np
+import pytest
+from fixtures import result_folders as made
+from fixtures import tiny_pendulums as tiny
+from matplotlib.colors import to_hex
+
+from frictionid.check.balance_windows import unit_rows
+from frictionid.check.motion import motions_of
+from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loops
+from frictionid.friction import Friction
+from frictionid.friction.laws import LSTM, CoulombViscous
+from frictionid.mechanics import plant_of
+from frictionid.report.figures.alignment import least_squares_friction
+from frictionid.report.figures.curves import friction_curves
+from frictionid.report.figures.loops import loop_pictures
+from frictionid.report.figures.style import drawing, styles
+from frictionid.report.figures.tradeoff import loss_against
+
+PLANT = plant_of(tiny.dataset())[0]
+GRID = np.linspace(-10.0, 10.0, 401)[:, None]
+
+
+def section(folder, *fits, **changes):
+    """What was fitted: pairs of identifier and recipe, with their scores."""
+    scored = {"made": made.rows(0.4, 0.1, curve=0.1, joints=1)}
+    tasks = [made.task(name, scored, fit=fit, joints=1) | changes for name, fit in fits]
+    return made.section(made.write(folder, tasks, {"made": made.about(1)}))
+
+
+def steps(picture):
+    """Velocities of both ends of every line that is drawn in panels of reversing motion."""
+    for axis in picture.axes[::2] if len(picture.axes) > 1 else picture.axes:
+        for line in axis.get_lines():
+            w = np.asarray(line.get_xdata(), dtype=float)
+            if len(w) > 2:
+                yield w[:-1], w[1:]
+
+
+@pytest.mark.parametrize("law", [CoulombViscous(), LSTM(sample_time=1 / 60)], ids=["fine", "60 Hz"])
+def test_no_line_joins_samples_across_a_reversal(tmp_path, law):
+    theta = np.full((made.FOLDS + 1, 1, len(law.names)), 0.05)
+    loops = hysteresis_loops(Friction(law, theta), PLANT, HysteresisSettings(), GRID, 1 / 60)
+    own = section(tmp_path, ("one", "integral"), loops=[loop.document() for loop in loops])
+    ((_, picture),) = loop_pictures(own, styles(own.models))
+    drawn = [pair for pair in steps(picture)]
+    assert drawn
+    for before, after in drawn:
+        joined = np.isfinite(before) & np.isfinite(after)
+        across = joined & (np.sign(before) != np.sign(after))
+        assert np.abs(after - before)[across].max(initial=0.0) <= 0.01 * 10.0
+        assert joined.any()
+
+
+@pytest.mark.parametrize("recipes", [("integral",), ("study", "integral"), ("a", "b", "c", "d")])
+def test_each_recipe_has_a_marker_of_its_own(tmp_path, recipes):
+    own = section(tmp_path, *(("stribeck", recipe) for recipe in recipes))
+    picture = loss_against(own, styles(own.models))
+    points = [line for line in picture.axes[0].get_lines() if len(line.get_xdata()) == 1]
+    looks = {(p.get_marker(), to_hex(p.get_markerfacecolor())) for p in points}
+    assert len(looks) == len(points) == len(recipes)
+    (legend,) = picture.legends
+    named = [text.get_text() for text in legend.get_texts()]
+    assert [name for name in named if "recipe" in name] == (
+        [f"{recipe} recipe" for recipe in recipes] if len(recipes) > 1 else []
+    )
+
+
+def test_no_panel_of_the_curves_is_empty(tmp_path):
+    fits = [("a", "study"), ("a", "integral"), ("b", "integral"), ("c", "integral")]
+    own = section(tmp_path, *fits, ("d", "shooting"), ("e", "shooting"))
+    with drawing():
+        pictures = friction_curves(own, styles(own.models))
+    panels = [axis for picture in pictures for axis in picture.axes]
+    assert len(panels) == 6
+    assert all(axis.axison and len(axis.get_lines()) >= made.FOLDS for axis in panels)
+    assert len({axis.get_ylim() for axis in panels}) == 1
+    titles = [axis.get_title() for axis in panels]
+    assert titles[:2] == ["a (study)", "a (integral)"]  # recipes of one law side by side
+
+
+def test_the_friction_beside_the_motion_is_what_was_put_in():
+    data = tiny.dataset()
+    motions = motions_of(data.recordings)
+    rows = unit_rows(PLANT.mechanism, motions)
+    coulomb, viscous = 0.03, 0.004
+    torque = coulomb * rows.friction[..., 0] + viscous * rows.friction[..., 1]
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(torque.shape)
+    found = least_squares_friction(rows, torque + noise)
+    use = rows.moving[:, 0]
+    np.testing.assert_allclose(found[use], torque[use], atol=1e-4)
