@@ -273,8 +273,8 @@ def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motio
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "dataset.toml").write_text('name = "precious"\n')
     cases = (
-        (("a.csv", "gone.csv"), "gone.csv cannot be read"),
-        (("gone.csv", "log.csv"), "gone.csv cannot be read"),
+        (("a.csv", "gone.csv"), "gone.csv: no such file"),
+        (("gone.csv", "log.csv"), "gone.csv: no such file"),
         (("log.csv", "log.csv"), "has no column 'q1'"),
         (("a.csv", "a.csv"), "has no column 'host'"),
         (("lost.csv", "log.csv"), "has 0 rows with all of time, q1"),

@@ -357,7 +357,7 @@ def test_the_command_names_a_missing_or_broken_file(
     tmp_path: Path, monkeypatch: Any, capsys: Any
 ) -> None:
     (tmp_path / "rig.toml").write_text("name = ")
-    for file, reason in (("none.toml", "cannot be read"), ("rig.toml", "is no TOML")):
+    for file, reason in (("none.toml", "no such file"), ("rig.toml", "is no TOML")):
         out = str(tmp_path / "out")
         monkeypatch.setattr(
             "sys.argv", ["frictionid", "simulate", str(tmp_path / file), "--out", out]
