@@ -8,6 +8,7 @@ fine_structure, torque_source, gravity_model, unmeasured
                           noise and steps of a signal; where the torque comes from
 sensors                   faults of the readings
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism
+rivals                    which of them the data single out
 passive                   energy without input, loads at rest
 coverage, published       missing motion, advice; somebody's model
 questions, identifiable   answers, also where nothing is wrong

@@ -15,8 +15,9 @@ from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
 from frictionid.check.conventions import Scored, better, log_unexplained, scores
 from frictionid.check.delay import Delay, delay_of
 from frictionid.check.findings import Finding
-from frictionid.check.model_errors import ModelError, errors_named, free_share, model_errors
+from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured
+from frictionid.check.rivals import findings_of, misfit
 from frictionid.mechanics import NO_MOTOR_REMEDY, torque_without_motor
 
 # A torque is called late where its delay exceeds this many standard errors, this share of a sample
@@ -24,8 +25,6 @@ from frictionid.mechanics import NO_MOTOR_REMEDY, torque_without_motor
 ERRORS, SAMPLE, LEAST, EXPLAINS = 4.0, 0.35, 0.002, 0.1
 # A later torque [s] makes every rollout useless.
 UNUSABLE_DELAY = 0.1
-# The nominal mechanism is called wrong where free base parameters leave less than this share.
-FREE_SHARE = 0.5
 # More unexplained than this (log of the squared share) is no description of the data.
 UNEXPLAINED = np.log(0.2)
 
@@ -72,17 +71,17 @@ def run_tests(measured: Measured) -> HypothesisTests:
     late = _delay_findings(delay, _sample_interval(measured))
     shift = delay.seconds if delay and late else 0.0
     torque = rows.means(corrected.torque, shift)
-    errors = model_errors(measured.plant, rows, torque)
+    left = misfit(corrected, rows, torque)
     findings = [
         *_convention_findings(fitting, conventions[0]),
         *late,
-        *_mechanism_findings(errors, rows, torque, nominal),
+        *findings_of(left),
     ]
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)
     findings = findings or _unexplained_findings(rows, torque, nominal)
     return HypothesisTests(
-        corrected, rows, given, True, tuple(conventions), delay, shift, errors, tuple(findings)
+        corrected, rows, given, True, tuple(conventions), delay, shift, left.errors, tuple(findings)
     )
 
 
@@ -162,50 +161,6 @@ def _delay_findings(delay: Delay | None, interval: float) -> list[Finding]:
             {"delay": delay.seconds, "error": delay.error, "explains": delay.explained},
         )
     ]
-
-
-def _mechanism_findings(
-    errors: tuple[ModelError, ...], rows: Rows, torque: Array, nominal: Array
-) -> list[Finding]:
-    named = errors_named(errors)
-    if named:
-        return [_model_error_finding(named)]
-    share = free_share(rows, torque, nominal) if errors else 1.0
-    if share > FREE_SHARE:
-        return []
-    return [
-        Finding(
-            "nominal_mechanism",
-            "doubtful",
-            f"the nominal mechanism does not fit: its {nominal.shape[1]} base parameters, if free, "
-            f"remove {100 * (1 - share):.0f} % of the squared residual",
-            "compare the estimates below with the nominal values, or fit the base parameters",
-            None,
-            {"left": share},
-        )
-    ]
-
-
-def _model_error_finding(named: list[ModelError]) -> Finding:
-    best = named[0]
-    also = "; ".join(_words(e) for e in named[1:3])
-    tail = f" (equally likely by the data: {also})" if also else ""
-    remedy = {
-        "gain": "check gear ratio, torque constant and units; or all masses and inertias are wrong "
-        "by this factor",
-        "rotor": "add it to [mechanism.parameters], or fit the base parameters",
-        "base": "correct [mechanism.parameters], or fit the base parameters",
-    }[best.kind]
-    numbers = {"size": best.size, "error": best.error, "explains": 1 - best.left}
-    return Finding(best.kind, "doubtful", f"{_words(best)}{tail}", remedy, None, numbers)
-
-
-def _words(e: ModelError) -> str:
-    if e.kind == "gain":
-        return f"{e.words} is {e.size:.3f} +- {e.error:.3f}, not 1: wrong gear or torque constant"
-    if e.kind == "rotor":
-        return f"{e.words}: {e.size:.3g} +- {e.error:.1g} {e.unit} beyond the nominal mechanism"
-    return f"{e.words} is {100 * e.share:+.0f} % from its nominal value"
 
 
 def _unexplained_findings(rows: Rows, torque: Array, nominal: Array) -> list[Finding]:

@@ -78,6 +78,11 @@ def _gain(tests: HypothesisTests) -> Identifiable:
     if not gains:
         return Identifiable("torque gain", False, "no torque acts")
     best = min(gains, key=lambda e: e.error)
+    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause"}
+    if rivals:
+        other = "friction that grows with the torque" if "load" in rivals else "what is unexplained"
+        reason = f"{best.size:.3f} +- {best.error:.3f}, but {other} may look the same"
+        return Identifiable("torque gain", False, reason)
     reason = (
         f"{best.size:.3f} +- {best.error:.3f}, if the nominal mechanism is right: a gain and a "
         "common factor of all masses look the same"
