@@ -13,7 +13,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, Rows
-from frictionid.check.partial_regression import partial_regression
+from frictionid.check.partial_regression import PartialEstimate, partial_regression
 from frictionid.data.integrals import SignalIntegrals
 
 # Largest delay searched [s]; steps [s] of both searches and of the derivative.
@@ -60,14 +60,36 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     near = _inside(rows, abs(coarse) + COARSE)
     fine = coarse + np.arange(-COARSE, COARSE + FINE / 2, FINE)
     best = float(fine[np.argmin(_profile(near, torque, nominal, fine))])
-    for _ in range(3):  # Gauss-Newton
-        early, middle, late = near.means(torque, [best - STEP, best, best + STEP])
-        fit = partial_regression(near, middle, nominal, uncertain_mechanism=True)
-        step = fit.estimate(middle - near.required(nominal), (early - late) / (2 * STEP))
-        best += float(np.clip(step.value, -COARSE, COARSE))
+    best, step = _refined(near, torque, nominal, best)
     without = float(_profile(near, torque, nominal, np.zeros(1))[0])
     explained = 1.0 - step.left / max(without, 1e-300)
     return Delay(best, step.error, explained, lags, profile / profile.min())
+
+
+def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) -> Delay:
+    """The delay with what longer windows change of it as a further error.
+
+    A controller feeds errors of the angle back into the torque, so that both seem to go together at
+    another time than they do; in longer windows these errors weigh less.
+    """
+    near = _inside(longer, abs(delay.seconds) + COARSE)
+    if near.moving.any(1).sum() < MIN_WINDOWS:
+        return delay
+    other, step = _refined(near, torque, nominal, delay.seconds)
+    beyond = np.sqrt(max((other - delay.seconds) ** 2 - step.error**2, 0.0))
+    return delay._replace(error=float(np.hypot(delay.error, beyond)))
+
+
+def _refined(
+    rows: Rows, torque: SignalIntegrals, nominal: Array, best: float
+) -> tuple[float, PartialEstimate]:
+    """Delay [s] by Gauss-Newton from a near one, and the last step."""
+    for _ in range(3):
+        early, middle, late = rows.means(torque, [best - STEP, best, best + STEP])
+        fit = partial_regression(rows, middle, nominal, uncertain_mechanism=True)
+        step = fit.estimate(middle - rows.required(nominal), (early - late) / (2 * STEP))
+        best += float(np.clip(step.value, -COARSE, COARSE))
+    return best, step
 
 
 def _profile(rows: Rows, torque: SignalIntegrals, nominal: Array, lags: Array) -> Array:

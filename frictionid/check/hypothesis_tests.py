@@ -11,18 +11,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
+from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, Rows, unit_rows
 from frictionid.check.conventions import Scored, better, log_unexplained, scores
-from frictionid.check.delay import Delay, delay_of
+from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured
 from frictionid.check.rivals import findings_of, misfit
 from frictionid.mechanics import NO_MOTOR_REMEDY, torque_without_motor
 
-# A torque is called late where its delay exceeds this many standard errors, this share of a sample
-# and this time [s], and removes this share of the sum of squares (healthy: at most 0.03).
-ERRORS, SAMPLE, LEAST, EXPLAINS = 4.0, 0.35, 0.002, 0.1
+# A torque is called late where its delay exceeds this many standard errors and this time [s], and
+# removes this share of the sum of squares (healthy: at most 0.03).
+ERRORS, LEAST, EXPLAINS = 4.0, 0.002, 0.1
+# Within this share of a sample, what the torque does between samples looks the same: held and
+# interpolated differ by half an interval. Below the lower one it does not matter.
+SAMPLE, BETWEEN = 0.35, 0.65
+# Length [s] of the windows that show what errors of the motion do to an estimate.
+LONGER = 4 / 3 * WIDTH
 # A later torque [s] makes every rollout useless.
 UNUSABLE_DELAY = 0.1
 # More unexplained than this (log of the squared share) is no description of the data.
@@ -34,13 +39,15 @@ class HypothesisTests:
     """Results of the tests, and the data with all errors corrected.
 
     done : False where nothing could be tested; then all results are empty
-    measured, rows : corrected data and their rows ; as_given : rows of the data as given
+    measured, rows : corrected data and their rows ; as_given : rows of the data as given ;
+    longer : rows of longer windows, None where joints reverse too often for them
     shift : [s] delay that is corrected, 0 where it is not significant
     """
 
     measured: Measured
     rows: Rows
     as_given: Rows
+    longer: Rows | None = None
     done: bool = False
     conventions: tuple[Scored, ...] = ()
     delay: Delay | None = None
@@ -68,8 +75,11 @@ def run_tests(measured: Measured) -> HypothesisTests:
         corrected = measured.mapped(fitting[0].convention.angle, fitting[0].convention.torque)
         rows = unit_rows(corrected.mechanism, corrected.motions)
         delay = delay_of(rows, corrected.torque, nominal)
+    longer = _longer_rows(corrected, rows)
+    if delay is not None and longer is not None:
+        delay = beside(delay, longer, corrected.torque, nominal)
     late = _delay_findings(delay, _sample_interval(measured))
-    shift = delay.seconds if delay and late else 0.0
+    shift = delay.seconds if delay and late else 0.0  # a hold is corrected as well
     torque = rows.means(corrected.torque, shift)
     left = misfit(corrected, rows, torque)
     findings = [
@@ -81,8 +91,25 @@ def run_tests(measured: Measured) -> HypothesisTests:
         findings += _motor_findings(measured)
     findings = findings or _unexplained_findings(rows, torque, nominal)
     return HypothesisTests(
-        corrected, rows, given, True, tuple(conventions), delay, shift, left.errors, tuple(findings)
+        corrected,
+        rows,
+        given,
+        longer,
+        True,
+        tuple(conventions),
+        delay,
+        shift,
+        left.errors,
+        tuple(findings),
     )
+
+
+def _longer_rows(measured: Measured, rows: Rows) -> Rows | None:
+    """Rows of longer windows, unless joints hardly move one way for so long."""
+    longer = unit_rows(measured.mechanism, measured.motions, width=LONGER)
+    count = rows.moving.sum(0)
+    enough = longer.moving.sum(0) >= np.maximum(MIN_WINDOWS, 0.15 * count)
+    return longer if enough[count >= MIN_WINDOWS].all() else None
 
 
 def _limit(given: Scored, measured: Measured, rows: Rows, delay: Delay | None) -> float:
@@ -98,10 +125,13 @@ def _score(rows: Rows, torque: Array, nominal: Array) -> float:
 
 
 def _sample_interval(measured: Measured) -> float:
-    """Usual time [s] between two samples of the torque."""
-    times = [recording.torque.time for recording in measured.dataset.recordings]
-    intervals = [np.median(np.diff(time)) for time in times if len(time) > 1]
-    return float(np.median(intervals)) if intervals else 0.0
+    """Usual time [s] between two samples, of torque or angle, whichever is longer."""
+    longest = [
+        max(float(np.median(np.diff(s.time))) for s in (r.torque, r.angle) if len(s.time) > 1)
+        for r in measured.dataset.recordings
+        if len(r.angle.time) > 1
+    ]
+    return float(np.median(longest)) if longest else 0.0
 
 
 def _convention_findings(fitting: list[Scored], given: Scored) -> list[Finding]:
@@ -123,6 +153,20 @@ def _convention_findings(fitting: list[Scored], given: Scored) -> list[Finding]:
             {"score": fitting[0].score, "given": given.score},
         )
     ]
+
+
+def _between_samples(delay: Delay, interval: float) -> Finding:
+    low, high = delay.interval
+    return Finding(
+        "hold",
+        "good",
+        f"the motion asks for a torque shifted by {1e3 * low:.1f} to {1e3 * high:.1f} ms, less "
+        f"than its interval between samples ({1e3 * interval:.3g} ms): held or interpolated "
+        "between samples, or late; the data cannot tell these apart",
+        'correct torque = "previous" or "linear" under [hold], or fit the delay',
+        None,
+        {"delay": delay.seconds, "error": delay.error, "interval": interval},
+    )
 
 
 def _motor_findings(measured: Measured) -> list[Finding]:
@@ -147,8 +191,10 @@ def _delay_findings(delay: Delay | None, interval: float) -> list[Finding]:
     least = max(ERRORS * delay.error, SAMPLE * interval, LEAST)
     if abs(delay.seconds) < least or delay.explained < EXPLAINS:
         return []
-    word = "after" if delay.seconds > 0 else "before"
     low, high = delay.interval
+    if abs(delay.seconds) < BETWEEN * interval:
+        return [_between_samples(delay, interval)]
+    word = "after" if delay.seconds > 0 else "before"
     return [
         Finding(
             "delay",

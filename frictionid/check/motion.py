@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
@@ -45,7 +46,8 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
 
     var q = s^2 dt w0 / 3,    var w = s^2 dt w0^3 / 6
 
-    of the measurement variance s^2, from the integrals of its frequency response.
+    of the measurement variance s^2, from the integrals of its frequency response; s is at least
+    that of rounding to the angle's quantisation step.
 
     Examples
     --------
@@ -61,16 +63,22 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     rho = likeliest_jerk_ratio(series)
     mean = rts_smoother(series, rho)
     return tuple(
-        _motion(angle, mean[: len(angle.time), own], rho[own])
-        for angle, own in zip(angles, series.columns, strict=True)
+        _motion(angle, mean[: len(angle.time), own], rho[own], _rounding(r.angle, angle))
+        for r, angle, own in zip(recordings, angles, series.columns, strict=True)
     )
 
 
-def _motion(angle: Signal, mean: Array, rho: Array) -> Motion:
+def _rounding(angle: Signal, averaged: Signal) -> Array:
+    """Variance (n,) [rad^2] that rounding to quantisation steps has in averaged samples."""
+    step = np.array([quantisation(column) for column in np.asarray(angle.value).T])
+    return step**2 / 12 / (len(angle.time) // len(averaged.time))
+
+
+def _motion(angle: Signal, mean: Array, rho: Array, rounding: Array) -> Motion:
     dt = float(np.median(np.diff(angle.time)))
     bandwidth = np.minimum((rho / dt) ** (1 / 6), np.pi / dt)
     scatter = (angle.value - mean[..., 0]).var(axis=0)
-    variance = scatter / np.maximum(1.0 - dt * bandwidth / 3, 0.05)
+    variance = np.maximum(scatter / np.maximum(1.0 - dt * bandwidth / 3, 0.05), rounding)
     states = States(angle.time, mean[..., 0], mean[..., 1])
     velocity = np.sqrt(variance * dt * bandwidth**3 / 6)
     return Motion(states, np.sqrt(variance), velocity, 1.0 / bandwidth)

@@ -64,10 +64,11 @@ class Regression:
 def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array) -> Estimate:
     """Base parameters and friction of all joints from the rows.
 
-    The errors allow for correlation within blocks, and hold two systematic ones: how far the value
+    The errors allow for correlation within blocks, and hold systematic ones: how far the value
     moves when the friction at low speed is free (a Stribeck peak that Coulomb and viscous friction
-    miss), and the attenuation by errors of the motion, which is a regressor: the values times the
-    residual's share of the torque's squares.
+    miss), how far base parameters move when friction may grow with the motor's torque, and the
+    attenuation by errors of the motion, which is a regressor: the values times the residual's share
+    of the torque's squares.
 
     Parameters
     ----------
@@ -95,11 +96,16 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array
     if len(at):
         fit = _solve(X[..., at], y, rows, size[at])
         value[at] = fit.value
-        drift = fit.value - _value_with_slow_friction(X[..., at], y, rows, size[at])
+        slow = friction_columns(rows, slice(len(FRICTION), None))
+        loaded = _of_own_joint(np.abs(torque) * rows.friction[..., 0])
+        slowly = _solve_beside(X[..., at], y, rows, size[at], slow).value
+        growing = _solve_beside(X[..., at], y, rows, size[at], loaded)
+        own = np.sqrt(np.diag(growing.covariance))
+        grown = np.where(at < len(reference), _beyond(fit.value - growing.value, own), 0.0)
         y = y - X[..., at] @ fit.value
         shrunk = _attenuation(torque, y, rows.moving) * fit.value
-        systematic = np.outer(drift, drift) + np.outer(shrunk, shrunk)
-        covariance[np.ix_(at, at)] = fit.covariance + systematic
+        drifts = [fit.value - slowly, grown, shrunk]
+        covariance[np.ix_(at, at)] = fit.covariance + sum(np.outer(d, d) for d in drifts)
         unidentifiable = tuple(_named(v, [names[i] for i in at]) for v in fit.unidentifiable)
     else:
         covariance = np.diag(np.full(len(names), np.inf))
@@ -133,14 +139,36 @@ def friction_columns(rows: Rows, shapes: slice = slice(None)) -> Array:
     return out.reshape(K, n, n * F)
 
 
-def _value_with_slow_friction(X: Array, y: Array, rows: Rows, size: Array) -> Array:
-    """Estimate with the shapes of slow friction as further columns."""
-    slow = friction_columns(rows, slice(len(FRICTION), None))
-    slow = slow[..., (np.abs(slow[rows.moving.any(1)]) > 0).any((0, 1))]
-    level = np.full(slow.shape[-1], size[-1] if len(size) else 1.0)
-    wide = np.concatenate([X, slow], axis=-1)
-    value: Array = _solve(wide, y, rows, np.append(size, level)).value[: X.shape[-1]]
-    return value
+def widened(estimate: Estimate, longer: Estimate) -> Estimate:
+    """The estimate with what longer windows change of it as a further systematic error.
+
+    Errors of the motion weigh less in these. What their own errors explain is left out.
+    """
+    known = np.isfinite(estimate.error) & np.isfinite(longer.error)
+    drift = np.where(known, longer.value - estimate.value, 0.0)
+    own = np.where(known, longer.error, 0.0)
+    drift = _beyond(drift, own)
+    covariance = estimate.covariance + np.outer(drift, drift)
+    return estimate._replace(covariance=covariance, error=np.hypot(estimate.error, drift))
+
+
+def _of_own_joint(torque: Array) -> Array:
+    """Columns (K, n, n) of one torque (K, n) for each joint, in its own balance only."""
+    return torque[..., None] * np.eye(torque.shape[1])
+
+
+def _beyond(drift: Array, own: Array) -> Array:
+    """The part of a drift that its own standard error does not explain."""
+    return np.asarray(np.sign(drift) * np.sqrt(np.maximum(drift**2 - own**2, 0.0)))
+
+
+def _solve_beside(X: Array, y: Array, rows: Rows, size: Array, more: Array) -> _Solved:
+    """The estimates with further columns (K, n, m) beside them."""
+    more = more[..., (np.abs(more[rows.moving.any(1)]) > 0).any((0, 1))]
+    level = np.full(more.shape[-1], size[-1] if len(size) else 1.0)
+    fit = _solve(np.concatenate([X, more], axis=-1), y, rows, np.append(size, level))
+    P = X.shape[-1]
+    return fit._replace(value=fit.value[:P], covariance=fit.covariance[:P, :P])
 
 
 def _estimable(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:

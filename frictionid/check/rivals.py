@@ -34,6 +34,8 @@ SINGLED_OUT = 0.35
 ALIKE = 1.1
 # A misfit below this many times what errors of the motion make is theirs.
 NOISE = 1.5
+# Share of the terms that any machine's balance leaves.
+USUAL = 0.03
 # Share of the terms that unknown friction and simple errors leave at most: beyond it, something is
 # wrong in any case (real machines: 0.03 to 0.08).
 MISFIT = 0.1
@@ -108,14 +110,14 @@ def free_share(rows: Rows, torque: Array, nominal: Array) -> float:
 
 def findings_of(found: Misfit) -> list[Finding]:
     """The finding that the misfit deserves: a cause, causes that look the same, or none known."""
-    if found.share < NOISE * found.noise or not found.errors:
-        return []
     named = singled_out(found)
     if named:
         return [_cause(named)]
+    if found.share < max(NOISE * found.noise, USUAL) or not found.errors:
+        return []
     suspect = _suspect(found)
     free = found.free <= 0.5
-    if free and found.free <= SINGLED_OUT:
+    if free and found.free <= SINGLED_OUT and found.free**0.5 * found.share < LOCAL:
         return [_mechanism(found)]
     if suspect is not None or free or _beyond(found):
         return [_unknown(found, suspect)]
@@ -136,7 +138,7 @@ def singled_out(found: Misfit) -> list[ModelError]:
     enough = (NOISE * found.noise / max(found.share, 1e-300)) ** 2
     if best.left > max(SINGLED_OUT, enough):
         return []
-    return [e for e in _possible(found.errors) if e.left <= max(ALIKE * best.left, enough)]
+    return [e for e in _possible(found.errors) if e.left <= ALIKE * best.left]
 
 
 def _suspect(found: Misfit) -> ModelError | None:

@@ -1,7 +1,8 @@
 """Sensor faults: angles wrapped at a whole turn, and frozen readings of angles and torques.
 
 A reading of a joint at rest and a held command repeat as well, so that repeated readings alone mean
-nothing. An angle is frozen where the joint enters or leaves the interval fast. A torque is frozen
+nothing. An angle is frozen where the joint enters or leaves the interval with an acceleration that
+no other moment comes near: a joint that comes to rest within a step does not. A torque is frozen
 where, over the interval, the nominal balance of that joint, with friction as fitted to the other
 windows, fails much worse than elsewhere, and by a good part of that torque. Where it fails
 everywhere, something else is wrong: signs, units, joints.
@@ -24,8 +25,9 @@ from frictionid.data.signals import Signal
 
 TURN = 2 * np.pi
 READINGS = 5  # fewest equal readings
-# Shortest frozen angle [s]; the joint enters or leaves it by this many times the noise or rounding.
-ANGLE, LEAP = 0.08, 6.0
+# Shortest frozen angle [s]; the joint enters or leaves it by this many times the noise or rounding,
+# and by this many times the second difference that 99 % of the other samples stay below.
+ANGLE, LEAP, JERK = 0.08, 6.0, 1.3
 # Shortest frozen torque [s]; windows over which balances are taken [s].
 TORQUE, WIDTH = 0.2, 0.07
 # The residual within the interval is this many times that elsewhere, and this share of the torque's
@@ -99,14 +101,19 @@ class Frozen(NamedTuple):
 
 def frozen_angles(measured: Measured) -> list[Frozen]:
     """Intervals in which an angle repeats although the joint must have moved."""
+    bends = [np.diff(r.angle.value, n=2, axis=0) for r in measured.dataset.recordings]
+    if not sum(map(len, bends)):
+        return []
+    usual = np.quantile(np.abs(np.concatenate(bends)), 0.99, axis=0)
     return [
         interval
         for i, motion in enumerate(measured.motions)
-        for interval in _frozen_angles(i, measured.dataset.recordings[i].angle, motion)
+        for interval in _frozen_angles(i, measured.dataset.recordings[i].angle, motion, usual)
     ]
 
 
-def _frozen_angles(number: int, angle: Signal, motion: Motion) -> list[Frozen]:
+def _frozen_angles(number: int, angle: Signal, motion: Motion, usual: Array) -> list[Frozen]:
+    """Frozen angles of one recording; usual (n,) : largest usual second difference [rad]."""
     out = []
     for j, a, b in _equal_readings(angle, ANGLE):
         column = np.asarray(angle.value)[:, j]
@@ -114,8 +121,9 @@ def _frozen_angles(number: int, angle: Signal, motion: Motion) -> list[Frozen]:
             continue
         step = np.diff(column)
         quantum = np.abs(step[step != 0]).min()
-        limit = LEAP * max(float(motion.angle_noise[j]), float(quantum))
-        before = abs(column[a] - column[max(a - 2, 0)])
+        noise = LEAP * max(float(motion.angle_noise[j]), float(quantum))
+        limit = max(noise, JERK * float(usual[j]))
+        before = abs(column[a] - column[max(a - 1, 0)])
         behind = abs(column[min(b + 1, len(column) - 1)] - column[b])
         if before > limit or behind > limit:
             out.append(_interval(number, angle, j, a, b))

@@ -20,7 +20,7 @@ from frictionid.check.motion import Measured, Motion, motions_of
 from frictionid.check.passive import energy_findings, passive_time, rest_findings
 from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.questions import Question, questions
-from frictionid.check.regression import Estimate, Regression, regress
+from frictionid.check.regression import Estimate, Regression, regress, widened
 from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
 from frictionid.check.torque_source import TorqueSource, torque_sources
 from frictionid.check.unmeasured import unmeasured
@@ -189,7 +189,13 @@ def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
     measured = tests.measured
     rows = adaptive_rows(measured.mechanism, measured.motions)
     torque = rows.means(measured.torque, tests.shift)
-    estimate = regress(rows, torque, measured.mechanism.base_names, measured.nominal)
+    names, nominal = measured.mechanism.base_names, measured.nominal
+    estimate = regress(rows, torque, names, nominal)
+    if tests.longer is not None:
+        estimate = widened(
+            estimate,
+            regress(tests.longer, tests.longer.means(measured.torque, tests.shift), names, nominal),
+        )
     return Regression(measured, rows, torque), estimate
 
 

@@ -79,6 +79,8 @@ def _show(friction: Friction, out: Path) -> None:
         print("\n  ".join(["with 95 % intervals:", *source["equation"]]))
     if "inclusion" in source:
         print("\n  ".join(["how often draws of the recordings had a term:", *source["inclusion"]]))
+    for sentence in source.get("torque", []):
+        print(sentence)
     print(f"written to {out}")
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from frictionid.arrays import Array
+from frictionid.check import torque_sources
 from frictionid.comparison.equations import with_equations
 from frictionid.comparison.methods import Method
 from frictionid.comparison.training_set import training_set
@@ -44,8 +45,9 @@ def fit_model(
 
     Given friction is refined where the recipe shoots. Sample time and history are those of the
     protocol, so that the intervals are those of a comparison. The provenance names data,
-    identifier, recipe and seed. Where the recipe shoots, it has the whole result as `refined`, see
-    `document_of`; of sparse laws, the `equation`.
+    identifier, recipe and seed, and says as `torque` whether each motor's torque is measured. Where
+    the recipe shoots, it has the whole result as `refined`, see `document_of`; of sparse laws, the
+    `equation`.
 
     Raises
     ------
@@ -76,6 +78,8 @@ def fit_model(
         "seed": seed,
         **friction.provenance,
     }
+    if identifier.uses_mechanism:
+        provenance["torque"] = [source.sentence for source in torque_sources(dataset)]
     if fit.refined is not None:
         w = training.problems[recipe.first_step.name].nodes.inputs.w
         provenance["refined"] = document_of(fit.refined, dataset, velocity_grid(w))

@@ -277,7 +277,8 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
     runs = [Run(f"{i}", (0.0,), (), (Multisine(1.0, (0.3 + 0.1 * i, 0.7, 1.3)),)) for i in range(3)]
     table = {"kind": kind, "parameters": parameters}
     curve = Stribeck(Curve((0.1,), (0.1,), (0.05,)))
-    verdict = check(simulate(Rig("level", table, curve, Camera(300, 100.0, 1e-3), tuple(runs))))
+    camera = Camera(300, 100.0, 1e-3)
+    verdict = check(simulate(Rig("level", table, curve, camera, tuple(runs), substeps=4)))
     assert verdict.level == "good"
     assert not any("decay" in words or "gravity" in words for words in verdict.next)
     bodies = next(e for e in verdict.identifiable if e.what == "inertia combinations")
@@ -285,8 +286,7 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
 
 
 def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
-    rigs, rng = pool.pool(seed=0)[:1], np.random.default_rng(3)
-    acrobot = pool.case(rigs[0], rng)
+    acrobot = load_dataset(DATA / "acrobot_mass")
     wrong = pool.with_torques(acrobot, lambda u: u + np.array([0.2, 0.0]))
     finding = next(f for f in check(wrong).findings if f.kind == "torque_without_motor")
     assert finding.text.startswith("torque 1 is up to 0.2 N m")
