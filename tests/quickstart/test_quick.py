@@ -1,14 +1,22 @@
 """frictionid quick: the law that made the data, by a stated rule, in one verdict."""
 
+import io
 import json
+import re
+import shlex
+import shutil
+from contextlib import redirect_stdout
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from fixtures.command_line import run_command
-from fixtures.lab_tables import CURVE, MACHINE, recordings, write_lab_tables
+from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
+from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import dataset as tiny
 
+from frictionid.cli import main
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.quickstart.quick import (
     LAWS,
@@ -21,19 +29,44 @@ from frictionid.quickstart.quick import (
 )
 from frictionid.quickstart.quick_picture import quick_picture
 from frictionid.quickstart.quick_text import quick_json, verdict
+from frictionid.simulate import Curve
+
+PAGE = ROOT / "docs" / "quickstart.md"
 
 
-def lab(count=None, **changes):
-    return Dataset("lab", MACHINE, recordings(300)[:count], **changes)
+def shown(name):
+    """Arguments of a command on the page for newcomers, and what the page shows below it."""
+    blocks = re.findall(r"^```console\n\$ (.*)\n((?:.*\n)*?)```", PAGE.read_text(), re.MULTILINE)
+    found = {shlex.split(command)[1]: (shlex.split(command)[1:], text) for command, text in blocks}
+    return found[name]
+
+
+def words(text):
+    """Words of each line; numbers may differ in a digit, and widths with them."""
+    lines = (re.sub(r"[\d.]+|─+", "#", line) for line in text.splitlines())
+    return [" ".join(line.split()) for line in lines if line.strip()]
 
 
 @pytest.fixture(scope="module")
-def found():
-    """The verdict on the tables of a lab, and the steps that were reported."""
+def place(tmp_path_factory):
+    """A folder with the tables of the page for newcomers in `arm`, described by its `init`."""
+    folder = tmp_path_factory.mktemp("newcomer")
+    (folder / "arm").mkdir()
+    for table in (ROOT / "docs" / "quickstart").glob("*.csv"):
+        shutil.copy(table, folder / "arm")
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as out:
+        patch.chdir(folder)
+        patch.setattr("sys.argv", ["frictionid", *shown("init")[0]])
+        assert main() == 0
+    assert out.getvalue().strip() == shown("init")[1].strip()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(place):
+    """The verdict on these tables, and the steps that were reported."""
     steps = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("frictionid.quickstart.quick._HORIZONS", (0.5,))  # saves half the time
-        return quick(lab(), steps.append), steps
+    return quick(load_dataset(place / "arm"), steps.append), steps
 
 
 def test_the_true_law_is_found_with_its_numbers(found):
@@ -42,7 +75,8 @@ def test_the_true_law_is_found_with_its_numbers(found):
     assert result.check.level == "good" and result.chosen.name == "stribeck"
     w = result.velocity[:, 0]
     use = np.abs(w) > 0.05
-    true = CURVE.torque(w[:, None], np.sign(w)[:, None])[use, 0]
+    true = Curve((0.08,), (0.08,), (0.010,), (0.03,), (0.03,), (0.8,))
+    true = true.torque(w[:, None], np.sign(w)[:, None])[use, 0]
     off = result.chosen.curves[-1][use, 0] - true
     assert np.sqrt(np.mean(off**2)) < 0.05 * np.sqrt(np.mean(true**2))
     names = [entry["name"] for entry in result.refined["parameters"]]
@@ -77,6 +111,43 @@ def test_the_picture_is_one_and_always_the_same(found):
     result, _ = found
     picture = quick_picture(result)
     assert picture.startswith(b"\x89PNG") and picture == quick_picture(result)
+
+
+# --- The page for newcomers -----------------------------------------------------------------------
+
+
+def test_the_command_says_what_the_page_shows(found, place, monkeypatch, capsys):
+    monkeypatch.setattr("frictionid.quickstart.quick.quick", lambda *_: found[0])
+    monkeypatch.setenv("COLUMNS", "110")
+    arguments, text = shown("quick")
+    code, out, err = run_command(monkeypatch, capsys, place, *arguments)
+    assert code == 0 and words(out + err) == words(text)
+    assert (place / "quick-arm.png").read_bytes() == quick_picture(found[0])
+    code, out, err = run_command(monkeypatch, capsys, place, *arguments)
+    assert (code, out) == (2, "") and "quick-arm.png exists" in err
+    code, out, _ = run_command(monkeypatch, capsys, place, *arguments, "--json", "--replace")
+    assert code == 0 and json.loads(out) == json.loads(quick_json(found[0]))
+
+
+def test_the_other_commands_of_the_page_run_too(place, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "110")
+    for name in ("fit", "predict"):
+        arguments, text = shown(name)
+        code, out, err = run_command(monkeypatch, capsys, place, *arguments)
+        assert code == 0 and words(out + err) == words(text), name
+    assert (place / "friction.png").exists() and (place / "predicted.csv").exists()
+
+
+def test_the_intervals_on_the_page_hold_the_truth():
+    truth = {"coulomb": 0.08, "peak": 0.03, "stribeck_velocity": 0.8, "viscous": 0.010}
+    line = r"^ (\w+) of joint 1 .*\[([\d.]+), ([\d.]+)\]"
+    intervals = re.findall(line, shown("quick")[1], re.MULTILINE)
+    assert {name for name, *_ in intervals} == set(truth)
+    for name, low, high in intervals:
+        assert float(low) <= truth[name] <= float(high)
+
+
+# --- The rule -------------------------------------------------------------------------------------
 
 
 def candidate(name, parameters, error, low, high):
