@@ -9,7 +9,7 @@ DEV := .venv/frictionid.dev
 # Each worker computes on one thread: two workers with two threads each are slower on two cores.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
 
-.PHONY: help compare compare-all test check format bench clean ALWAYS
+.PHONY: help compare compare-all test damage check format bench clean ALWAYS
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -25,6 +25,9 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
 	@$(ONE_THREAD) $(BIN)/pytest -n 2 $(ARGS)
+
+damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes)
+	@$(ONE_THREAD) $(BIN)/python tests/damage.py $(ARGS)
 
 check: $(DEV) ## formatting, lint and types
 	@$(BIN)/ruff format --check .

@@ -1,5 +1,7 @@
 """The one exception that tells the user what to change."""
 
+_LONGEST = 1200  # characters of a message
+
 
 class InputError(ValueError):
     r"""A mistake in what the user gave, on one line: rule, value, place and way out.
@@ -14,5 +16,17 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str) -> None:
-        # Names of files and columns are the user's own text and may hold line breaks.
-        super().__init__(" ".join(message.split()))
+        # Names of files and columns are the user's own text and may hold anything, at any length.
+        text = printable(" ".join(message.split()))
+        half = _LONGEST // 2
+        super().__init__(text if len(text) <= _LONGEST else f"{text[:half]} [...] {text[-half:]}")
+
+
+def printable(text: str) -> str:
+    r"""The text with characters that steer a terminal written as escapes.
+
+    >>> printable("\x1b[31mred\x1b[0m, 5 °C")
+    '\\x1b[31mred\\x1b[0m, 5 °C'
+    """
+    shown = (c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+    return "".join(shown)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from typing import Annotated
 
 import typer
@@ -84,7 +85,9 @@ def options(
 
 def main() -> int:
     """Run the command line; a user's mistake ends in one line and exit status 2."""
-    with without_quiet(sys.argv[1:] or ["--help"]) as words:
+    with without_quiet(sys.argv[1:] or ["--help"]) as words, warnings.catch_warnings():
+        if not sys.warnoptions:  # overflows of damaged numbers end in results that are refused
+            warnings.filterwarnings("ignore", category=RuntimeWarning)
         return _run(words)
 
 
@@ -99,11 +102,21 @@ def _run(words: list[str]) -> int:
         return _complain("interrupted", 130)
     except typer.Abort:
         return _complain("interrupted", 130)
+    except (OSError, MemoryError) as error:  # a full disk, a closed pipe, a small memory
+        return _complain(_environment(error), 2)
     except Exception as error:
         shown = getattr(error, "format_message", None)  # click's complaints about arguments
         if shown is None:
             raise
         return _complain(f"{shown()} (see frictionid --help)", 2)
+
+
+def _environment(error: OSError | MemoryError) -> str:
+    """What the computer lacks, where no reader or writer could say it better."""
+    if isinstance(error, MemoryError):
+        return "the memory is too small for this: use fewer or shorter recordings"
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}: make room, or check the place"
 
 
 def _complain(message: str, status: int) -> int:

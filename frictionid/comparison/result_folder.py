@@ -112,11 +112,44 @@ def described(folder: Path, name: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        Where there is neither, or the file is damaged.
+        Where there is neither, or the file is damaged or was changed.
     """
     new = folder / UNFINISHED / name
     is_new = not (folder / PROVENANCE).exists() and new.exists()
-    return read_json(new if is_new else folder / name)
+    return read_sealed(new if is_new else folder / name)
+
+
+def read_sealed(path: Path) -> dict[str, Any]:
+    """Document of a file, as it was written; those of earlier versions have no seal.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read, or was changed.
+    """
+    document = read_json(path)
+    if SEAL in document and not is_sealed(document):
+        raise InputError(f"{path}: was changed since it was written: make it anew with --resume")
+    return document
+
+
+@contextmanager
+def readable(folder: Path, *, sealed: bool) -> Iterator[None]:
+    """Errors while documents without a seal are read are damages of these, in one line.
+
+    Where all are sealed they are defects of the program, and stay what they are.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        if sealed:
+            raise
+        reason = f"{type(error).__name__}: {error}"
+        raise InputError(
+            f"{folder}: a file of its results is damaged ({reason}): compare anew"
+        ) from None
 
 
 def sealed(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -29,7 +29,9 @@ from frictionid.comparison.result_folder import (
     PROVENANCE,
     SEAL,
     described,
-    is_sealed,
+    read_sealed,
+    readable,
+    sealed,
     task_file,
 )
 from frictionid.comparison.tasks import Task, file_name
@@ -45,7 +47,7 @@ from frictionid.evaluation import (
     true_friction,
 )
 from frictionid.evaluation.curves import SLOW
-from frictionid.files import json_text, read_json, write_json
+from frictionid.files import json_text, write_json
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.shooting.result_document import recordings_own
 
@@ -84,12 +86,12 @@ def describe(
         "origin": {name: dict(d.origin) for name, d in everything.items()},
         "folds": {name: benchmark.folds.hash for name, benchmark in benchmarks.items()},
     }
-    write_json(folder / PROVENANCE, document)
+    write_json(folder / PROVENANCE, sealed(document))
     about = {}
     for name, shared in prepared_benchmarks.items():
         about[name] = {**_about(shared.prepared), "tests": None}
         about |= {p.dataset.name: {**_about(p), "tests": name} for p in shared.tests}
-    write_json(folder / DATASETS, about, None)
+    write_json(folder / DATASETS, sealed(about), None)
 
 
 def _about(prepared: Prepared) -> dict[str, Any]:
@@ -181,6 +183,7 @@ class Results:
     missing : names of the files of unfinished tasks
     scores : all scores, one per row; columns as in scores.csv (`COLUMNS`), the index is the
         position of the row's task in `tasks`
+    is_sealed : whether all files carry the hash of their content, which earlier versions left out
     """
 
     folder: Path
@@ -189,6 +192,7 @@ class Results:
     tasks: tuple[Mapping[str, Any], ...]
     missing: tuple[str, ...]
     scores: pd.DataFrame
+    is_sealed: bool = False
 
 
 def load_results(folder: Path) -> Results:
@@ -199,26 +203,27 @@ def load_results(folder: Path) -> Results:
     InputError
         If the folder holds no comparison, none of its tasks is finished, or a file is incomplete.
     """
-    provenance = described(folder, PROVENANCE)
-    paths = [task_file(folder, name) for name in provenance.get("tasks", [])]
-    documents = {path: read_json(path) for path in paths if path.exists()}
+    provenance, datasets = described(folder, PROVENANCE), described(folder, DATASETS)
+    names = provenance.get("tasks", [])
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise InputError(f"{folder / PROVENANCE}: its tasks are no list of names: compare anew")
+    paths = [task_file(folder, name) for name in names]
+    documents = {path: read_sealed(path) for path in paths if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
-    datasets = described(folder, DATASETS)
-    for path, task in documents.items():
-        if SEAL in task and not is_sealed(task):  # earlier versions did not seal
-            raise InputError(
-                f"{path}: was changed since it was written: make the task anew with --resume"
-            )
-        if not _complete(task, datasets):
-            raise InputError(
-                f"{path}: is incomplete, or does not fit datasets.json: finish the comparison "
-                "anew with --resume"
-            )
-    tasks = tuple(documents.values())
-    missing = tuple(path.name for path in paths if path not in documents)
-    table = _score_frame(provenance["suite"], tasks, datasets)
-    return Results(folder, provenance, datasets, tasks, missing, table)
+    sealed_all = all(SEAL in document for document in (provenance, datasets, *documents.values()))
+    datasets.pop(SEAL, None)
+    with readable(folder, sealed=sealed_all):
+        for path, task in documents.items():
+            if not _complete(task, datasets):
+                raise InputError(
+                    f"{path}: is incomplete, or does not fit datasets.json: finish the comparison "
+                    "anew with --resume"
+                )
+        tasks = tuple(documents.values())
+        missing = tuple(path.name for path in paths if path not in documents)
+        table = _score_frame(provenance["suite"], tasks, datasets)
+    return Results(folder, provenance, datasets, tasks, missing, table, sealed_all)
 
 
 def _complete(task: Mapping[str, Any], datasets: Mapping[str, Any]) -> bool:

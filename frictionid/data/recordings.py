@@ -11,6 +11,8 @@ from frictionid.data.servo import Servo
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
 
+LARGEST = 1e20  # of what is measured, in SI units: its squares still are numbers
+
 
 @dataclass(frozen=True, eq=False)
 class TrueMotion:
@@ -139,6 +141,12 @@ class Dataset:
     def __post_init__(self) -> None:
         if not self.recordings:
             raise InputError(f"data set {self.name!r} needs at least one recording")
+        for name in (self.name, *(r.name for r in self.recordings)):
+            if not name.isprintable():
+                raise InputError(
+                    f"{name!r} names a data set or recording and has characters that cannot be "
+                    "shown: rename it"
+                )
         seen: set[str] = set()
         joints = _columns(self.recordings[0].angle)
         for recording in self.recordings:
@@ -172,7 +180,8 @@ def first_fault(
     (2, "time must increase: 't' is 1 after 1")
     """
     cells = np.column_stack([np.asarray(time, float), np.asarray(value, float)])
-    broken = ~np.isfinite(cells)
+    with np.errstate(invalid="ignore"):
+        broken = ~(np.abs(cells) < LARGEST)
     back = np.zeros(len(cells), dtype=bool)
     back[1:] = cells[1:, 0] <= cells[:-1, 0]
     faulty = broken.any(axis=1) | back
@@ -182,6 +191,8 @@ def first_fault(
     if broken[at].any():
         column = int(np.argmax(broken[at]))
         given = "empty or nan" if np.isnan(cells[at, column]) else str(cells[at, column])
+        if np.isfinite(cells[at, column]):
+            return at, f"{names[column]!r} is {given}, which no sensor reports"
         return at, f"{names[column]!r} is {given}; every value must be a finite number"
     return (
         at,

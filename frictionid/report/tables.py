@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
+from frictionid.errors import printable
 from frictionid.report.numbers import INFINITE, NOTHING
 
 
@@ -208,7 +209,7 @@ def for_terminal(table: Table) -> list[Any]:
     out = [*heads, rule]
     for lines in blocks(table):
         if lines[0].title:
-            out.append(Text(f" {lines[0].title}", style="italic"))
+            out.append(Text(f" {printable(lines[0].title)}", style="italic"))
         out += [_aligned(line.cells, table.columns, widths, indent) for line in lines]
         out.append(rule)
     return out
@@ -230,7 +231,7 @@ def _aligned(
     for cell, width, column in zip(cells, widths, columns, strict=True):
         space = " " * (width - cell_len(cell.text))
         before, after = ("", space) if column.words else (space, "")
-        row.append(before).append(cell.text, "bold" if cell.best else "")
+        row.append(before).append(printable(cell.text), "bold" if cell.best else "")
         row.append(after + " " * GAP)
     row.rstrip()
     return row

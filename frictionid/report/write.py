@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, reduction
 from frictionid.files import file_names
 from frictionid.outputs import replace_files
@@ -56,6 +57,13 @@ def build(results: Results, *, replace: bool = False) -> None:
     InputError
         Where a file is the user's own, or the folder cannot be written.
     """
+    with readable(results.folder, sealed=results.is_sealed):
+        contents = _contents(results)
+    replace_files(results.folder, contents, replace=replace)
+
+
+def _contents(results: Results) -> dict[str, bytes]:
+    """Content of all files of a report, by path."""
     sections = sections_of(results)
     names = names_of(sections)
     contents = reduction(results)
@@ -71,7 +79,7 @@ def build(results: Results, *, replace: bool = False) -> None:
                 for table in (*own.tables, *own.shooting, *own.linked):
                     contents |= _table_files(table)
     contents["summary.md"] = page(results, sections, exhibits, names.fits).encode()
-    replace_files(results.folder, contents, replace=replace)
+    return contents
 
 
 def names_of(sections: tuple[Section, ...]) -> Names:

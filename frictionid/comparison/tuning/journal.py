@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -115,8 +116,10 @@ def open_journal(folder: Path, *, resume: bool = False, replace: bool = False) -
         if replace and not resume:
             path.unlink(missing_ok=True)
         storage = JournalStorage(JournalFileBackend(str(path)))
-        names = [] if resume else optuna.get_all_study_names(storage)
-        if any(optuna.load_study(study_name=name, storage=storage).trials for name in names):
+        names = optuna.get_all_study_names(storage)
+        if not resume and any(
+            optuna.load_study(study_name=name, storage=storage).trials for name in names
+        ):
             raise InputError(
                 f"{path}: holds trials: go on with --resume, or begin anew with --replace"
             )
@@ -125,10 +128,23 @@ def open_journal(folder: Path, *, resume: bool = False, replace: bool = False) -
         raise InputError(
             f"{folder}: cannot be written ({error.strerror}): choose another --out"
         ) from None
-    except InputError:
+
+
+@contextmanager
+def readable_journal(folder: Path) -> Iterator[None]:
+    """Whatever Optuna lets through of wrong lines of the journal becomes one line.
+
+    Raises
+    ------
+    InputError
+        With the way out.
+    """
+    try:
+        yield
+    except (InputError, OSError):
         raise
-    except (ValueError, KeyError):
-        raise InputError(f"{path}: is no journal: tune anew with --replace") from None
+    except Exception:
+        raise InputError(f"{folder / JOURNAL}: is no journal: tune anew with --replace") from None
 
 
 def open_study(storage: Any, name: str, digest: str, first: Mapping[str, Any] | None) -> Any:

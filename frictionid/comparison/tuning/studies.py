@@ -14,7 +14,14 @@ from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, p
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.search_space import Objective, Tuning
 from frictionid.comparison.tasks import Task
-from frictionid.comparison.tuning.journal import Study, Trial, as_params, open_journal, open_study
+from frictionid.comparison.tuning.journal import (
+    Study,
+    Trial,
+    as_params,
+    open_journal,
+    open_study,
+    readable_journal,
+)
 from frictionid.comparison.tuning.nested_folds import training_benchmark
 from frictionid.comparison.tuning.tuning_task import TuningTask, protocol_for, score_trial
 from frictionid.errors import InputError
@@ -139,8 +146,11 @@ def tune(
     """
     report = done or (lambda _: None)
     specs, data = study_specs(tasks, tuning), NestedData(tuning)
-    storage = open_journal(folder, resume=resume, replace=replace_trials)
-    studies = [_study(storage, spec, data) for spec in specs]
+    with readable_journal(folder):
+        storage = open_journal(folder, resume=resume, replace=replace_trials)
+        studies = [_study(storage, spec, data) for spec in specs]
+        for study in studies:
+            _ = study.trials, study.held_out
     for spec, study in zip(specs, studies, strict=True):
         for _ in study.trials[: tuning.trials]:
             report(spec.name)

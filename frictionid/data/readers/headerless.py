@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.data.readers.table import Table, unzip
+from frictionid.data.readers.table import Table
+from frictionid.data.readers.unpacking import unzip
 from frictionid.errors import InputError
 
 

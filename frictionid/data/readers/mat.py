@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.data.readers.unpacking import most_bytes
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
@@ -36,7 +37,6 @@ _STORED = {
 _STRUCTURE = 2
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x800
-_MOST = 1 << 31  # [bytes] of an unpacked variable
 _NAME = re.compile(r"([A-Za-z]\w*(?:\.[A-Za-z]\w*)*)(?:\(:,\s*([1-9]\d*)\))?")
 
 
@@ -124,7 +124,7 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
 
 def _unpacked(data: memoryview) -> memoryview:
     stream = zlib.decompressobj()
-    content = stream.decompress(data, _MOST)
+    content = stream.decompress(data, most_bytes(len(data)))
     if stream.unconsumed_tail or not stream.eof:
         raise ValueError("a compressed variable is cut off")
     return memoryview(content)

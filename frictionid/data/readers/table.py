@@ -1,12 +1,11 @@
 """Tables of numbers: CSV, gzipped CSV, Parquet and MAT, by column, with the rows of the file."""
 
 import csv
-import gzip
 import io
 import re
-import zlib
+from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -14,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.data.readers.mat import mat_column, read_mat
+from frictionid.data.readers.unpacking import check_cells, unzip
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
-Rows = list[tuple[int, list[str]]]
+_NAMES = 20  # of columns, in a complaint
+_HEADER = 1 << 20  # [bytes] of the line with the names of the columns
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
 # Formats that only readers of their own understand.
@@ -92,14 +93,15 @@ def numeric_table(content: bytes, file: str) -> Table:
     ['t', 'q']
     """
     parquet = file.lower().endswith(".parquet")
-    names, rows = ([], []) if parquet else _csv_rows(unzip(content, file), file)
-    names = _parquet_names(content, file) if parquet else names
+    lines = [] if parquet else list(_csv_lines(unzip(content, file), file))
+    names = _parquet_names(content, file) if parquet else lines[0][1]
     _check_header(file, names, names)
     picked: dict[str, Array] = {}
     for k, name in enumerate(names):
         with suppress(InputError):  # columns of words
             one = _parquet(content, file, [name]).columns[name] if parquet else None
-            picked[name] = _numbers(rows, k, name, file) if one is None else one
+            own = [_number(cells[k], row, name, file) for row, cells in lines[1:]]
+            picked[name] = np.array(own) if one is None else one
     length = len(next(iter(picked.values()), ()))
     if not length:
         raise InputError(f"{file} has no rows of numbers below its header; name another table")
@@ -120,38 +122,40 @@ def table_name(file: str) -> str:
     return file
 
 
-def unzip(content: bytes, file: str) -> bytes:
-    """Content of a file, unpacked where its name ends with .gz; InputError where it is damaged."""
-    if not file.lower().endswith(".gz"):
-        return content
-    try:
-        return gzip.decompress(content)
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"{file} is no whole gzip file ({error}); copy it again") from None
-
-
 def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
-    header, lines = _csv_rows(content, file)
+    """Table of a CSV text, read row by row: a wrong row is refused before the next is read."""
+    lines = _csv_lines(content, file)
+    _, header = next(lines)
     _check_header(file, header, columns)
-    picked = {name: _numbers(lines, header.index(name), name, file) for name in columns}
-    return Table(file, np.array([row for row, _ in lines], dtype=np.int64), picked)
+    places = [header.index(name) for name in columns]
+    rows, cells = array("q"), [array("d") for _ in columns]
+    for row, line in lines:
+        rows.append(row)
+        for column, at, name in zip(cells, places, columns, strict=True):
+            column.append(_number(line[at], row, name, file))
+    picked = {name: np.array(column) for name, column in zip(columns, cells, strict=True)}
+    return Table(file, np.array(rows, dtype=np.int64), picked)
 
 
-def _csv_rows(content: bytes, file: str) -> tuple[list[str], Rows]:
-    """Names of the columns, and the cells of each row that is not blank, with its number."""
+def _csv_lines(content: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
+    """The names of the columns, and the cells of each row that is not blank, with its number."""
+    head = content[: _HEADER + 1].partition(b"\n")[0]
+    if len(head) > _HEADER:
+        raise InputError(f"{file} is no table: its first line is longer than {_HEADER} bytes")
     try:
-        decoded = content.decode("utf-8-sig")
-        separator = separator_of(decoded.partition("\n")[0])
-        text = io.StringIO(decoded, newline="")
+        separator = separator_of(head.decode("utf-8-sig"))
+        text = io.TextIOWrapper(io.BytesIO(content), "utf-8-sig", newline="")
         reader = csv.reader(text, strict=True, delimiter=separator)
         header = [cell.strip() for cell in next(reader, [])]
-        below = reader.line_num
-        # A blank line is no row, but it counts where rows are named.
-        lines = [(reader.line_num, cells) for cells in reader]
+        yield reader.line_num, header
+        expected = reader.line_num
+        for cells in reader:
+            expected += 1  # a blank line is no row, but it counts where rows are named
+            _check_row(file, header, cells, (expected, reader.line_num))
+            if cells:
+                yield reader.line_num, cells
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{file} is no CSV text in UTF-8 ({error}); export it again") from None
-    _check_rows(file, header, lines, below)
-    return header, [(row, cells) for row, cells in lines if cells]
 
 
 def separator_of(header: str) -> str:
@@ -169,40 +173,39 @@ def number(text: str) -> float:
     Raises
     ------
     ValueError
-        Where it is none, or has both.
+        Where it is none, has both, or has other digits than 0 to 9.
 
     >>> number("-1.5e3"), number("0,25")
     (-1500.0, 0.25)
     """
+    if "_" in text or not text.isascii():  # Python's own, and digits of other scripts
+        raise ValueError(text)
     return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
 
 
-def _check_rows(file: str, header: list[str], lines: Rows, below: int) -> None:
-    for expected, (row, cells) in enumerate(lines, start=below + 1):
-        if row != expected:
-            # Two stray quotes would otherwise swallow all the rows between them.
-            raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
-        if cells and len(cells) != len(header):
-            raise InputError(
-                f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
-                "repair or delete the row (decimal commas need semicolons between the cells)"
-            )
+def _check_row(file: str, header: list[str], cells: list[str], numbers: tuple[int, int]) -> None:
+    """Complain about a row that ends in another line than expected, or has other cells."""
+    expected, row = numbers
+    if row != expected:
+        # Two stray quotes would otherwise swallow all the rows between them.
+        raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
+    if cells and len(cells) != len(header):
+        raise InputError(
+            f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
+            "repair or delete the row (decimal commas need semicolons between the cells)"
+        )
 
 
-def _numbers(lines: Rows, at: int, name: str, file: str) -> Array:
-    """Column ``at`` as numbers, nan where it is empty."""
-    numbers = np.full(len(lines), np.nan)
-    for k, (row, cells) in enumerate(lines):
-        text = cells[at].strip()
-        if text:
-            try:
-                numbers[k] = number(text)
-            except ValueError:
-                raise InputError(
-                    f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
-                    "write a number, or leave the cell empty"
-                ) from None
-    return numbers
+def _number(cell: str, row: int, name: str, file: str) -> float:
+    """A cell as a number, nan where it is empty."""
+    text = cell.strip()
+    try:
+        return number(text) if text else np.nan
+    except ValueError:
+        raise InputError(
+            f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
+            "write a number, or leave the cell empty"
+        ) from None
 
 
 def _parquet_names(content: bytes, file: str) -> list[str]:
@@ -224,6 +227,7 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
     try:
         whole = pq.ParquetFile(io.BytesIO(content))
         _check_header(file, list(whole.schema_arrow.names), columns)
+        check_cells(whole.metadata.num_rows, len(columns), file)
         table = whole.read(columns=list(columns))
     except InputError:
         raise
@@ -260,7 +264,8 @@ def _first_line(error: Exception) -> str:
 def _check_header(file: str, header: Sequence[str], columns: Sequence[str]) -> None:
     if not any(header):
         raise InputError(f"{file} is empty; record again or leave it out")
-    named = ", ".join(repr(name) for name in header)
+    named = ", ".join(repr(name[:60]) for name in header[:_NAMES])
+    named += f" and {len(header) - _NAMES} more" if len(header) > _NAMES else ""
     count = Counter(header)
     for name in columns:
         if count[name] == 0:

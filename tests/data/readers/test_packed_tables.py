@@ -1,0 +1,82 @@
+"""Small files that unpack to large ones are refused before they fill the memory."""
+
+import gzip
+import io
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from frictionid.data.readers import unpacking
+from frictionid.data.readers.table import number, read_table
+from frictionid.errors import InputError, printable
+
+HEAD = b"time,q\n0.0,1.0\n"
+BOMBS = {
+    "nothing": (b"\0" * 300_000_000, "unpack to over"),
+    "blank lines": (HEAD + b"\n" * 300_000_000, "unpack to over"),
+    "wide header": (b"a," * 10_000_000, "its first line is longer"),
+    "wide row": (HEAD + b"," * 30_000_000, "cells under 2 column names|is no CSV"),
+    "long cell": (HEAD + b"1" * 30_000_000, "is no CSV text|which is no number"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), BOMBS.values(), ids=BOMBS)
+def test_a_packed_bomb_is_refused_with_little_memory(tmp_path, content, words):
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(content, 1))
+    code = (
+        "import sys; from frictionid.data.readers.table import read_table; import re, resource\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "try:\n    read_table(open('a.csv.gz', 'rb').read(), 'a.csv.gz', ['q'])\n"
+        "except ValueError as error:\n    print(error)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    said, kilobytes = ran.stdout.splitlines()
+    assert pytest.approx(0, abs=1e6) == int(kilobytes)  # 1 GB
+    assert any(word in said for word in words.split("|")), said
+
+
+def test_ordinary_packed_tables_are_read_however_well_they_pack():
+    rows = np.column_stack([np.arange(200_000) * 0.001, np.ones(200_000)])
+    text = pd.DataFrame(rows, columns=["time", "q"]).to_csv(index=False).encode()
+    found = read_table(gzip.compress(text), "a.csv.gz", ["time", "q"])
+    np.testing.assert_array_equal(found.columns["q"], 1.0)
+    parts = gzip.compress(text[:1000]) + gzip.compress(text[1000:])
+    np.testing.assert_array_equal(
+        read_table(parts, "a.csv.gz", ["time"]).columns["time"], found.columns["time"]
+    )
+
+
+def test_parquet_of_too_many_rows_is_refused_before_it_is_unpacked(monkeypatch):
+    stream = io.BytesIO()
+    pd.DataFrame({"q": np.zeros(1000)}).to_parquet(stream)
+    monkeypatch.setattr(unpacking, "CELLS", 999)
+    with pytest.raises(InputError, match="1000 rows of 1 columns are more than 999 numbers: cut"):
+        read_table(stream.getvalue(), "a.parquet", ["q"])
+
+
+@pytest.mark.parametrize("text", ["1_000", "\u0661\u0662", "1e3_0", "\uff11", "1,5,0", "0x10"])
+def test_only_plain_digits_are_numbers(text):
+    with pytest.raises(ValueError, match=r".*"):
+        number(text)
+    with pytest.raises(InputError, match="row 2: column 'q' holds .* which is no number"):
+        read_table(f'q;a\n"{text}";1\n'.encode(), "a.csv", ["q"])
+
+
+def test_messages_are_short_and_steer_no_terminal():
+    header = ",".join(f"name{i}" for i in range(100_000))
+    with pytest.raises(
+        InputError, match="has no column 'q'; it has 'name0', .* and 99980 more"
+    ) as wide:
+        read_table(f"{header}\n".encode(), "a.csv", ["q"])
+    assert len(str(wide.value)) < 1300
+    assert len(str(InputError("x" * 400_000))) < 1300
+    assert str(InputError("\x1b[31mred\x1b]0;title\x07 \udcff")) == printable(
+        "\x1b[31mred\x1b]0;title\x07 \udcff"
+    )
+    assert str(InputError("\x1b[31mred")) == "\\x1b[31mred"
