@@ -260,8 +260,8 @@ def distinct(names: Sequence[str], what: str) -> None:
 
 
 # Types of settings, for the fields of dataclasses that `check_settings` validates.
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, lt=1e20)]  # squares of settings are numbers, too
+NotNegative = Annotated[float, Field(ge=0, lt=1e20)]
 Count = Annotated[int, Field(ge=1)]
 
 

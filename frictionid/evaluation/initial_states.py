@@ -122,7 +122,7 @@ def _places(
 
 
 def _indices(time: Array, shortest: float, every: float, begin: float) -> Array:
-    if len(time) < 2:
+    if len(time) < 2 or time[0] + begin > time[-1] - shortest + 1e-9:
         return np.empty(0, dtype=int)
     step = max(every, float(np.diff(time).min()))  # no two at one sample
     wanted = np.arange(time[0] + begin, time[-1] - shortest + 1e-9, step)
