@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Trust
+from frictionid.cli.options import Json, Trust
 from frictionid.cli.paths import SuitePath
 
 
@@ -36,6 +36,7 @@ def compare(
     device: Annotated[
         Device | None, typer.Option(help="Where networks are trained, whatever the suite says.")
     ] = None,
+    json: Json = False,
 ) -> None:
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from joblib import cpu_count
@@ -48,7 +49,7 @@ def compare(
     from frictionid.comparison.suite_tasks import tasks_of
     from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
     from frictionid.outputs import check_writable
-    from frictionid.report import build, show
+    from frictionid.report import build, results_json, show
 
     table = load_suite(suite)
     folder = out or Path("report") / table.name
@@ -78,7 +79,7 @@ def compare(
             err=True,
         )
         raise typer.Exit(130) from None
-    show(results)
+    print(results_json(results)) if json else show(results)
     _say_what_stays(folder, files)
 
 

@@ -7,14 +7,19 @@ from typing import Annotated
 
 import typer
 
+from frictionid.cli.options import Json
+
 data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
 
 
 @data.command("list")
-def list_() -> None:
+def list_(json: Json = False) -> None:
     """Say which public recordings there are, their licences and what of them is here."""
     from frictionid.data.readers.public_collections import cached, collections, count_present
 
+    if json:
+        print(_as_json())
+        return
     for name, collection in collections().items():
         total, here = len(collection.files), count_present(name)
         known = sum(file.sha256 is not None for file in collection.files)
@@ -26,6 +31,28 @@ def list_() -> None:
         print(f"  redistribution   {collection.redistribution}")
         print(f"  citation         {collection.citation}")
         print(f"  origin           {collection.page}")
+
+
+def _as_json() -> str:
+    import json as texts
+
+    from frictionid.data.readers.public_collections import cached, collections, count_present
+
+    known = {
+        name: {
+            "title": c.title,
+            "files": len(c.files),
+            "present": count_present(name),
+            "folder": str(cached(name)),
+            "hashes_known": sum(file.sha256 is not None for file in c.files),
+            "licence": c.licence,
+            "redistribution": c.redistribution,
+            "citation": c.citation,
+            "origin": c.page,
+        }
+        for name, c in collections().items()
+    }
+    return texts.dumps(known, indent=1)
 
 
 @data.command()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace, Trust
+from frictionid.cli.options import Json, Replace, Trust
 from frictionid.cli.paths import ModelsAndDataset
 
 
@@ -28,6 +28,7 @@ def evaluate(
     whole: Annotated[
         bool, typer.Option(help="Also simulate whole recordings from their start.")
     ] = False,
+    json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:
@@ -63,6 +64,9 @@ def evaluate(
             done(name)
     table = model_scores(dataset.name, scores)
     write_text(out, table.to_csv(index=False, float_format="%.9g"))
+    if json:
+        print(table.to_json(orient="records", indent=1))
+        return
     show_scores(table)
     print(f"written to {out}")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictionid.cli.options import Replace, Trust
+from frictionid.cli.options import Json, Replace, Trust
 from frictionid.cli.paths import DatasetPath
 from frictionid.cli.settings import setting
 
@@ -40,6 +40,7 @@ def fit(
     figure: Annotated[
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
     ] = None,
+    json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:
@@ -64,9 +65,13 @@ def fit(
     loaded = load_dataset(dataset, data, trust=trust)
     friction = fit_model(loaded, chosen, method, protocol, seed)
     save_model(friction, out, LAWS)
-    _show(friction, out)
     if figure is not None:
         write_bytes(figure, fit_picture(friction, loaded))
+    if json:
+        print(out.read_text(encoding="utf-8"), end="")
+        return
+    _show(friction, out)
+    if figure is not None:
         print(f"written to {figure}")
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from frictionid.cli.kinds import Json, KindName, list_kinds
+from frictionid.cli.kinds import KindName, list_kinds
+from frictionid.cli.options import Json
 
 
 def identifiers(name: KindName = "", json: Json = False) -> None:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from frictionid.comparison.kind_descriptions import KindDescription
 
 KindName = Annotated[str, typer.Argument(help="Show all of this one.", show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="Print all as JSON.")]
 
 
 def list_kinds(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace, Trust
+from frictionid.cli.options import Json, Replace, Trust
 from frictionid.cli.paths import DataFolder, DatasetPath
 
 
@@ -17,7 +17,7 @@ def quick(
         Path | None, typer.Option(help="Picture to write (PNG) [quick-<name>.png].")
     ] = None,
     data: DataFolder = None,
-    json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
+    json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Json, Replace
 from frictionid.cli.paths import ResultFolder
 
 
-def report(folder: ResultFolder, replace: Replace = False) -> None:
+def report(folder: ResultFolder, json: Json = False, replace: Replace = False) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
     from frictionid.comparison.result_folder import lock
     from frictionid.comparison.results import load_results
-    from frictionid.report import build, show
+    from frictionid.report import build, results_json, show
 
     results = load_results(folder)  # complains where there is nothing to report, before the lock
     with lock(folder):
         build(results, replace=replace)
-    show(results)
+    print(results_json(results)) if json else show(results)

@@ -11,7 +11,7 @@ page, write    the page summary.md, and all files of a report; terminal: what is
 diagnostics, tuning    a verdict of `check`, and the outcome of `tune`
 """
 
-from frictionid.report.terminal import show, show_refined, show_scores
+from frictionid.report.terminal import results_json, show, show_refined, show_scores
 from frictionid.report.write import build
 
-__all__ = ["build", "show", "show_refined", "show_scores"]
+__all__ = ["build", "results_json", "show", "show_refined", "show_scores"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,11 @@ from typing import Any
 import pandas as pd
 
 from frictionid.comparison.results import Results
+from frictionid.files import plain
+from frictionid.report import findings
 from frictionid.report.estimates import Estimate, estimates, interval, value_text
 from frictionid.report.render import render
-from frictionid.report.sections import score_tables, sections_of
+from frictionid.report.sections import Section, score_tables, sections_of
 from frictionid.report.shooting_results import shooting_results
 from frictionid.report.summary_table import (
     DETAILS,
@@ -26,12 +29,49 @@ WIDTH = 120  # columns, where the output is no terminal
 
 
 def show(results: Results) -> None:
-    """Print the summary tables of a comparison and, last, a path to click on."""
-    for section in sections_of(results):
+    """Print the summary tables of a comparison, the verdict, and last a path to click on."""
+    sections = sections_of(results)
+    for section in sections:
         for data in section.data:
             unseen = "" if data.held_out else f" (fitted on {section.dataset}, never seen)"
             _print_summary(summary_of(data), f"{data.dataset}{unseen}")
+    for section in sections:
+        if words := verdict(section):
+            text = f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n"
+            out = console()
+            out.print(text, markup=False, soft_wrap=not out.is_terminal)
     _print_link((results.folder / "summary.md").resolve())
+
+
+def verdict(section: Section) -> str:
+    """Which fitted model predicts best, and which others are clearly worse; "" where none is."""
+    data = section.fitted
+    found = {
+        "scores": data,
+        "predictions": findings.predictions(data),
+        "ranking": findings.ranking(data),
+    }
+    return render("verdict_terminal.j2", {"found": found}, markup=False).strip()
+
+
+def results_json(results: Results) -> str:
+    """Summary tables and verdicts of a comparison as JSON text; null for what is not finite."""
+    sections = sections_of(results)
+    document = {
+        "folder": results.folder,
+        "summary": str((results.folder / "summary.md").resolve()),
+        "datasets": [
+            {
+                "dataset": data.dataset,
+                "fitted_on": section.dataset,
+                "models": summary_of(data).frame.to_dict("records"),
+                "verdict": verdict(section) if data.held_out else "",
+            }
+            for section in sections
+            for data in section.data
+        ],
+    }
+    return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
 
 
 def show_scores(table: pd.DataFrame) -> None:
