@@ -79,9 +79,17 @@ $(if $(filter ok:%,$(firstword $(INTERPRETER))),,$(error $(INTERPRETER)))
 @"$(subst ok:,,$(INTERPRETER))" -m venv --clear .venv
 endef
 
+# What pip says goes to .venv/pip.log; a terminal shows its last line, a failure its last lines.
 define install
 @touch .venv/installing
-@$(BIN)/python -m pip install --disable-pip-version-check --no-input -c constraints.txt -e $(1)
+@trap 'kill $$pid; exit 130' INT TERM; \
+  $(BIN)/python -m pip install --disable-pip-version-check --no-input -c constraints.txt -e $(1) \
+    >.venv/pip.log 2>&1 & pid=$$!; \
+  while [ -t 1 ] && kill -0 $$pid 2>/dev/null; do \
+    printf '\r\033[K%.79s' "$$(tail -n 1 .venv/pip.log)"; sleep 1; \
+  done; \
+  [ ! -t 1 ] || printf '\r\033[K'; \
+  wait $$pid || { tail -n 20 .venv/pip.log >&2; exit 1; }
 @rm .venv/installing
 @touch $@
 endef
@@ -93,8 +101,8 @@ $(CORE): pyproject.toml constraints.txt $(if $(BROKEN),ALWAYS)
 
 $(TEST): $(CORE)
 	@echo "Adding pytest, MuJoCo, Pinocchio to .venv: 0.1 GB to download, 0.5 GB on disk, half a minute."
-	$(call install,'.[test]' --quiet)
+	$(call install,'.[test]')
 
 $(DEV): $(CORE)
 	@echo "Adding ruff, mypy, pre-commit to .venv: 0.1 GB on disk, ten seconds."
-	$(call install,'.[dev]' --quiet)
+	$(call install,'.[dev]')

@@ -203,6 +203,27 @@ def test_make_installs_again_when_the_requirements_change(changed: str, tmp_path
     assert "-m pip install" in _make(tmp_path, "--dry-run", "compare").stdout
 
 
+PIP = """#!/bin/sh
+case "$*" in (*pip\\ install*) echo Collecting numpy; echo Installing all; exit STATUS;; esac
+exit 0
+"""
+
+
+@pytest.mark.parametrize("status", [0, 1])
+def test_make_keeps_what_pip_says_for_when_it_fails(tmp_path: Path, status: int) -> None:
+    _checkout(tmp_path, {"python3": GOOD})
+    _script(tmp_path / ".venv" / "bin" / "python", PIP.replace("STATUS", str(status)))
+    for tool in ("sh", "touch", "rm", "tail", "sleep", "pwd"):
+        (tmp_path / "bin" / tool).symlink_to(shutil.which(tool) or tool)
+    _script(tmp_path / ".venv" / "bin" / "frictionid", "#!/bin/sh\necho compared\n")
+    done = _make(tmp_path, "compare")
+    assert "Collecting" not in done.stdout
+    assert (tmp_path / ".venv" / "pip.log").read_text().endswith("Installing all\n")
+    assert (done.returncode == 0) is (status == 0) is done.stdout.endswith("compared\n")
+    assert ("Installing all" in done.stderr) is (status == 1)
+    assert (tmp_path / ".venv" / "installing").exists() is (status == 1)
+
+
 # --- What git keeps ---------------------------------------------------------------------------
 
 

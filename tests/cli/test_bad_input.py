@@ -233,7 +233,10 @@ FIT = {
     "no data": (("nowhere", "--identifier", "none"), "nowhere does not exist"),
     "unknown": (("tiny", "--identifier", "stribek"), "kind = 'stribek' is unknown; did you mean"),
     "empty": (("tiny", "--identifier", ""), "kind = '' is unknown; known: 'none'"),
-    "own": (("tiny", "--identifier", "nowhere:Mine"), "'nowhere:Mine' is neither in a module beside"),
+    "own": (
+        ("tiny", "--identifier", "nowhere:Mine"),
+        "'nowhere:Mine' is neither in a module beside",
+    ),
     "no value": (("--set", "symmetric"), "--set 'symmetric' must be key=value, e.g. --set"),
     "no key": (("--set", "=false"), "--set '=false' must be key=value"),
     "unknown setting": (("--set", "symetric=false"), "unknown setting 'symetric'; did you mean"),
