@@ -45,6 +45,7 @@ def fit(
     trust: Trust = False,
 ) -> None:
     """Fit friction to all recordings of a data set."""
+    from frictionid.cli.progress import heard
     from frictionid.comparison.fit_model import fit_model
     from frictionid.comparison.registry import LAWS
     from frictionid.comparison.suite_identifiers import identifier_named
@@ -63,7 +64,8 @@ def fit(
     if figure is not None:
         check_drawable(chosen)
     loaded = load_dataset(dataset, data, trust=trust)
-    friction = fit_model(loaded, chosen, method, protocol, seed)
+    with heard(f"fitting ({loaded.name})"):
+        friction = fit_model(loaded, chosen, method, protocol, seed)
     save_model(friction, out, LAWS)
     if figure is not None:
         write_bytes(figure, fit_picture(friction, loaded))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 from frictionid.cli.quiet import is_quiet
 
@@ -14,8 +15,34 @@ def counted(total: int, title: str, first: str = "") -> Iterator[Callable[[str],
 
     first : what stands there before
     """
-    from rich.console import Console
+    with _bar(total, title, first) as (bar, task):
+        yield lambda name: bar.update(task, advance=1, last=_plain(name))
+
+
+@contextmanager
+def heard(title: str) -> Iterator[None]:
+    """A bar of the steps that the work inside reports, see `frictionid.progress`."""
+    from frictionid.progress import listening
+
+    with _bar(None, title, "") as (bar, task):
+
+        def step(what: str, left: int) -> None:
+            done = bar.tasks[0].completed + 1
+            bar.update(task, completed=done, total=done + left, last=_plain(what))
+
+        with listening(step):
+            yield
+
+
+def _plain(text: str) -> str:
     from rich.markup import escape
+
+    return escape(text)
+
+
+@contextmanager
+def _bar(total: int | None, title: str, first: str) -> Iterator[tuple[Any, Any]]:
+    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -36,8 +63,7 @@ def counted(total: int, title: str, first: str = "") -> Iterator[Callable[[str],
         TextColumn("[dim]{task.fields[last]}"),
     )
     with Progress(*columns, console=console, disable=not console.is_terminal or is_quiet()) as bar:
-        task = bar.add_task(escape(title), total=total, last=escape(first))
-        yield lambda name: bar.update(task, advance=1, last=escape(name))
+        yield bar, bar.add_task(_plain(title), total=total, last=_plain(first))
 
 
 @contextmanager

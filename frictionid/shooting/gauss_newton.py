@@ -17,6 +17,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.identifiers.box_qp import bounded
+from frictionid.progress import report_step
 from frictionid.shooting.parameters.parameter_block import Estimate, values_of, with_values
 from frictionid.shooting.problem import ShootingProblem
 from frictionid.shooting.sample_intervals import cut_windows
@@ -156,12 +157,14 @@ def _solve_stage(stage: _Stage, estimate: Estimate, nodes: Array, sigma: Array) 
     settings = stage.problem.settings
     point = linearised_at(stage.problem, stage.windows, estimate, nodes, sigma)
     step, before = _next_step(stage, point, sigma, _DAMPING[0], 1.0), None
-    count = 1
+    count, what = 1, f"windows of {stage.windows.shape[1]} samples"
+    report_step(what, settings.iterations - count)
     while count < settings.iterations and not step.converged(settings.tolerance):
         point, damping = _accepted_or_last(stage, step)
         share = _step_share(step, before)
         before, step = step, _next_step(stage, point, step.solution.sigma, damping, share)
         count += 1
+        report_step(what, settings.iterations - count)
     converged = step.converged(settings.tolerance)
     return step.solution._replace(converged=converged, iterations=count)
 

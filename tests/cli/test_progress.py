@@ -1,5 +1,7 @@
 """Progress: what runs stands behind the bar, not what has finished."""
 
+from contextlib import contextmanager
+
 import pytest
 
 from frictionid.cli import progress
@@ -8,8 +10,6 @@ from frictionid.cli import progress
 @pytest.fixture
 def shown(monkeypatch):
     """What stands behind the bar after each step, the begin first."""
-    from contextlib import contextmanager
-
     texts = []
 
     @contextmanager
@@ -35,3 +35,25 @@ def test_steps_of_one_name_are_counted(shown):
         done("a")
         done("a")
     assert shown == ["a", "a", ""]
+
+
+def test_reported_steps_move_the_bar_of_a_fit(monkeypatch):
+    from frictionid.progress import report_step
+
+    seen = []
+
+    class Bar:
+        tasks = [type("Task", (), {"completed": 4})()]
+
+        def update(self, task, *, completed, total, last):
+            seen.append((task, completed, total, last))
+
+    @contextmanager
+    def bar(*_):
+        yield Bar(), 7
+
+    monkeypatch.setattr(progress, "_bar", bar)
+    with progress.heard("fitting"):
+        report_step("windows", 3)
+    report_step("unheard", 1)
+    assert seen == [(7, 5, 8, "windows")]

@@ -1,0 +1,36 @@
+"""Progress of long work: what runs and how many steps are left, for whoever listens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+Listener = Callable[[str, int], None]
+
+_LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+def report_step(what: str, left: int) -> None:
+    """Say that a step is done, of what, and that at most so many are left.
+
+    >>> heard = []
+    >>> with listening(lambda what, left: heard.append((what, left))):
+    ...     report_step("fit", 3)
+    >>> report_step("fit", 2)
+    >>> heard
+    [('fit', 3)]
+    """
+    listener = _LISTENER.get()
+    if listener is not None:
+        listener(what, left)
+
+
+@contextmanager
+def listening(listener: Listener) -> Iterator[None]:
+    """A context in which the steps of long work are heard."""
+    token = _LISTENER.set(listener)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)

@@ -1,0 +1,25 @@
+"""Shooting says after each iteration how many are left, and fits the same unheard."""
+
+import numpy as np
+from fixtures.tiny_pendulums import dataset
+
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.progress import listening
+from frictionid.shooting import Settings, refine
+
+START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+
+
+def test_every_iteration_is_heard_once():
+    heard, settings = [], Settings(iterations=6)
+    with listening(lambda *said: heard.append(said)):
+        result = refine(START, dataset(), settings=settings)
+    assert len(heard) == result.diagnostics.iterations
+    stages = list(dict.fromkeys(what for what, _ in heard))
+    assert len(stages) == len(settings.windows)
+    for stage in stages:
+        left = [left for what, left in heard if what == stage]
+        assert left == list(range(left[0], left[0] - len(left), -1)) and left[-1] >= 0
+    unheard = refine(START, dataset(), settings=settings)
+    np.testing.assert_array_equal(unheard.friction.theta, result.friction.theta)
