@@ -137,7 +137,7 @@ def rows_of(
     samples = [len(motion.states.time) for motion in motions]
     first = np.cumsum([0, *(2 * count - 1 for count in samples)])  # node of each first sample
     stencil = np.concatenate(list(map(interval_stencil, samples, first[:-1])))
-    nodes = [with_midpoints(*motion.states) for motion in motions]
+    nodes = [with_midpoints(*motion.states.motion) for motion in motions]
     _, q, w = (np.concatenate(x) for x in zip(*nodes, strict=True))
     time = np.concatenate([motion.states.time for motion in motions])
     dt = np.concatenate([np.diff(motion.states.time) for motion in motions])

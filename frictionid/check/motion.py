@@ -12,7 +12,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
-from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
+from frictionid.data.kalman import padded_series
+from frictionid.data.outliers import Smoothed, smoothed
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
@@ -60,10 +61,13 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     """
     angles = [_averaged(recording.angle) for recording in recordings]
     series = padded_series(angles)
-    rho = likeliest_jerk_ratio(series)
-    mean = rts_smoother(series, rho)
+    found = smoothed(series)
     return tuple(
-        _motion(angle, mean[: len(angle.time), own], rho[own], _rounding(r.angle, angle))
+        _motion(
+            angle,
+            Smoothed(*(x[..., own] if x.ndim == 1 else x[: len(angle.time), own] for x in found)),
+            _rounding(r.angle, angle),
+        )
         for r, angle, own in zip(recordings, angles, series.columns, strict=True)
     )
 
@@ -74,12 +78,13 @@ def _rounding(angle: Signal, averaged: Signal) -> Array:
     return step**2 / 12 / (len(angle.time) // len(averaged.time))
 
 
-def _motion(angle: Signal, mean: Array, rho: Array, rounding: Array) -> Motion:
+def _motion(angle: Signal, found: Smoothed, rounding: Array) -> Motion:
     dt = float(np.median(np.diff(angle.time)))
-    bandwidth = np.minimum((rho / dt) ** (1 / 6), np.pi / dt)
-    scatter = (angle.value - mean[..., 0]).var(axis=0)
+    bandwidth = np.minimum((found.rho / dt) ** (1 / 6), np.pi / dt)
+    mean, left_out = found.mean, found.left_out
+    scatter = (angle.value - mean[..., 0]).var(axis=0, where=~left_out)
     variance = np.maximum(scatter / np.maximum(1.0 - dt * bandwidth / 3, 0.05), rounding)
-    states = States(angle.time, mean[..., 0], mean[..., 1])
+    states = States(angle.time, mean[..., 0], mean[..., 1], left_out)
     velocity = np.sqrt(variance * dt * bandwidth**3 / 6)
     return Motion(states, np.sqrt(variance), velocity, 1.0 / bandwidth)
 

@@ -11,7 +11,7 @@ from frictionid.comparison.equations import with_equations
 from frictionid.comparison.methods import Method
 from frictionid.comparison.training_set import training_set
 from frictionid.data.recordings import Dataset
-from frictionid.evaluation import EstimatedStates, Prepared, Protocol, velocity_grid
+from frictionid.evaluation import EstimatedStates, Prepared, Protocol, screened, velocity_grid
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL
@@ -65,7 +65,8 @@ def fit_model(
     protocol = protocol or Protocol()
     refuse_torque_without_motor(dataset)
     estimated = EstimatedStates(dataset, protocol.sample_time)
-    prepared = Prepared(dataset, protocol, estimated, plant_of(dataset))
+    plant = plant_of(dataset)
+    prepared = Prepared(screened(dataset, plant, estimated), protocol, estimated, plant)
     training = training_set(prepared, [recipe])
     fit = recipe.fit(_NotFixed(identifier), training, seed)
     friction = with_equations(fit)[-1]

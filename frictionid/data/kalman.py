@@ -38,7 +38,8 @@ class Series(NamedTuple):
     dt : array, shape (T, S) [s], to the sample before
     value : array, shape (T, S)
     noise : array, shape (T, S), variance of each sample relative to the usual one of its series
-    valid : array of bool, shape (T, S), false behind the end of shorter recordings
+    valid : array of bool, shape (T, S), false behind the end of shorter recordings, and for
+        samples that are left out
     columns : slices of the S series, one for each recording
     """
 
@@ -47,6 +48,15 @@ class Series(NamedTuple):
     noise: Array
     valid: Array
     columns: tuple[slice, ...]
+
+    def without(self, left_out: Array) -> Series:
+        """The series without some samples, by a mask (T, S)."""
+        return self._replace(valid=self.valid & ~left_out)
+
+    def of(self, which: Array) -> Series:
+        """Some of the series; they belong to no recording."""
+        dt, value, noise, valid = (x[:, which] for x in self[:4])
+        return Series(dt, value, noise, valid, ())
 
 
 class FilterOutput(NamedTuple):
@@ -103,12 +113,10 @@ def kalman_filter(series: Series, rho: Array) -> FilterOutput:
     mean, gain = np.empty((T, 3, *shape)), np.empty((T, 3, *shape))
     covariance, variance = np.empty((T, 6, *shape)), np.empty((T, *shape))
     innovation = np.empty((T, *shape))
-    x, P = np.zeros((3, *shape)), np.zeros((6, *shape))
-    x[0] = series.value[0]
-    P[0], P[3], P[5] = _DIFFUSE
+    x, P = initial_state(np.broadcast_to(series.value[0], shape))
     for t in range(T):
         if t:
-            x, P = _predict(x, P, series.dt[t], rho)
+            x, P = predict(x, P, series.dt[t], rho)
         e, s = series.value[t] - x[0], P[0] + series.noise[t]
         K = np.where(series.valid[t], P[:3] / s, 0)
         x = x + K * e
@@ -117,18 +125,26 @@ def kalman_filter(series: Series, rho: Array) -> FilterOutput:
     return FilterOutput(np.moveaxis(mean, 1, -1), covariance, gain, innovation, variance)
 
 
-def _predict(x: Array, P: Array, dt: Array, rho: Array) -> tuple[Array, Array]:
+def initial_state(value: Array) -> tuple[Array, Array]:
+    """Mean (3, ...) and covariance (6, ...) before the first sample, next to unknown."""
+    x, P = np.zeros((3, *value.shape)), np.zeros((6, *value.shape))
+    x[0] = value
+    P[0], P[3], P[5] = _DIFFUSE
+    return x, P
+
+
+def predict(x: Array, P: Array, dt: Array, rho: Array) -> tuple[Array, Array]:
     """Mean F x and covariance F P F' + Q one sample later."""
     half = dt * dt / 2
     a, b, c, d, e, f = P
-    x = np.stack([x[0] + dt * x[1] + half * x[2], x[1] + dt * x[2], x[2]])
+    x = np.array([x[0] + dt * x[1] + half * x[2], x[1] + dt * x[2], x[2]])
     # F P by rows, of which the last two need fewer columns, then times F'
     r0, r1, r2 = a + dt * b + half * c, b + dt * d + half * e, c + dt * e + half * f
     s1, s2 = d + dt * e, e + dt * f
     moved = (r0 + dt * r1 + half * r2, r1 + dt * r2, r2, s1 + dt * s2, s2, f)
     d3 = dt * dt * dt
     noise = (d3 * dt * dt / 20, d3 * dt / 8, d3 / 6, d3 / 3, dt * dt / 2, dt)
-    return x, np.stack([m + rho * n for m, n in zip(moved, noise, strict=True)])
+    return x, np.array([m + rho * n for m, n in zip(moved, noise, strict=True)])
 
 
 def _update(P: Array, K: Array, ratio: Array) -> Array:
@@ -138,7 +154,7 @@ def _update(P: Array, K: Array, ratio: Array) -> Array:
     """
     a, b, c, d, e, f = P
     measured, kept = K[0] > 0, 1.0 - K[0]
-    return np.stack(
+    return np.array(
         [
             np.where(measured, a / ratio, a),
             np.where(measured, b / ratio, b * kept),
@@ -151,24 +167,28 @@ def _update(P: Array, K: Array, ratio: Array) -> Array:
 
 
 def rts_smoother(series: Series, rho: Array) -> Array:
-    """Smoothed states (T, S, 3) at jerk ratios rho (S,).
+    """Smoothed states (T, S, 3) at jerk ratios rho (S,)."""
+    return smoothed_by(series, kalman_filter(series, rho))
+
+
+def smoothed_by(series: Series, forward: FilterOutput) -> Array:
+    """Smoothed states (T, S, 3) from the output of the filter.
 
     Backward over the samples, with the adjoint l (modified Bryson-Frazier):
 
         smoothed = mean - P l,    l <- F' (l - H' (K' l + innovation / variance))
     """
-    forward = kalman_filter(series, rho)
     adjoint = np.zeros((3, series.value.shape[1]))
     out = np.empty_like(forward.mean)
     for t in range(len(series.dt) - 1, -1, -1):
         a, b, c, d, e, f = forward.covariance[t]
         x, y, z = adjoint
         correction = (a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z)
-        out[t] = forward.mean[t] - np.stack(correction, axis=-1)
+        out[t] = forward.mean[t] - np.array(correction).T
         K, dt = forward.gain[t], series.dt[t]
         scaled = np.where(series.valid[t], forward.innovation[t] / forward.variance[t], 0.0)
         x = x - (K[0] * x + K[1] * y + K[2] * z) - scaled
-        adjoint = np.stack([x, y + dt * x, z + dt * y + dt * dt / 2 * x])
+        adjoint = np.array([x, y + dt * x, z + dt * y + dt * dt / 2 * x])
     return out
 
 

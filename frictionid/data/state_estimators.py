@@ -16,20 +16,31 @@ from frictionid.arrays import Array
 from frictionid.data.kalman import (
     Series,
     causal_states,
-    likeliest_jerk_ratio,
     padded_series,
-    rts_smoother,
 )
-from frictionid.data.signals import Signal
+from frictionid.data.outliers import smoothed
+from frictionid.data.signals import Signal, relative_noise
 from frictionid.errors import InputError
+
+_NO_WEIGHT = 1e6  # times the usual standard deviation
 
 
 class States(NamedTuple):
-    """Estimated motion: time (T,) [s], q (T, n) [rad], w (T, n) [rad/s]."""
+    """Estimated motion: time (T,) [s], q (T, n) [rad], w (T, n) [rad/s].
+
+    left_out : (T, n) of bool, measured angles that are gross outliers and so had no influence, or
+        None for an estimator that uses all
+    """
 
     time: Array
     q: Array
     w: Array
+    left_out: Array | None = None
+
+    @property
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Time, q and w."""
+        return self.time, self.q, self.w
 
 
 class Estimator(Protocol):
@@ -109,7 +120,8 @@ class RTS:
     """Kinematic Kalman/RTS smoother driven by white jerk [RauchTungStriebel1965].
 
     The ratio of jerk intensity to measurement noise maximises the innovation likelihood of each
-    recording and joint: there is no window to choose. Uneven sampling and gaps are exact.
+    recording and joint: there is no window to choose. Uneven sampling and gaps are exact. Gross
+    outliers are left out, see `frictionid.data.outliers`.
 
     >>> t = np.linspace(0.0, 2.0, 121)
     >>> s = RTS()([Signal(t, np.sin(3 * t)[:, None])])[0]
@@ -121,7 +133,8 @@ class RTS:
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
         series = padded_series(angles)
-        return _states(angles, series, rts_smoother(series, likeliest_jerk_ratio(series)))
+        found = smoothed(series)
+        return _states(angles, series, found.mean, found.left_out)
 
 
 @dataclass(frozen=True)
@@ -151,12 +164,34 @@ def thin(states: States, sample_time: float) -> States:
         if time >= states.time[keep[-1]] + sample_time - slack:
             keep.append(k)
     index = np.unique(keep)
-    return States(states.time[index], states.q[index], states.w[index])
+    left_out = None if states.left_out is None else states.left_out[index]
+    return States(states.time[index], states.q[index], states.w[index], left_out)
 
 
-def _states(angles: Sequence[Signal], series: Series, mean: Array) -> tuple[States, ...]:
+def without_outliers(angles: Sequence[Signal], states: Sequence[States]) -> tuple[Signal, ...]:
+    """The angles with next to no weight, a large `sigma`, of the samples that states leave out.
+
+    >>> time = np.arange(3.0)
+    >>> angle, states = Signal(time, np.zeros((3, 1))), States(time, *np.zeros((2, 3, 1)))
+    >>> found = without_outliers([angle], [states._replace(left_out=time[:, None] == 1.0)])
+    >>> found[0].sigma.ravel().tolist()
+    [1.0, 1000000.0, 1.0]
+    """
+    pairs = zip(angles, states, strict=True)
+    return tuple(
+        angle
+        if s.left_out is None or not s.left_out.any()
+        else angle._replace(sigma=relative_noise(angle) * np.where(s.left_out, _NO_WEIGHT, 1.0))
+        for angle, s in pairs
+    )
+
+
+def _states(
+    angles: Sequence[Signal], series: Series, mean: Array, left_out: Array | None = None
+) -> tuple[States, ...]:
     out = []
     for angle, rows in zip(angles, series.columns, strict=True):
-        motion = mean[: len(angle.time), rows]
-        out.append(States(angle.time, motion[..., 0], motion[..., 1]))
+        place = slice(len(angle.time)), rows
+        motion, own = mean[place], None if left_out is None else left_out[place]
+        out.append(States(angle.time, motion[..., 0], motion[..., 1], own))
     return tuple(out)

@@ -163,7 +163,9 @@ def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
     sizes = [len(s.time) for s in states]
     pairs = zip(dataset.recordings, states, strict=True)
     u = np.concatenate([sample(recording.torque, s.time) for recording, s in pairs])
-    time, q, w = (np.concatenate(column) for column in zip(*states, strict=True))
+    time, q, w = (
+        np.concatenate(column) for column in zip(*(s.motion for s in states), strict=True)
+    )
     load = plant[np.repeat(np.arange(len(sizes)), sizes)].load(q, w, u)
     return Nodes(Inputs(q, w, u, load), time, np.concatenate([[0], np.cumsum(sizes)]))
 

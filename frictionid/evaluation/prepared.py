@@ -16,7 +16,12 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.state_estimators import Estimator, KalmanFilter, States
+from frictionid.data.state_estimators import (
+    Estimator,
+    KalmanFilter,
+    States,
+    without_outliers,
+)
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import velocity_grid
 from frictionid.evaluation.free_run import Trajectory, make_trajectory, with_motor_torque
@@ -34,6 +39,7 @@ from frictionid.identifiers.formulation import (
     training_problem,
 )
 from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.torque_outliers import without_torque_outliers
 from frictionid.mechanics import Plant, plant_of, refuse_torque_without_motor, unit_inertia_plant
 from frictionid.mechanics.calibration import Calibration, calibrated_dataset, calibrated_plant
 from frictionid.shooting import SampleWindows
@@ -53,8 +59,17 @@ class EstimatedStates:
     def by(self, estimator: Estimator) -> tuple[States, ...]:
         """States by an estimator."""
         if estimator not in self.known:
-            self.known[estimator] = states_of(self.dataset, estimator, self.sample_time)
+            self.known[estimator] = states_of(self._known(estimator), estimator, self.sample_time)
         return self.known[estimator]
+
+    def _known(self, estimator: Estimator) -> Dataset:
+        """The data set, for the causal filter without the outliers that the smoother found."""
+        recordings = self.dataset.recordings
+        if estimator != KalmanFilter() or self.sample_time is not None:
+            return self.dataset
+        angles = without_outliers([r.angle for r in recordings], self.by(INTEGRAL.states))
+        pairs = zip(recordings, angles, strict=True)
+        return replace(self.dataset, recordings=tuple(replace(r, angle=a) for r, a in pairs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,10 +182,16 @@ def prepare(
     if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
         raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
     estimated = EstimatedStates(dataset, protocol.sample_time)
-    prepared = Prepared(with_motor_torque(dataset, plant), protocol, estimated, plant)
+    driven = screened(with_motor_torque(dataset, plant), plant, estimated)
+    prepared = Prepared(driven, protocol, estimated, plant)
     for name in _SCORED:  # now, so that data too short are refused before anything is fitted
         getattr(prepared, name)
     return prepared
+
+
+def screened(dataset: Dataset, plant: Plant, estimated: EstimatedStates) -> Dataset:
+    """The data set without torques that the motion denies, see `torque_outliers`."""
+    return without_torque_outliers(dataset, plant, estimated.by(INTEGRAL.states))
 
 
 def with_parameters(prepared: Prepared, parameters: Mapping[str, float]) -> Prepared:

@@ -27,7 +27,8 @@ from frictionid.identifiers.row_weights import huber_factors, normalised
 _EXACT = 1e-22  # costs below this part of that without friction are rounding
 _DAMPING = (1e-9, 1e9)
 _CLEAR = 1e-8  # a change of slope above rounding
-_ROUNDS = 4
+_ROUNDS = 2  # of weights
+_NEAR = 1e-2  # tolerance of the fits that give the next weights
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class LeastSquares(Identifier):
     law: Law
     iterations: Count = 100
     tolerance: NotNegative = 1e-11
-    robust: Positive | None = None
+    robust: Positive | None = 3.0
     seeded = False
 
     def __post_init__(self) -> None:
@@ -70,17 +71,21 @@ class LeastSquares(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         law, weights = Linearised(self.law, problem), normalised(weights, problem)
-        theta = self._minimum(law, _first(law, *best_initial_guess(law, weights), weights))
-        for _ in range(_ROUNDS if self.robust else 0):
-            reduced = weights * huber_factors(law.residual(theta), weights, self.robust or 0.0)
-            theta = self._minimum(law, _first(law, theta, theta, reduced))
-        return law.friction(theta)
+        theta, stepped = best_initial_guess(law, weights)
+        reduced = weights
+        if self.robust is not None:
+            for _ in range(_ROUNDS):
+                theta = self._minimum(law, _first(law, theta, stepped, reduced), _NEAR)
+                stepped = theta
+                reduced = weights * huber_factors(law.residual(theta), weights, self.robust)
+        state = _first(law, theta, stepped, reduced)
+        return law.friction(self._minimum(law, state, self.tolerance))
 
-    def _minimum(self, law: Linearised, state: _State) -> Array:
+    def _minimum(self, law: Linearised, state: _State, tolerance: float) -> Array:
         """Parameters (F, N) at the local minimum; folds that have converged take no more steps."""
         theta, active = state.theta.copy(), np.arange(len(state.theta))
         for _ in range(self.iterations):
-            state, converged = _next(law, state, self.tolerance)
+            state, converged = _next(law, state, tolerance)
             theta[active] = state.theta
             active, state = active[~converged], state.of(~converged)
             if not len(active):
@@ -111,9 +116,11 @@ class _State(NamedTuple):
 
 def _first(law: Linearised, initial: Array, stepped: Array, weights: Array) -> _State:
     """State at the better of two guesses each; far from linear, a first step may be a bad one."""
-    with np.errstate(all="ignore"):
-        better = _cost(law.residual(stepped), weights) < _cost(law.residual(initial), weights)
-    theta = np.where(better[:, None], stepped, initial)
+    theta = initial
+    if stepped is not initial:
+        with np.errstate(all="ignore"):
+            better = _cost(law.residual(stepped), weights) < _cost(law.residual(initial), weights)
+        theta = np.where(better[:, None], stepped, initial)
     residual = law.residual(theta)
     descent, hessian = law.normal_equations(theta, residual, weights)
     secant, damping = np.zeros_like(hessian), np.full(len(theta), 1e-6)

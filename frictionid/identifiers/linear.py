@@ -58,7 +58,7 @@ class Linear(Identifier):
         theta = solutions(grams(A, weights)[:, 0], *law.bounds)
         beyond = ~_in_linear_range(law.friction(theta), problem)
         if beyond.any():
-            refitted = LeastSquares(self.law).fit(problem, weights[beyond], seed)
+            refitted = LeastSquares(self.law, robust=None).fit(problem, weights[beyond], seed)
             theta[beyond] = refitted.theta.reshape(int(beyond.sum()), -1)
         return law.friction(theta)
 

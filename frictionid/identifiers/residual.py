@@ -165,7 +165,7 @@ class _Part(NamedTuple):
 
 
 def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
-    time, q, w = states
+    time, q, w = states.motion
     u = averages(recording.torque, time)
     dt = np.diff(time)
     terms = plant.terms(q[:-1], w[:-1])
@@ -176,7 +176,7 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
 
 def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     dt = np.diff(states.time)
-    at, q, w = with_midpoints(*states)
+    at, q, w = with_midpoints(*states.motion)
     terms = plant.terms(q, w)
     balance = momentum_balance(terms, interval_stencil(len(states.time)))
     u = averages(recording.torque, states.time)

@@ -119,7 +119,8 @@ class ShootingProblem:
         dataset = calibrated_dataset(dataset, estimate.calibration) if self.reads.u else dataset
         pairs = zip(dataset.recordings, intervals.states, strict=True)
         u = np.concatenate([sample(r.torque, s.time) for r, s in pairs])
-        time, q, w = (np.concatenate(column) for column in zip(*intervals.states, strict=True))
+        motions = [s.motion for s in intervals.states]
+        time, q, w = (np.concatenate(column) for column in zip(*motions, strict=True))
         x = Inputs(q - estimate.calibration.offset, w, u, 0.0 * w)
         steps = memory_along(friction, Nodes(x, time, first))
         at = intervals.index, intervals.recording

@@ -11,9 +11,11 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.state_estimators import States
+from frictionid.data.state_estimators import RTS, States
 from frictionid.friction import Friction
-from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.identifiers.formulation import states_of
+from frictionid.identifiers.torque_outliers import without_torque_outliers
+from frictionid.mechanics import mechanism_of, parameters_of, plant_of
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.data_checks import check_blocks, check_data, warnings_of
@@ -142,6 +144,8 @@ def refine(
         angles, and friction of joints that never move.
     """
     settings = settings or Settings()
+    states = states or states_of(dataset, RTS(), sample_time)
+    dataset = without_torque_outliers(dataset, plant_of(dataset), states)
     intervals = intervals_of(dataset, sample_time, states)
     problem, estimate = prepare_fit(friction, intervals, on_support(blocks, friction), settings)
     solution = solve(problem, estimate, np.ones(len(intervals.dt), dtype=bool))

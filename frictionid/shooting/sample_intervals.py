@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import relative_noise, sample
+from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import states_of
@@ -24,7 +24,8 @@ class Intervals:
 
     time, dt : (K,) [s] start and length; recording, index : (K,), of the sample at the start
     before, after : (K, n) [rad] measured at start and end
-    weight_before, weight_after : (K, n), relative noise weight: usual noise over own noise
+    weight_before, weight_after : (K, n), relative noise weight: usual noise over own noise, nothing
+        for outliers that the states leave out; these are replaced by the smoothed angles
     q, w : (K, n) smoothed states at the start
     joined : (K,), whether an interval begins where the one before it ends
     """
@@ -76,10 +77,7 @@ def intervals_of(
     for i, (recording, s) in enumerate(zip(dataset.recordings, states, strict=True)):
         dt = np.diff(s.time)
         whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
-        measured = sample(recording.angle, s.time)
-        weight = 1.0 / sample(
-            recording.angle._replace(value=relative_noise(recording.angle)), s.time
-        )
+        measured, weight = _measured(recording.angle, s)
         joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
         columns = (
             s.time[:-1],
@@ -99,6 +97,18 @@ def intervals_of(
             f"piece; there are {len(series[0])} intervals in all"
         )
     return Intervals(dataset, tuple(states), *series)
+
+
+def _measured(angle: Signal, states: States) -> tuple[Array, Array]:
+    """Measured angles (T, n) and their relative weights at the times of the states.
+
+    Those that the states leave out are the smoothed ones, without weight.
+    """
+    measured = sample(angle, states.time)
+    weight = 1.0 / sample(angle._replace(value=relative_noise(angle)), states.time)
+    if states.left_out is None:
+        return measured, weight
+    return np.where(states.left_out, states.q, measured), np.where(states.left_out, 0.0, weight)
 
 
 def logged_torque(

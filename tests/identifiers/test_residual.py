@@ -252,7 +252,7 @@ def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
     whole = build(plant_of(3), recordings, states)
     s = states[1]
     lost = slice(8, 16)  # of 25 samples
-    holed = States(*(np.delete(part, lost, axis=0) for part in s))
+    holed = States(*(np.delete(part, lost, axis=0) for part in s.motion))
     problem = build(plant_of(3), recordings, [states[0], holed, states[2]])
     assert problem.dt.max() < 2 * np.median(np.diff(s.time))
     gone = (whole.recording == 1) & (whole.time >= s.time[7] - 1e-9) & (whole.time < s.time[16])

@@ -1,0 +1,161 @@
+"""Gross outliers of sampled positions: single samples that all others contradict.
+
+The smoother predicts each sample from all others of its series; what that leaves of the sample,
+over its standard deviation, is the deletion residual, which shows a single outlier most sharply
+[DeJong1989]. A sample is left out where it is `_GATE` times as large as
+
+- usual in its series: the median, which outliers do not enlarge, and
+- around it: stick-slip, impacts and reversals are rough for several samples, whereas beside an
+  outlier that is left out all samples fit.
+
+At a kink, an end stop or a rattling gear, the past or the future predicts the sample: it stays.
+
+Outliers hide each other, and disturb the jerk ratio. So candidates are collected first, the largest
+of each neighbourhood in each round; those that fit the others after all come back.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.kalman import Series, kalman_filter, likeliest_jerk_ratio, smoothed_by
+from frictionid.data.prediction_residuals import JerkFit, Residuals, prediction_residuals
+
+_GATE, _CANDIDATE = 6.0, 4.0
+_KINK = 0.25  # of the deletion residual, within which the past or the future predicts a sample
+_NEIGHBOURS = 5  # samples to either side
+_QUANTILE = 0.75  # of the residuals around a sample
+_EXACT = 1e-7  # of the span of a series: what is off by less does not matter
+_ROUNDS = 10
+_SHARE = 0.6  # of the largest residual of a neighbourhood: candidates
+_MANY = 0.003  # of the samples: fewer that change leave the jerk ratio as it is
+_NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
+
+
+class Smoothed(NamedTuple):
+    """Smoothed series.
+
+    Attributes
+    ----------
+    mean : array, shape (T, S, 3), position, velocity and acceleration
+    rho : array, shape (S,), jerk ratios
+    left_out : array of bool, shape (T, S), gross outliers, which have no influence
+    """
+
+    mean: Array
+    rho: Array
+    left_out: Array
+
+
+def smoothed(series: Series) -> Smoothed:
+    """Series smoothed at their likeliest jerk ratios, without gross outliers.
+
+    >>> from frictionid.data.kalman import even_series
+    >>> time = np.arange(100) * 0.01
+    >>> value = np.sin(5 * time) + 1e-3 * np.random.default_rng(0).standard_normal(100)
+    >>> value[40] += 0.1
+    >>> found = smoothed(even_series(value[:, None], 0.01))
+    >>> np.flatnonzero(found.left_out), bool(abs(found.mean[40, 0, 0] - np.sin(2.0)) < 2e-3)
+    (array([40]), True)
+    """
+    left_out = np.zeros(series.valid.shape, dtype=bool)
+    rho = likeliest_jerk_ratio(series)
+    fit = JerkFit(rho, kalman_filter(series, rho))
+    judged = _judged(series, left_out, fit)
+    rough = np.asarray((judged.size > _GATE).any(axis=0))
+    if rough.any():
+        left_out[:, rough] = _outliers(series.of(rough), judged.of(rough), fit.rho[rough])
+        changed = np.asarray(left_out.any(axis=0))
+        if changed.any():
+            series = series.without(left_out)
+            rho[changed] = likeliest_jerk_ratio(series.of(changed))
+            fit = JerkFit(rho, kalman_filter(series, rho))
+    return Smoothed(smoothed_by(series, fit.forward), rho, left_out)
+
+
+class _Judged(NamedTuple):
+    """Sizes (T, S) of deletion residuals, in standard deviations as usual in their series.
+
+    kink : (T, S), whether the samples before, or those behind, predict the sample, and well enough
+        to show an outlier: then it stands beside a kink of the motion
+    """
+
+    size: Array
+    kink: Array
+
+    def of(self, which: Array) -> _Judged:
+        """Those of some series."""
+        return _Judged(self.size[:, which].copy(), self.kink[:, which].copy())
+
+
+def _outliers(series: Series, judged: _Judged, rho: Array) -> Array:
+    """Gross outliers (T, S) of series that were judged as they are, at jerk ratios rho (S,)."""
+    candidates, rho = np.zeros(series.valid.shape, dtype=bool), rho.copy()
+    for _ in range(_ROUNDS):
+        around = _around(np.where(candidates, np.nan, judged.size))
+        largest = judged.size >= _SHARE * np.nan_to_num(np.fmax.reduce(around, axis=0))
+        new = (judged.size > _CANDIDATE) & (candidates | largest)
+        changes = (new != candidates).sum(axis=0)
+        if not changes.any():
+            break
+        candidates, kept = new, series.without(new)
+        many, some = changes > _MANY * len(new), changes > 0
+        rho[many] = likeliest_jerk_ratio(kept.of(many)) if many.any() else rho[many]
+        fit = JerkFit(rho[some], kalman_filter(kept.of(some), rho[some]))
+        own = _judged(series.of(some), new[:, some], fit)
+        judged.size[:, some], judged.kink[:, some] = own
+    beside = _GATE * _roughness(np.where(candidates, np.nan, judged.size))
+    return candidates & (judged.size > beside) & ~judged.kink
+
+
+def _roughness(size: Array) -> Array:
+    """Upper quartile of the sizes (T, S) around each sample, at least 1; NaN do not count."""
+    around = np.sort(_around(size), axis=0)  # NaN last
+    known = np.isfinite(around).sum(axis=0)
+    place = np.maximum(np.ceil(_QUANTILE * known).astype(int) - 1, 0)
+    found = np.take_along_axis(around, place[None], axis=0)[0]
+    return np.where(known > 0, np.fmax(found, 1.0), 1.0)
+
+
+def _around(size: Array) -> Array:
+    """Sizes of the samples before and behind each one, (2 * _NEIGHBOURS, T, S), NaN at the ends."""
+    T, N = len(size), _NEIGHBOURS
+    padded = np.pad(size, ((N, N), (0, 0)), constant_values=np.nan)
+    return np.stack([padded[k : k + T] for k in range(2 * N + 1) if k != N])
+
+
+def _judged(series: Series, left_out: Array, fit: JerkFit) -> _Judged:
+    """All samples (T, S), judged by those that are not left out.
+
+    Samples that repeat both their neighbours, at rest within one step of an encoder, say nothing
+    about the usual size.
+    """
+    residuals = prediction_residuals(series, left_out, fit)
+    off, deviation = residuals.by_all
+    size = np.where(series.valid, np.abs(off) / deviation, 0.0)
+    change = np.diff(series.value, axis=0) != 0.0
+    fresh = np.ones(series.valid.shape, dtype=bool)
+    fresh[1:-1] = change[1:] | change[:-1]
+    counts = series.valid & ~left_out
+    usual = _NORMAL * _median(size, counts & fresh)
+    value = np.where(counts, series.value, np.nan)
+    span = np.nan_to_num(np.fmax.reduce(value) - np.fmin.reduce(value))
+    usual = np.maximum(usual, _EXACT * span + 1e-300)
+    return _Judged(size / usual, _kinks(residuals, usual))
+
+
+def _kinks(residuals: Residuals, usual: Array) -> Array:
+    """Whether the past or the future predicts a sample, where it would show an outlier."""
+    size = np.abs(residuals.by_all[0])
+    sides = residuals.by_past, residuals.by_future
+    found = [(np.abs(off) < _KINK * size) & (usual * dev < size) for off, dev in sides]
+    return np.asarray(found[0] | found[1])
+
+
+def _median(size: Array, counts: Array) -> Array:
+    """Medians (S,) of those of (T, S) that count, infinite where none does."""
+    ordered = np.sort(np.where(counts, size, np.inf), axis=0)
+    return np.take_along_axis(ordered, counts.sum(axis=0)[None] // 2, axis=0)[0]

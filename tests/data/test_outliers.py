@@ -1,0 +1,208 @@
+"""Gross outliers of angles: found where they are, and nowhere else."""
+
+import numpy as np
+import pytest
+
+from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
+from frictionid.data.outliers import smoothed
+from frictionid.data.prediction_residuals import JerkFit, prediction_residuals
+from frictionid.data.signals import Signal
+from frictionid.data.state_estimators import RTS, KalmanFilter, thin, without_outliers
+
+RATE = 60.0
+
+
+def clock(samples=300, rate=RATE):
+    return np.arange(samples) / rate
+
+
+def swing(time, rng, noise=1.6e-3):
+    value = np.sin(5 * time) + 0.3 * np.cos(11 * time + 1)
+    return (value + noise * rng.normal(size=len(time)))[:, None]
+
+
+def deletion_residuals(series, left_out, fit):
+    off, deviation = prediction_residuals(series, left_out, fit).by_all
+    return off / deviation
+
+
+def found(time, value, **more):
+    return RTS()([Signal(time, value, **more)])[0].left_out[:, 0]
+
+
+# ---------------------------------------------------------------- deletion residuals
+
+
+def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves() -> None:
+    """Two routes: all at once, and each sample left out on its own."""
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.01, 0.03, 40))
+    series = padded_series([Signal(time, swing(time, rng))])
+    rho = np.array([1e8])
+    none = np.zeros(series.valid.shape, dtype=bool)
+    at_once = deletion_residuals(series, none, JerkFit(rho, kalman_filter(series, rho)))
+    for k in (0, 1, 2, 20, 38, 39):
+        one = none.copy()
+        one[k] = True
+        fit = JerkFit(rho, kalman_filter(series.without(one), rho))
+        np.testing.assert_allclose(deletion_residuals(series, one, fit)[k], at_once[k], rtol=1e-6)
+
+
+def test_deletion_residuals_of_noise_have_its_size() -> None:
+    """Positions driven by white jerk, with unit noise: residuals are standard normal."""
+    rng = np.random.default_rng(1)
+    samples, rho = 4000, 1e6
+    dt = 1 / RATE
+    F = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    powers = [[dt**5 / 20, dt**4 / 8, dt**3 / 6], [dt**4 / 8, dt**3 / 3, dt**2 / 2]]
+    Q = rho * np.array([*powers, [dt**3 / 6, dt**2 / 2, dt]])
+    shocks = rng.multivariate_normal(np.zeros(3), Q, samples, method="cholesky")
+    x = np.zeros((samples, 3))
+    for k in range(1, samples):
+        x[k] = F @ x[k - 1] + shocks[k]
+    series = padded_series([Signal(clock(samples), x[:, :1] + rng.normal(size=(samples, 1)))])
+    fit = JerkFit(np.array([rho]), kalman_filter(series, np.array([rho])))
+    residual = deletion_residuals(series, np.zeros(series.valid.shape, dtype=bool), fit)
+    assert residual.std() == pytest.approx(1.0, abs=0.05)
+
+
+# ---------------------------------------------------------------- what is left out
+
+
+@pytest.mark.parametrize("size", [0.05, 1.0, 20.0])
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.1])
+def test_outliers_are_left_out_and_good_samples_stay(size, share) -> None:
+    rng = np.random.default_rng(2)
+    time = clock()
+    clean = np.hstack([swing(time, rng) for _ in range(4)])
+    wild = rng.random(clean.shape) < share
+    value = clean + wild * rng.choice([-size, size], clean.shape)
+    left_out = RTS()([Signal(time, value)])[0].left_out
+    assert (wild & ~left_out).sum() <= 0.05 * wild.sum()
+    assert (left_out & ~wild).sum() <= 0.005 * (~wild).sum()
+
+
+@pytest.mark.parametrize("places", [[0], [1], [0, 1], [299], [298, 299], [100, 101], [50, 52, 53]])
+def test_outliers_at_the_ends_and_side_by_side_take_no_good_samples_along(places) -> None:
+    time, rng = clock(), np.random.default_rng(3)
+    value = swing(time, rng)
+    value[places, 0] += 0.5
+    assert np.flatnonzero(found(time, value)).tolist() == places
+
+
+def test_without_its_outliers_a_motion_is_the_same() -> None:
+    time, rng = clock(), np.random.default_rng(4)
+    clean = swing(time, rng)
+    value = clean.copy()
+    wild = rng.choice(len(time), 15, replace=False)
+    value[wild, 0] += rng.choice([-1.0, 1.0], 15)
+    a, b = RTS()([Signal(time, clean), Signal(time, value)])
+    assert not a.left_out.any()
+    assert np.abs(a.q - b.q).max() < 0.01
+    assert np.sqrt(np.mean((a.w - b.w) ** 2)) < 0.3 * np.sqrt(
+        np.mean((a.w - true_speed(time)) ** 2)
+    )
+
+
+def true_speed(time):
+    return (5 * np.cos(5 * time) - 3.3 * np.sin(11 * time + 1))[:, None]
+
+
+def test_outliers_of_one_joint_leave_the_other_joint_alone() -> None:
+    time, rng = clock(), np.random.default_rng(5)
+    value = np.hstack([swing(time, rng), swing(time, rng)])
+    value[70, 1] -= 0.3
+    left_out = RTS()([Signal(time, value)])[0].left_out
+    assert np.argwhere(left_out).tolist() == [[70, 1]]
+
+
+# ---------------------------------------------------------------- legitimate data
+
+
+def bouncing(time, rng):
+    """A ball-like joint between two end stops: the velocity jumps within a sample."""
+    phase = (2.3 * time) % 2.0
+    return np.minimum(phase, 2.0 - phase) + 1e-3 * rng.normal(size=len(time))
+
+
+def stick_slip(time, rng):
+    """Rest for half a second, then a slip of 0.1 rad within two samples."""
+    return 0.1 * np.floor(2 * time + 0.3) + 3e-4 * rng.normal(size=len(time))
+
+
+def quantised(time, rng):
+    step = 2 * np.pi / 4096
+    return step * np.round((0.5 * np.sin(2 * time) + 1e-4 * rng.normal(size=len(time))) / step)
+
+
+def resting(time, rng):
+    """A 12-bit encoder at rest that flickers, after a fast motion."""
+    step = 2 * np.pi / 4096
+    moving = np.where(time < 1.5, np.cos(9 * time), np.cos(13.5))
+    return step * np.round((moving + 2e-4 * rng.normal(size=len(time))) / step)
+
+
+def switched(time, rng):
+    """Acceleration of +-60 rad/s^2, switched at random."""
+    a = 60.0 * rng.choice([-1.0, 1.0], len(time) // 7 + 1).repeat(7)[: len(time)]
+    w = np.cumsum(a) / RATE
+    w -= w.mean()
+    return np.cumsum(w) / RATE + 1e-3 * rng.normal(size=len(time))
+
+
+@pytest.mark.parametrize("motion", [bouncing, stick_slip, quantised, resting, switched])
+def test_rough_but_real_motion_stays(motion) -> None:
+    rng = np.random.default_rng(6)
+    time = clock(400)
+    columns = np.stack([motion(time, rng) for _ in range(4)], axis=1)
+    left_out = RTS()([Signal(time, columns)])[0].left_out
+    assert left_out.mean() <= 0.005
+
+
+def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outliers() -> None:
+    rng = np.random.default_rng(7)
+    signals = []
+    for noise in (2e-4, 2e-3, 2e-2):
+        time = np.delete(clock(), rng.choice(300, 60, replace=False))
+        signals.append(Signal(time, swing(time, rng, noise)))
+    assert not any(s.left_out.any() for s in RTS()(signals))
+
+
+def test_a_sample_that_is_known_to_be_noisy_is_no_outlier() -> None:
+    time, rng = clock(), np.random.default_rng(8)
+    sigma = np.full((len(time), 1), 1.6e-3)
+    value = swing(time, rng)
+    value[90] += 0.05
+    assert found(time, value)[90]
+    sigma[90] = 0.05
+    assert not found(time, value, sigma=sigma).any()
+
+
+# ---------------------------------------------------------------- what follows
+
+
+def test_states_keep_what_was_left_out_also_when_thinned() -> None:
+    time, rng = clock(), np.random.default_rng(9)
+    value = swing(time, rng)
+    value[[60, 61]] += 0.4
+    states = RTS()([Signal(time, value)])[0]
+    assert np.flatnonzero(thin(states, 2 / RATE).left_out).tolist() == [30]
+
+
+def test_the_causal_filter_is_not_thrown_off_by_samples_without_weight() -> None:
+    time, rng = clock(), np.random.default_rng(10)
+    clean = Signal(time, swing(time, rng))
+    value = clean.value.copy()
+    value[[120, 200]] += 0.7
+    wild = clean._replace(value=value)
+    angles = without_outliers([wild], RTS()([wild]))
+    good, kept, thrown = (KalmanFilter()([s])[0].w for s in (clean, *angles, wild))
+    error = [np.abs(w - good)[119:130].max() for w in (kept, thrown)]
+    assert error[0] < 0.5 < 5 < error[1]
+
+
+def test_series_without_outliers_are_smoothed_as_before() -> None:
+    time, rng = clock(), np.random.default_rng(11)
+    series = padded_series([Signal(time, swing(time, rng))])
+    rho = likeliest_jerk_ratio(series)
+    np.testing.assert_array_equal(smoothed(series).mean, rts_smoother(series, rho))
