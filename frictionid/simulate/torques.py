@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Protocol
 import numpy as np
 from pydantic import Field
 
-from frictionid.config import Positive, check_settings
+from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
@@ -80,7 +80,7 @@ class Steps:
     2
     """
 
-    amplitude: float
+    amplitude: NotNegative
     hold: Positive
     kind: Literal["steps"] = "steps"
 
@@ -103,7 +103,7 @@ class Multisine:
     0.1
     """
 
-    amplitude: float
+    amplitude: NotNegative
     frequencies: Annotated[tuple[Positive, ...], Field(min_length=1)]
     kind: Literal["multisine"] = "multisine"
 
@@ -125,7 +125,7 @@ class Noise:
     0.1
     """
 
-    amplitude: float
+    amplitude: NotNegative
     band: tuple[float, float]
     kind: Literal["noise"] = "noise"
 

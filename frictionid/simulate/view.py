@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from frictionid.config import Count, Positive, check_settings
+from frictionid.config import Positive, check_settings
 from frictionid.data.signals import Array
+
+Pixels = Annotated[int, Field(ge=1, le=8192)]  # a picture of 8192 x 8192 takes 0.2 GB
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,7 @@ class View:
     distortion : share by which points at the corners of the picture move outwards
     """
 
-    size: tuple[Count, Count] = (1280, 720)
+    size: tuple[Pixels, Pixels] = (1280, 720)
     pivot: tuple[float, float] = (640.0, 360.0)
     scale: Positive = 900.0
     distance: Positive = 2.0

@@ -210,3 +210,11 @@ def test_scores_of_the_folder_are_those_of_its_tasks(typical):
     assert np.allclose(
         table["value"], load_results(typical).scores["value"], equal_nan=True, rtol=1e-8
     )
+
+
+def test_notes_of_a_model_are_code_and_no_html(tmp_path):
+    task = made.task("sindy", {"made": made.rows(0.3, 0.2)}, motions=False)
+    task["model"]["provenance"] = {"equation": ["<img src=x onerror=alert(1)> `code` | x"]}
+    folder = made.built(made.write(tmp_path, [task]))
+    html = MarkdownIt().render((folder / "summary.md").read_text())
+    assert "<img" not in html.replace('<img src="figures', "") and "onerror" in html

@@ -1,0 +1,75 @@
+"""A disk that is full in the middle: one line, exit status 2, and nothing half written."""
+
+import os
+import resource
+import sys
+import traceback
+
+import pytest
+from fixtures.damage_targets import TUTORIAL, Target, _acquisition, _results, _simulation
+
+from frictionid.cli import main
+
+ROOM = 3000  # [bytes] of a file
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory):
+    """Folders of whole inputs by their names."""
+    root = tmp_path_factory.mktemp("disk")
+    made = [*_simulation(root), *_acquisition(root), next(_results(root))]
+    assert TUTORIAL.exists() and all(isinstance(target, Target) for target in made)
+    return {target.folder.name: target.folder for target in made}
+
+
+def contents(folder):
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def on_a_full_disk(folder, words, said):
+    """Exit status and output of a command that can write no file of more than `ROOM` bytes."""
+    child = os.fork()
+    if not child:
+        status = 70
+        try:
+            handle = os.open(said, os.O_WRONLY | os.O_CREAT)
+            os.dup2(handle, 1)
+            os.dup2(handle, 2)
+            sys.stdout = sys.stderr = open(1, "w", closefd=False)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, ROOM))
+            os.chdir(folder)
+            sys.argv = ["frictionid", *words]
+            status = main()
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            os._exit(status)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said.read_text()
+
+
+FILM = ("--overlay", "out/over.mp4")
+CASES = {
+    "render": ("film", ("render", "set", "--camera", "camera.toml", "--out", "out")),
+    "overlay": ("track", ("track", "run.mov", "--out", "out/a.csv", *FILM)),
+    "align": ("align", ("align", "angles.csv", "log.csv", "--out", "out")),
+    "check": ("film", ("check", "set", "--out", "out")),
+    "report": ("result", ("report", ".", "--replace")),
+    "compare": ("compared", ("compare", "suite.toml", "--out", "out", "--jobs", "1")),
+    "tune": ("compared", ("tune", "suite.toml", "--out", "tuned", "--jobs", "1")),
+}
+
+
+@pytest.mark.parametrize(("name", "words"), CASES.values(), ids=CASES)
+def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(places, tmp_path, name, words):
+    folder = places.get(name, places["result"].parent / name)
+    before = contents(folder)
+    status, said = on_a_full_disk(folder, words, tmp_path / "said")
+    lines = [line for line in said.splitlines() if line.startswith("frictionid: ")]
+    assert status == 2 and len(lines) == 1 and "Traceback" not in said, said
+    assert "File too large" in lines[0] or "cannot be written as a whole" in lines[0]
+    after = contents(folder)
+    assert {n: c for n, c in after.items() if n in before} == before
+    new = {n: c for n, c in after.items() if n not in before and "journal" not in n}
+    assert all(len(content) < ROOM for content in new.values()), {n: len(c) for n, c in new.items()}
+    assert not any(".frictionid-" in n or n.endswith((".mp4", ".mov")) for n in new)
