@@ -17,6 +17,7 @@ from frictionid.check.hypothesis_tests import HypothesisTests, run_tests, untest
 from frictionid.check.identifiable import Identifiable, identifiable
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured, Motion, motions_of
+from frictionid.check.outliers import outlier_findings
 from frictionid.check.passive import energy_findings, passive_time, rest_findings
 from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.questions import Question, questions
@@ -138,6 +139,7 @@ def judge(
         [
             *findings,
             *screening.findings,
+            *outlier_findings(screening.usable),
             *still_joints(tests, facts),
             *tests.findings,
             *_passivity_findings(tests, estimate),
