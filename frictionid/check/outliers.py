@@ -15,7 +15,7 @@ from frictionid.check.motion import Measured
 from frictionid.identifiers.torque_outliers import torque_outliers
 
 # Shares of a recording's samples: fewer are rough motion as likely as a glitch, more are doubtful.
-_SOME, _MANY = 1e-3, 0.01
+_SOME, _MANY = 2e-3, 0.01
 _NAMED = 4  # recordings at most
 
 
