@@ -35,3 +35,15 @@ class Finding:
     remedy: str = ""
     joint: int | None = None
     numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+def percent(share: float) -> str:
+    """A share in percent, with two digits.
+
+    >>> percent(0.0678), percent(0.997), percent(1e-9)
+    ('6.8 %', '100 %', '0 %')
+    """
+    value = 100 * share
+    if value < 1e-4:
+        return "0 %"
+    return f"{value:.0f} %" if value >= 10 else f"{value:.2g} %"

@@ -14,7 +14,7 @@ from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, Rows, unit_rows
 from frictionid.check.conventions import Scored, better, log_unexplained, scores
 from frictionid.check.delay import Delay, beside, delay_of
-from frictionid.check.findings import Finding
+from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured
 from frictionid.check.rivals import findings_of, misfit
@@ -182,7 +182,7 @@ def percent_unexplained(score: float) -> str:
     >>> percent_unexplained(2 * np.log(0.068))
     '6.8 %'
     """
-    return f"{100 * np.exp(score / 2):.2g} %"
+    return percent(float(np.exp(score / 2)))
 
 
 def _delay_findings(delay: Delay | None, interval: float) -> list[Finding]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding
+from frictionid.check.findings import Finding, percent
 from frictionid.check.hypothesis_tests import HypothesisTests
 from frictionid.check.motion import Measured, Motion
 from frictionid.check.regression import Estimate
@@ -81,7 +81,7 @@ def energy_answer(measured: Measured) -> Answered:
     if not rises:
         return Answered(None, "no passive phase in which the energy exceeds its noise")
     share = max(rises).share
-    words = f"rises by at most {100 * share:.2g} % of its range, {len(rises)} passive phases"
+    words = f"rises by at most {percent(share)} of its range, {len(rises)} passive phases"
     return Answered(share <= RISE, words)
 
 

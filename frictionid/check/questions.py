@@ -89,12 +89,14 @@ def _conventions(scored: Sequence[Scored]) -> Question:
 
 def _signs(tests: HypothesisTests) -> list[Question]:
     """Whether each torque pushes where the joint accelerates to."""
+    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause"}
+    unless = ", if nothing else is wrong" if rivals else ""
     gains = [e for e in tests.model_errors if e.kind == "gain" and "all" not in e.words]
     return [
         Question(
             f"sign of {e.words.removeprefix('gain of ')}",
             e.size > 0 if abs(e.size) > 3 * e.error else None,
-            f"{e.size:.3f} +- {e.error:.3f} times what the acceleration needs"
+            f"{e.size:.3f} +- {e.error:.3f} times what the acceleration needs{unless}"
             + (", too uncertain to tell" if abs(e.size) <= 3 * e.error else ""),
         )
         for e in gains

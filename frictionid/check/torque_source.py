@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.findings import percent
 from frictionid.check.fine_structure import (
     noise_of,
     quantisation,
@@ -122,7 +123,7 @@ def _evidence(recording: Recording, mechanism: Mechanism, j: int) -> Evidence | 
         return computed
     share = gravity_share(recording, mechanism, j)
     if share is not None:
-        return Evidence("commanded", f"it equals a gravity model to {_percent(share)}")
+        return Evidence("commanded", f"it equals a gravity model to {percent(share)}")
     return next(_by_noise(recording.angle, time, value, level))
 
 
@@ -153,10 +154,10 @@ def _by_noise(angle: Signal, time: Array, value: Array, level: float) -> Iterato
     if left < COMPUTED:
         yield Evidence(
             "commanded",
-            f"its noise is that of the angle readings but for {_percent(left)}, as of a controller",
+            f"its noise is that of the angle readings but for {percent(left)}, as of a controller",
         )
     steady = noise.steady and noise.level < LOUD * level and held < 0.05
-    yield _of_noise(_percent(noise.level / level), own=steady and same_clock and left > 0.8)
+    yield _of_noise(percent(noise.level / level), own=steady and same_clock and left > 0.8)
 
 
 def _of_noise(size: str, *, own: bool) -> Evidence:
@@ -170,7 +171,7 @@ def _of_noise(size: str, *, own: bool) -> Evidence:
 
 def _of_steps(time: Array, value: Array, level: float, step: float) -> Evidence:
     noise = noise_of(time, value)
-    size = f"quantised in steps of {step:.2g} ({_percent(step / level)} of its root mean square)"
+    size = f"quantised in steps of {step:.2g} ({percent(step / level)} of its root mean square)"
     if level < STEPS * step:
         return Evidence("cannot tell", f"{size}, too small a torque to show more")
     if noise.level > BEYOND * step:
@@ -190,10 +191,8 @@ def _modelled(recording: Recording, time: Array, value: Array) -> Evidence | Non
     name = min(shares, key=lambda key: shares[key], default="")
     if not name or shares[name] > MODELLED:
         return None
-    best = shares[name]
-    return Evidence(
-        "modelled", f"it is computed from {name!r} and the velocity, to {_percent(best)}"
-    )
+    exactly = "exactly" if shares[name] < 1e-6 else f"to {percent(shares[name])}"
+    return Evidence("modelled", f"it is computed from {name!r} and the velocity, {exactly}")
 
 
 def _left(columns: Array, value: Array) -> float:
@@ -203,7 +202,3 @@ def _left(columns: Array, value: Array) -> float:
     columns = columns / np.where(size > 0, size, 1.0)
     left = value - columns @ np.linalg.lstsq(columns, value, rcond=1e-10)[0]
     return float(np.quantile(np.abs(left), 0.8)) / level
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"

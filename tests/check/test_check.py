@@ -297,3 +297,34 @@ def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
     ):
         with pytest.raises(InputError, match="but joint 1 of acrobot has no motor; leave its col"):
             refuses()
+
+
+def test_a_change_of_the_sampling_rate_is_no_loss_of_samples():
+    """Two logs in one: 100 Hz, then 40 Hz, with three samples lost in each part."""
+    first, second = np.arange(500) * 0.01, 5.0 + np.arange(300) * 0.025
+    t = np.concatenate([np.delete(first, [50, 200, 201]), np.delete(second, [100, 150, 200])])
+    angle = Signal(t, np.sin(t)[:, None])
+    clock = clock_of([Recording("a", angle, angle)])
+    assert (clock.dropped, clock.gaps) == (6, 0)
+    assert (clock.slowest, clock.fastest) == (pytest.approx(40), pytest.approx(100))
+
+
+def test_energy_of_a_joint_at_rest_is_not_tested():
+    """Without torque it is noise there: it cannot be seen to fall, and rises by all of its range."""
+    rng = np.random.default_rng(3)
+    t = np.arange(600) / 60
+    moves = t > 5
+    q = np.where(moves, 0.8 * np.sin(4 * (t - 5)) ** 3, 0.0) + 1e-3 * rng.standard_normal(600)
+    u = np.where(t > 4.5, 0.1 + np.sin(4 * (t - 5)) ** 2, 0.0)
+    one = Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None]))
+    verdict = check(Dataset("rest", MACHINE, (one,)))
+    energy = next(q for q in verdict.questions if q.question == "energy falls without input")
+    assert energy.passed is None and "exceeds its noise" in energy.words
+
+
+def test_a_hanging_joint_without_torque_does_not_test_gravity_at_rest():
+    """No load acts on it that friction could fail to hold: yes would mean nothing."""
+    verdict = check(load_dataset(DATA / "acrobot_clean"))
+    rest = [q for q in verdict.questions if q.question.startswith("gravity at rest")]
+    assert [q.passed for q in rest] == [None, None]
+    assert all("no load that friction could not hold" in q.words for q in rest)

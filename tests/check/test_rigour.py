@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from fixtures.check_trials import TRIALS, rates
+from fixtures.check_trials import TRIALS, rates, verdicts_of
 from fixtures.one_joint_sets import Setup, sets
-
-from frictionid.check import check
 
 COUNT, SEED = 6, 2
 
@@ -25,8 +23,7 @@ def test_a_fault_is_named_and_no_other(name):
 def test_intervals_of_base_parameters_hold_the_truth_beside_what_is_not_modelled(setup):
     """Friction that grows with the torque and feedback of noise count as errors of the model."""
     inside = []
-    for dataset in sets(setup, 8, seed=5):
-        verdict = check(dataset)
+    for verdict in verdicts_of(sets(setup, 8, seed=5)):
         for name, true in zip(("inertia", "gravity"), verdict.nominal, strict=True):
             value, error = verdict.estimate.at(name)
             inside.append(abs(value - true) < 2 * error)
