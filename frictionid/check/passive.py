@@ -112,8 +112,9 @@ def energy_rise(mechanism: Mechanism, p: Array, motion: Motion, phase: slice) ->
     q, w = motion.states.q[phase], motion.states.w[phase]
     terms = mechanism.terms(p, q, w)
     span = float(np.ptp(terms.energy))
-    speed_noise = np.abs(terms.momentum) @ motion.velocity_noise
-    noise = float(np.median(speed_noise + np.abs(terms.dLdq) @ motion.angle_noise))
+    sigma = motion.velocity_noise
+    kinetic = np.abs(terms.momentum) @ sigma + 0.5 * np.abs(terms.M @ sigma) @ sigma
+    noise = float(np.median(kinetic + np.abs(terms.dLdq) @ motion.angle_noise))
     if span < SHOWS * noise or span == 0.0:
         return None
     rise = float((terms.energy - np.minimum.accumulate(terms.energy)).max())

@@ -310,7 +310,7 @@ def test_a_change_of_the_sampling_rate_is_no_loss_of_samples():
 
 
 def test_energy_of_a_joint_at_rest_is_not_tested():
-    """Without torque it is noise there: it cannot be seen to fall, and rises by all of its range."""
+    """Without torque it is noise there: it cannot be seen to fall, and rises by all it has."""
     rng = np.random.default_rng(3)
     t = np.arange(600) / 60
     moves = t > 5
