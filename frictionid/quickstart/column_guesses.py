@@ -36,6 +36,7 @@ class ColumnGuesses:
 
     signs : 1 or -1 per joint, by quantity; hold : what the torque does between two samples
     unused : names of the columns with numbers that are left over
+    missing : rows without all angles
     """
 
     time: Guess
@@ -43,6 +44,7 @@ class ColumnGuesses:
     torque: Guess
     hold: str
     unused: tuple[str, ...]
+    missing: int = 0
     signs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     @property
@@ -99,9 +101,10 @@ def guess_columns(
     used = {*time.columns, *angle.columns, *torque.columns}
     held = [_repeated(table.columns[name]) for name in torque.columns if name]
     hold = "previous" if held and min(held) > _HELD else "linear"
-    return ColumnGuesses(
-        time, angle, torque, hold, tuple(name for name in table.columns if name not in used)
-    )
+    unused = tuple(name for name in table.columns if name not in used)
+    cells = np.stack([table.columns[name] for name in angle.columns])
+    missing = int(np.isnan(cells).any(axis=0).sum())
+    return ColumnGuesses(time, angle, torque, hold, unused, missing)
 
 
 def _check_given(given: Mapping[str, Sequence[str]], table: Table) -> None:

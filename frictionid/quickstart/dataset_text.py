@@ -72,6 +72,8 @@ def _columns(draft: Draft) -> Iterator[str]:
     yield _line("time", g.time.columns[0], g.time.evidence)
     yield _line("angle", _one_or_all(g.angle.columns), g.angle.evidence)
     yield _line("torque", _one_or_all(g.torque.columns), g.torque.evidence)
+    if g.missing:
+        yield _line("missing", "drop", f"{g.missing} rows have no angle: they are gaps")
     if g.unused:
         yield f"# not used: {', '.join(g.unused)}"
 

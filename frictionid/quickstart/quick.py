@@ -2,8 +2,10 @@
 
 The rule: of the laws that are not clearly worse than the best one after the horizon, the one with
 the fewest parameters. A law is clearly worse where the 95 % interval (Student's t) of its error
-relative to the other's, the geometric mean over the folds, lies above one. Laws are fitted by
-shooting; delay and inertia are free where the check says that they are off.
+relative to the other's, the geometric mean over the folds, lies above one. Only folds count that
+hold out motion: in others all errors are noise. With fewer than three of them nothing is clear, and
+the law of the smallest error counts. Laws are fitted by shooting; delay and inertia are free where
+the check says that they are off.
 """
 
 from __future__ import annotations
@@ -32,6 +34,8 @@ STEPS = ("check", *LAWS)
 _HORIZONS = (1.0, 0.5, 0.25, 0.1)  # [s], the first one counts that the folds hold out
 _FOLDS = 5
 _FEWEST = 3  # recordings, below which stretches of time are held out
+FEWEST = 3  # folds with motion, below which a scatter says nothing
+_ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
@@ -48,7 +52,7 @@ class Ratio(NamedTuple):
 
     @property
     def is_clear(self) -> bool:
-        """Whether the interval leaves out one."""
+        """Whether the interval leaves out one, or is not known."""
         return not self.low <= 1.0 <= self.high
 
 
@@ -80,6 +84,7 @@ class Quick:
     seconds : float [s] of motion that were compared, all where that takes no more than a minute
     horizon : float [s], after which errors are compared
     free : blocks of shooting that were free
+    folds : number of folds that hold out motion
     candidates : tuple of Candidate, by their number of parameters; empty for unusable data
     chosen : Candidate or None, what the rule chooses
     friction : Friction or None, the chosen law fitted to all data
@@ -91,6 +96,7 @@ class Quick:
     seconds: float = 0.0
     horizon: float = 0.0
     free: tuple[str, ...] = ("friction",)
+    folds: int = 0
     candidates: tuple[Candidate, ...] = ()
     chosen: Candidate | None = None
     friction: Friction | None = None
@@ -123,7 +129,8 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     free = ("friction", *dict.fromkeys(b for kind, b in _FREED.items() if kind in kinds))
     part, sample_time = shortened(dataset)
     horizon, results = _compared(part, free, sample_time, report)
-    candidates = _candidates(results, horizon)
+    noise = float(np.linalg.norm([joint.angle_noise for joint in verdict.joints]))
+    moving, candidates = _candidates(results, horizon, noise)
     chosen = simplest(candidates)
     result = results[chosen.name]
     return Quick(
@@ -131,6 +138,7 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
         seconds=sum(float(np.ptp(r.angle.time)) for r in part.recordings),
         horizon=horizon,
         free=free,
+        folds=moving,
         candidates=candidates,
         chosen=chosen,
         friction=result.overall,
@@ -142,13 +150,16 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
 def simplest(candidates: Sequence[Candidate]) -> Candidate:
     """The law with the fewest parameters that is not clearly worse than the best.
 
+    No friction is never chosen: too little motion does not show that there is none.
+
     >>> best = Candidate("spline", 7, 0.1, np.ones(5), Ratio(1.0, 1.0, 1.0), np.zeros(1))
     >>> other = Candidate("stribeck", 4, 0.11, np.ones(5), Ratio(1.1, 0.9, 1.3), np.zeros(1))
     >>> simplest([other, best]).name
     'stribeck'
     """
-    fair = [c for c in candidates if not c.to_best.is_clear]
-    return min(fair, key=lambda c: c.parameters)
+    laws = [c for c in candidates if c.parameters]
+    fair = [c for c in laws if not c.to_best.is_clear]
+    return min(fair, key=lambda c: c.parameters) if fair else min(laws, key=lambda c: c.error)
 
 
 def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
@@ -204,17 +215,21 @@ def _folds(dataset: Dataset) -> Folds:
     return make_folds(dataset.recordings, split)
 
 
-def _candidates(results: Mapping[str, Result], horizon: float) -> tuple[Candidate, ...]:
+def _candidates(
+    results: Mapping[str, Result], horizon: float, noise: float
+) -> tuple[int, tuple[Candidate, ...]]:
+    """Number of folds that hold out motion, and the laws compared on these."""
     errors = {n: r.value("rollout_angle", "median", horizon) for n, r in results.items()}
     folds = {name: _by_fold(result, horizon) for name, result in results.items()}
     best = min(errors, key=lambda name: errors[name])
-    return tuple(
+    moving = np.max(list(folds.values()), axis=0) > _ABOVE * noise
+    return int(moving.sum()), tuple(
         Candidate(
             name=name,
             parameters=result.overall.theta.size,
             error=errors[name],
             by_fold=folds[name],
-            to_best=_ratio(folds[name], folds[best]),
+            to_best=_ratio(folds[name][moving], folds[best][moving]),
             curves=result.curves,
         )
         for name, result in results.items()
@@ -232,6 +247,9 @@ def _by_fold(result: Result, horizon: float) -> Array:
 
 
 def _ratio(mine: Array, theirs: Array) -> Ratio:
+    """Ratio of errors (F,); its interval is empty where too few folds tell of it."""
+    if len(mine) < FEWEST:
+        return Ratio(float("nan"), float("nan"), float("nan"))
     logs = np.log(mine / theirs)
     half = student.ppf(0.975, len(logs) - 1) * np.std(logs, ddof=1) / np.sqrt(len(logs))
     mean = float(np.mean(logs))

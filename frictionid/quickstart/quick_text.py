@@ -10,10 +10,10 @@ from frictionid.comparison.docstrings import summary
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.files import plain
 from frictionid.mechanics import mechanism_of
-from frictionid.quickstart.quick import Candidate, Quick
+from frictionid.quickstart.quick import FEWEST, Candidate, Quick
 from frictionid.report.diagnostics import COLOURS
 from frictionid.report.estimates import estimates
-from frictionid.report.numbers import short
+from frictionid.report.numbers import NOTHING, short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 from frictionid.report.terminal import console, parameter_table
 
@@ -56,14 +56,18 @@ def verdict(found: Quick) -> list[str]:
         f"It is {short(chosen.error)} {unit} off after {found.horizon:g} s on held-out motion "
         f"(median), {short(_without(found).error)} {unit} without friction.",
     ]
+    if found.folds < FEWEST:
+        return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen:
         out.append(
             f"{best.name} has the smallest error, but {chosen.name} is not clearly worse and has "
             "fewer parameters."
         )
-    simpler = [c.name for c in found.candidates if c.parameters < chosen.parameters]
-    if simpler:
-        out.append(f"Clearly worse than {best.name}: {', '.join(simpler)}.")
+    worse = [c.name for c in found.candidates if c.to_best.is_clear]
+    if worse:
+        out.append(f"Clearly worse than {best.name}: {', '.join(worse)}.")
+    if not _without(found).to_best.is_clear:
+        out.append("No friction at all is not clearly worse on these data: record more motion.")
     if len(found.free) > 1:
         out.append(f"Free beside friction, as the check asks for it: {', '.join(found.free[1:])}.")
     return out
@@ -114,9 +118,9 @@ def _table(found: Quick) -> Table:
 
 def _ratio(c: Candidate) -> str:
     mean, low, high = c.to_best
-    if not np.isfinite(mean):
-        return "diverges"
-    return f"{mean:.2g} ({low:.2g} to {high:.2g})"
+    if np.isnan(low):
+        return NOTHING
+    return f"{short(mean)} ({short(low)} to {short(high)})"
 
 
 def _without(found: Quick) -> Candidate:

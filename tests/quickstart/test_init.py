@@ -197,6 +197,20 @@ def test_a_held_command_is_told_from_a_measurement():
     assert guessed({"t": TIME, "q": Q, "u": 0 * U}).hold == "linear"
 
 
+def test_rows_without_an_angle_are_gaps(tmp_path):
+    q = Q.copy()
+    q[[7, 8, 90]] = np.nan
+    assert guessed({"t": TIME, "q": q, "u": U}).missing == 3
+    lines = [
+        "t,q,u",
+        *(f"{t},{'' if np.isnan(a) else a},{u}" for t, a, u in zip(TIME, q, U, strict=True)),
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    described = describe_tables(tables_at([tmp_path]), MACHINE, Known())
+    assert 'missing = "drop"' in described.dataset_toml
+    assert len(described.dataset.recordings[0].angle.time) == len(TIME) - 3
+
+
 def test_a_sliding_joint_is_in_metres():
     g = guessed({"t": TIME, "x": 300 * Q, "force": U}, unit="m")
     assert (g.angle.unit, g.torque.unit) == ("mm", "N")

@@ -97,7 +97,7 @@ def test_the_verdict_follows_its_rule(found):
     for c in result.candidates:
         logs = np.log(c.by_fold / best.by_fold)
         assert c.to_best.mean == pytest.approx(np.exp(logs.mean()))
-        if c.parameters < result.chosen.parameters:
+        if 0 < c.parameters < result.chosen.parameters:
             assert c.to_best.low > 1.0  # clearly worse
     assert not result.chosen.to_best.is_clear
 
@@ -168,9 +168,28 @@ def test_the_simplest_law_counts_that_is_not_clearly_worse():
     tied, worse = candidate("stribeck", 4, 0.011, 0.9, 1.2), candidate("none", 0, 0.5, 9.0, 99.0)
     assert simplest([worse, tied, best]) is tied
     assert simplest([worse, best]) is best
-    assert simplest([candidate("none", 0, 0.011, 0.99, 1.2), tied, best]).name == "none"
     diverged = candidate("coulomb_viscous", 2, np.inf, np.nan, np.nan)
     assert simplest([diverged, best]) is best
+
+
+def test_too_little_motion_is_no_proof_that_nothing_rubs():
+    none, best = candidate("none", 0, 0.011, 0.99, 1.2), candidate("spline", 6, 0.01, 1.0, 1.0)
+    assert simplest([none, best]) is best
+    unknown = [candidate(n, p, e, np.nan, np.nan) for n, p, e in (("none", 0, 0.1), ("a", 2, 0.2))]
+    assert simplest(unknown).name == "a"
+
+
+def test_folds_without_motion_say_nothing(found):
+    result, _ = found
+    still = replace(result, folds=2, chosen=result.candidates[-1])
+    assert any("Too little motion was held out" in words for words in verdict(still))
+    assert result.folds == 5
+    tied = [
+        replace(c, to_best=Ratio(1.1, 0.5, 2.0)) if c.name == "none" else c
+        for c in result.candidates
+    ]
+    words = " ".join(verdict(replace(result, candidates=tuple(tied))))
+    assert "No friction at all is not clearly worse" in words
 
 
 def test_unusable_data_get_no_verdict(tmp_path, monkeypatch, capsys):
