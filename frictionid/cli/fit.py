@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from frictionid.cli.options import Json, Replace, Trust
+from frictionid.cli.options import Fixed, Iterations, Json, Replace, Settings, Trust, Windows
 from frictionid.cli.paths import DatasetPath
-from frictionid.cli.settings import setting
+from frictionid.cli.settings import settings
 
 if TYPE_CHECKING:
     from frictionid.comparison.methods import Method
@@ -20,9 +20,7 @@ def fit(
     dataset: DatasetPath,
     identifier: Annotated[str, typer.Option(help="Kind of identifier, e.g. stribeck.")],
     out: Annotated[Path, typer.Option(help="Model file to write.")],
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help="A setting, e.g. symmetric=false; repeatable.")
-    ] = None,
+    set_: Settings = None,
     recipe: Annotated[str, typer.Option(help="One-step recipe: integral, or study.")] = "integral",
     data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
     sample_time: Annotated[
@@ -33,10 +31,9 @@ def fit(
     free: Annotated[
         str, typer.Option(help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator.")
     ] = "friction",
-    fixed: Annotated[
-        list[str] | None,
-        typer.Option(help="A parameter that is not free, e.g. inertia.gravity_2; repeatable."),
-    ] = None,
+    fixed: Fixed = None,
+    windows: Windows = None,
+    iterations: Iterations = None,
     figure: Annotated[
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
     ] = None,
@@ -57,8 +54,8 @@ def fit(
     from frictionid.report.figures.fitted import check_drawable, fit_picture
 
     check_outputs([*model_paths(out), figure], dataset_files(dataset, data), replace=replace)
-    chosen = identifier_named(identifier, dict(map(setting, set_ or [])))
-    method = _recipe(recipe, by, free, fixed or [])
+    chosen = identifier_named(identifier, settings(set_ or []))
+    method = _recipe(recipe, by, free, fixed or [], _shooting_settings(windows, iterations))
     method.check(chosen)
     protocol = Protocol(sample_time=sample_time)
     if figure is not None:
@@ -91,19 +88,38 @@ def _show(friction: Friction, out: Path) -> None:
     print(f"written to {out}")
 
 
-def _recipe(name: str, by: str | None, free: str, fixed: list[str]) -> Method:
+def _shooting_settings(windows: str | None, iterations: int | None) -> dict[str, Any]:
+    """Settings of shooting that the options give."""
+    from frictionid.errors import InputError
+
+    given: dict[str, Any] = {}
+    if windows is not None:
+        try:
+            given["windows"] = [float(part) for part in windows.split(",")]
+        except ValueError:
+            raise InputError(
+                f"--windows {windows!r} must be lengths in seconds, e.g. --windows 0.1,0.3"
+            ) from None
+    return given if iterations is None else given | {"iterations": iterations}
+
+
+def _recipe(
+    name: str, by: str | None, free: str, fixed: list[str], shooting: dict[str, Any]
+) -> Method:
     """Recipe that the options name."""
     from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
     from frictionid.errors import InputError
 
     if by is None:
-        if free != "friction" or fixed:
-            raise InputError("--free and --fixed need --by shooting")
+        if free != "friction" or fixed or shooting:
+            raise InputError("--free, --fixed, --windows and --iterations need --by shooting")
         return recipe_named(name)
     if by != "shooting":
         raise InputError(f"--by {by!r} is unknown; known is shooting")
     blocks = [part.strip() for part in free.split(",")]
     start = "integral" if name == "shooting" else name
     return recipe_of(
-        RecipeEntry(name="shooting", by="shooting", free=blocks, fixed=fixed, start=start)
+        RecipeEntry(
+            name="shooting", by="shooting", free=blocks, fixed=fixed, start=start, **shooting
+        )
     )

@@ -13,3 +13,15 @@ Json = Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")
 Replace = Annotated[
     bool, typer.Option("--replace", help="Write over files that exist (never over what is read).")
 ]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="A setting, e.g. symmetric=false or bounds.viscous=[0,1]."),
+]
+Fixed = Annotated[
+    list[str] | None,
+    typer.Option(help="A parameter that is not free, e.g. inertia.gravity_2; repeatable."),
+]
+Windows = Annotated[
+    str | None, typer.Option(help="Lengths of the windows of shooting [s], e.g. 0.1,0.3.")
+]
+Iterations = Annotated[int | None, typer.Option(min=1, help="Iterations of shooting at most.")]

@@ -46,7 +46,7 @@ from frictionid.evaluation import (
     steady_state,
     true_friction,
 )
-from frictionid.evaluation.curves import SLOW
+from frictionid.evaluation.curves import slow_speed
 from frictionid.files import json_text, write_json
 from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.shooting.result_document import recordings_own
@@ -123,20 +123,21 @@ def _speeds(prepared: Prepared, w: Array) -> dict[str, Any]:
     """How fast each joint is: levels that shares of its samples stay below, rest, reversals."""
     each = [s.w for s in prepared.smoothed]
     seconds = sum(float(s.time[-1] - s.time[0]) for s in prepared.smoothed)
+    slow = slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
     joints = [
         {
             "speeds": np.quantile(np.abs(w[:, j]), _LEVELS),
-            "rest": float(np.mean(np.abs(w[:, j]) < SLOW)),
-            "reversals": sum(_turns(s[:, j]) for s in each) / seconds,
+            "rest": float(np.mean(np.abs(w[:, j]) < slow[j])),
+            "reversals": sum(_turns(s[:, j], slow[j]) for s in each) / seconds,
         }
         for j in range(w.shape[1])
     ]
     return {"levels": _LEVELS, "joints": joints}
 
 
-def _turns(w: Array) -> int:
+def _turns(w: Array, slow: float) -> int:
     """How often a velocity (T,) reverses, not counting what happens at rest."""
-    sign = np.sign(w[np.abs(w) >= SLOW])
+    sign = np.sign(w[np.abs(w) >= slow])
     return int(np.sum(sign[1:] != sign[:-1]))
 
 

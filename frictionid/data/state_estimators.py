@@ -23,6 +23,7 @@ from frictionid.data.signals import Signal, relative_noise
 from frictionid.errors import InputError
 
 _NO_WEIGHT = 1e6  # times the usual standard deviation
+_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 
 
 class States(NamedTuple):
@@ -30,12 +31,14 @@ class States(NamedTuple):
 
     left_out : (T, n) of bool, measured angles that are gross outliers and so had no influence, or
         None for an estimator that uses all
+    noise : (n,) [rad/s], standard deviation of the noise in w; zero where it is not known
     """
 
     time: Array
     q: Array
     w: Array
     left_out: Array | None = None
+    noise: Array | float = 0.0
 
     @property
     def motion(self) -> tuple[Array, Array, Array]:
@@ -134,7 +137,11 @@ class RTS:
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
         series = padded_series(angles)
         found = smoothed(series)
-        return _states(angles, series, found.mean, found.left_out)
+        states = _states(angles, series, found.mean, found.left_out)
+        return tuple(
+            s._replace(noise=_velocity_noise(angle, s, found.rho[columns]))
+            for angle, s, columns in zip(angles, states, series.columns, strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -165,7 +172,23 @@ def thin(states: States, sample_time: float) -> States:
             keep.append(k)
     index = np.unique(keep)
     left_out = None if states.left_out is None else states.left_out[index]
-    return States(states.time[index], states.q[index], states.w[index], left_out)
+    return States(states.time[index], states.q[index], states.w[index], left_out, states.noise)
+
+
+def slowest_speeds(states: States) -> Array:
+    """Slowest speeds (n,) [rad/s] of each joint that estimated states resolve.
+
+    Three standard deviations of the velocities' noise, or half of what a moving joint's velocity
+    changes by from sample to sample: slower friction effects pass between two samples.
+
+    >>> w = np.arange(5.0)[:, None]
+    >>> slowest_speeds(States(0.1 * w[:, 0], w, w, noise=np.array([0.01])))
+    array([0.5])
+    """
+    floor = 3.0 * states.noise + np.zeros(states.w.shape[1])
+    change = np.where(np.abs(states.w[1:]) > floor, np.abs(np.diff(states.w, axis=0)), np.nan)
+    usual = [np.nanmedian(c) if np.isfinite(c).any() else 0.0 for c in change.T]
+    return np.maximum(floor, 0.5 * np.array(usual))
 
 
 def without_outliers(angles: Sequence[Signal], states: Sequence[States]) -> tuple[Signal, ...]:
@@ -195,3 +218,36 @@ def _states(
         motion, own = mean[place], None if left_out is None else left_out[place]
         out.append(States(angle.time, motion[..., 0], motion[..., 1], own))
     return tuple(out)
+
+
+def _velocity_noise(angle: Signal, states: States, rho: Array) -> Array:
+    """Standard deviation (n,) [rad/s] of smoothed velocities at jerk ratios rho (n,).
+
+    The Wiener smoother of white jerk passes angle noise up to the frequency (rho/dt)^(1/6); with
+    the noise's standard deviation s
+
+        sd(w) = s (rho dt)^(1/4) / 6^(1/2),
+
+    no more than that of differences between neighbours, 2^(1/2) s/dt. s follows from what the
+    smoother took off, a share h = (rho/dt)^(1/6) dt/3 of the variance having stayed, and is no less
+    than that of rounding to the resolution of the angles.
+    """
+    dt = float(np.median(np.diff(angle.time)))
+    passed = np.minimum((rho / dt) ** (1 / 6) * dt / 3, 0.9)
+    off = _MAD * np.median(np.abs(angle.value - states.q), axis=0)
+    noise = np.maximum(off / np.sqrt(1.0 - passed), resolution(angle.value) / np.sqrt(12))
+    return np.asarray(noise * np.minimum((rho * dt) ** 0.25 / np.sqrt(6), np.sqrt(2) / dt))
+
+
+def resolution(value: Array) -> Array:
+    """Smallest step (n,) between two values of each column (T, n); zero where there is one only.
+
+    >>> resolution(np.array([[0.0], [0.5], [1.5], [0.5]]))
+    array([0.5])
+    """
+    out = np.zeros(value.shape[1])
+    for j, column in enumerate(value.T):
+        steps = np.diff(np.unique(column))
+        steps = steps[steps > 1e-12 * np.abs(column).max()]
+        out[j] = steps.min(initial=np.inf) if len(steps) else 0.0
+    return out

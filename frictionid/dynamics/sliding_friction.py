@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.law import SHARP_WIDTH
 
 SLOW = 0.1  # [rad/s]: slower joints may come to rest
 _WIDTHS = 5.0  # of a law's smoothing: beyond them it does not show
-_NARROW = 1e-7  # [rad/s], smoothing of a law that is made sharp
 
 
 class Stiction(NamedTuple):
@@ -55,7 +55,7 @@ def friction_torque(
 
 def sliding_velocity(friction: Friction, w: Array, stiction: Stiction) -> Array:
     """Velocities (..., n) at which the law is evaluated: beyond its smoothing, in the direction."""
-    least = 4.0 * _WIDTHS * _NARROW if is_sharp(friction) else _smoothing(friction)
+    least = 4.0 * _WIDTHS * SHARP_WIDTH if is_sharp(friction) else _smoothing(friction)
     if stiction.direction is None or least == 0.0:
         return w
     xp, direction = namespace(w), stiction.direction
@@ -81,7 +81,7 @@ def sharpened(friction: Friction, stiction: Stiction) -> Friction:
     """Friction without smoothing, for joints that slide in a direction."""
     if stiction.direction is None or not is_sharp(friction):
         return friction
-    return replace(friction, law=friction.law.with_width(_NARROW))
+    return replace(friction, law=friction.law.with_width(SHARP_WIDTH))
 
 
 def braked(Tf: Array, stiction: Stiction) -> Array:

@@ -12,13 +12,24 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import Ensemble, members_of
 
 POINTS = 401
-SLOW = 0.05  # [rad/s]: below it the smoothing of sgn(w) is compared, not friction
+_SLOW, _SHARE = 0.05, 0.01  # [rad/s], and of the speeds of slower joints
 
 
 def velocity_grid(w: Array) -> Array:
     """401 uniform velocities on +-q95 of |w| of each joint, shape (401, n); w (K, n) [rad/s]."""
     q95 = np.quantile(np.abs(w), 0.95, axis=0)
     return np.linspace(-q95, q95, POINTS)
+
+
+def slow_speed(fast: Array) -> Array:
+    """Speeds below which the smoothing of sgn(w) is compared, not friction [rad/s].
+
+    0.05 rad/s, or 1 % of the 95 % quantile `fast` of the speeds of slower joints.
+
+    >>> slow_speed(np.array([12.0, 0.5]))
+    array([0.05 , 0.005])
+    """
+    return np.asarray(np.minimum(_SLOW, _SHARE * fast))
 
 
 def curves(friction: Friction, grid: Array) -> Array:
@@ -35,15 +46,16 @@ def member_curves(friction: Friction, grid: Array) -> Array:
 
 
 def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:
-    """RMS(estimate - truth)/RMS(truth) of each joint, shape (..., n), without |w| < 0.05 rad/s.
+    """RMS(estimate - truth)/RMS(truth) of each joint, shape (..., n), without slow speeds.
 
-    estimate (..., V, n), truth and grid (V, n). NaN for joints that hardly move or rub.
+    estimate (..., V, n), truth and grid (V, n); see `slow_speed`. NaN for joints that hardly move
+    or rub.
 
     >>> grid = velocity_grid(np.linspace(-5, 5, 100)[:, None])
     >>> curve_error(1.1 * grid, grid, grid).round(3)
     array([0.1])
     """
-    use = (np.abs(grid) >= SLOW).astype(float)
+    use = (np.abs(grid) >= slow_speed(np.abs(grid).max(axis=0))).astype(float)
     off = (((estimate - truth) ** 2) * use).sum(-2)
     size = ((truth**2) * use).sum(-2)
     return np.sqrt(off / np.where(size > 0, size, np.nan))

@@ -30,7 +30,6 @@ from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.motion import Motions
 from frictionid.excitation.smoothing import jerk_decades, smoothed_states, smoother_gains
 from frictionid.friction import Friction, along
-from frictionid.identifiers.formulation import INTEGRAL
 from frictionid.identifiers.residual import (
     Problem,
     integral_problem,
@@ -40,6 +39,7 @@ from frictionid.identifiers.residual import (
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import momentum_balance
 
+VELOCITY_THRESHOLD = 0.2  # [rad/s] of the stiction mask: what a fit of 60 Hz angles resolves
 _SINGULAR = 1e-9  # smallest eigenvalue of a correlation matrix that differs from zero
 _STEP = 1e-6  # [rad], [rad/s]
 
@@ -94,7 +94,7 @@ def expected_information(experiment: Experiment, motions: Motions, seed: int) ->
     V = np.zeros_like(H)
     decades = decades.reshape(L * N, n)
     speed = np.abs(np.moveaxis(w, 0, 2).reshape(L * N, images, n))
-    margin = speed - INTEGRAL.velocity_threshold
+    margin = speed - VELOCITY_THRESHOLD
     for j in range(n):
         for decade in np.unique(decades[:, j]):
             own = decades[:, j] == decade
@@ -177,7 +177,7 @@ class Concatenated:
     @cached_property
     def mask(self) -> Array:
         """Stiction mask (K, n) of a fit."""
-        return stiction_mask(self.problem, INTEGRAL.velocity_threshold)
+        return stiction_mask(self.problem, VELOCITY_THRESHOLD)
 
     @cached_property
     def projector(self) -> Array:
@@ -266,7 +266,7 @@ def _mask_changes(motions: Concatenated, gradient: Array) -> Array:
     """
     w, n = motions.w, motions.w.shape[1]
     direction = np.sign(w)
-    moving = np.where(np.abs(w) >= INTEGRAL.velocity_threshold, direction, 0.0)
+    moving = np.where(np.abs(w) >= VELOCITY_THRESHOLD, direction, 0.0)
     start = (moving[1:] != 0) & (moving[1:] == direction[:-1])
     end = (moving[:-1] != 0) & (moving[:-1] == direction[1:])
     out = np.zeros((2, *gradient.shape, n))

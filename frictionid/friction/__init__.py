@@ -1,22 +1,27 @@
 """Friction: a law and its parameters, and its torque along recorded motion.
 
 law           what a friction law declares and computes
+constraints   bounds and priors of parameters
 friction      a law with its parameters, and its torque along recorded motion
 laws          one friction law per file, and the check of laws of one's own
 model_files   fitted models as files
 """
 
+from frictionid.friction.constraints import Constraints, SpeedRange, constraints_of
 from frictionid.friction.friction import Friction, Nodes, along, memory_along, units_of
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
 
 __all__ = [
+    "Constraints",
     "Friction",
     "Inputs",
     "Law",
     "Memory",
     "Nodes",
+    "SpeedRange",
     "along",
     "at_rest",
+    "constraints_of",
     "memory_along",
     "units_of",
 ]

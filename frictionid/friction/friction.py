@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
+from frictionid.friction.constraints import Constraints
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
 from frictionid.mechanics.calibration import Calibration
 
@@ -40,6 +41,7 @@ class Friction:
     other physics than this friction's, a negative acceleration. `provenance` says where it is from.
     `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`.
     `calibration` holds base parameters and sensor corrections, with the batch axes of theta.
+    `constraints` are the bounds and priors under which theta was fitted, with its shape.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class Friction:
     angle_unit: str = "rad"
     calibration: Calibration | None = None
     mechanism: str = ""
+    constraints: Constraints | None = None
 
     def __post_init__(self) -> None:
         P = len(self.law.names)
@@ -76,7 +79,8 @@ class Friction:
     def __getitem__(self, index: Any) -> Friction:
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
         calibration = None if self.calibration is None else self.calibration[index]
-        return replace(self, theta=self.theta[index], calibration=calibration)
+        own = None if self.constraints is None else self.constraints.at(index)
+        return replace(self, theta=self.theta[index], calibration=calibration, constraints=own)
 
     @property
     def n(self) -> int:
@@ -95,20 +99,21 @@ class Friction:
     def curve(self, w: Array, settle: float = 5.0) -> Array:
         """Steady-state friction torque of each joint at velocities w (V,), shape (..., V, n) [N m].
 
+        Numerical smoothing of sgn(w) is left out, as in the physics step.
         Laws with memory are held at each velocity for `settle` seconds before they are read.
         """
-        theta = self.theta[..., None, :, :]
+        theta, law = self.theta[..., None, :, :], self.law.sharpened()
         xp = namespace(theta)
         columns = np.repeat(np.asarray(w, dtype=float)[:, None], self.n, axis=1)
         x = at_rest(xp.asarray(columns, dtype=theta.dtype))
-        memory = self.law.start(theta, x)
+        memory = law.start(theta, x)
         if memory:
-            step = self.law.sample_time or 0.005
+            step = law.sample_time or 0.005
             dt = xp.asarray([[step]], dtype=theta.dtype)
             for _ in range(int(np.ceil(settle / step))):
                 x = x._replace(q=x.q + step * x.w)
-                memory = self.law.advance(theta, x, memory, dt)
-        return self.law.torque(theta, x, memory)
+                memory = law.advance(theta, x, memory, dt)
+        return law.torque(theta, x, memory)
 
     def __str__(self) -> str:
         """Law and parameters with units; mean and spread over a batch."""

@@ -15,6 +15,9 @@ from frictionid.friction.smooth_sign import check_smoothing
 
 Memory = tuple[Array, ...]
 
+NUMERICAL_WIDTH = 0.02  # [rad/s]: narrower smoothing of sgn(w) is no part of friction
+SHARP_WIDTH = 1e-7  # [rad/s], smoothing of a law that is made sharp
+
 
 class Inputs(NamedTuple):
     """What friction may depend on: q [rad], w [rad/s], motor torque u [N m], bearing load [N].
@@ -181,6 +184,11 @@ class Law(ABC):
         vars(law).update({field.name: getattr(self, field.name) for field in fields(self)})
         vars(law)["width"] = width
         return law
+
+    def sharpened(self) -> Law:
+        """The law without smoothing, where that only stands for a step of friction at w = 0."""
+        numerical = self.shape == "tanh" and 0.0 < self.width <= NUMERICAL_WIDTH
+        return self.with_width(SHARP_WIDTH) if numerical else self
 
     def equation(
         self, theta: Array, half: Array | None = None, angle_unit: str = "rad"

@@ -11,17 +11,18 @@ _TURNS = 200
 
 
 def bounded(H: Array, g: Array, low: Array, high: Array) -> Array:
-    """Minimum d (B, N) of d'H d/2 - g'd within low <= d <= high, all (B, N); low <= 0 <= high.
+    """Minimum d (B, N) of d'H d/2 - g'd within low <= d <= high, all (B, N).
 
     By block pivoting: parameters that leave their bounds are put there, and those that a bound need
     not hold are freed, all at once for a few turns, then one at a time, which ends [Portugal1994].
-    H (B, N, N) is positive semidefinite; a parameter without influence stays at zero.
+    H (B, N, N) is positive semidefinite; a parameter without influence stays nearest to zero.
 
     >>> H = np.array([[[2.0, 1.0], [1.0, 2.0]]])
     >>> bounded(H, np.array([[3.0, 0.0]]), np.array([[-1.0, 0.0]]), np.array([[5.0, 5.0]]))
     array([[1.5, 0. ]])
     """
-    low, high = np.broadcast_to(low, g.shape), np.broadcast_to(high, g.shape)
+    base = np.clip(np.zeros_like(g), low, high)
+    g, low, high = g - np.einsum("bij,bj->bi", H, base), low - base, high - base
     eye = np.eye(g.shape[-1])
     side = np.where((low >= 0) & (g < 0), -1, np.where((high <= 0) & (g > 0), 1, 0))
     for turn in range(_TURNS):
@@ -38,7 +39,7 @@ def bounded(H: Array, g: Array, low: Array, high: Array) -> Array:
         if turn >= _BLOCKS:
             wrong &= np.cumsum(wrong[:, ::-1], axis=1)[:, ::-1] == 1  # the last one only
         side = np.where(wrong, change, side)
-    return np.clip(d, low, high)
+    return np.asarray(base + np.clip(d, low, high))
 
 
 def _change(side: Array, d: Array, slope: Array, low: Array, high: Array) -> Array:

@@ -28,14 +28,14 @@ SCHEMES = ("euler", "integral")
 class Recipe:
     """How a one-step problem is made: estimated states and a scheme, "euler" or "integral".
 
-    velocity_threshold : [rad/s] of the stiction mask of a fit, see `mask_stiction`; about twice the
-    noise of the estimated velocities. 0 uses all rows, as the study did.
+    velocity_threshold : [rad/s] of the stiction mask of a fit, see `mask_stiction`. None: from
+    the speeds in each recording. 0 uses all rows, as the study did.
     """
 
     name: str
     states: Estimator
     scheme: str
-    velocity_threshold: float = 0.0
+    velocity_threshold: float | None = 0.0
     needs_intervals: ClassVar[bool] = False
     calibrator: ClassVar[None] = None
     corrects: ClassVar[tuple[str, ...]] = ()
@@ -47,7 +47,7 @@ class Recipe:
                 f"recipe {self.name!r}: scheme = {self.scheme!r} is unknown; "
                 f"known are {', '.join(SCHEMES)}"
             )
-        if self.velocity_threshold < 0:
+        if self.velocity_threshold is not None and self.velocity_threshold < 0:
             raise InputError(
                 f"recipe {self.name!r}: velocity_threshold = {self.velocity_threshold} must not be "
                 "negative"
@@ -107,7 +107,7 @@ class TrainingData(Protocol):
 
 
 STUDY = Recipe("study", Backward(), "euler")
-INTEGRAL = Recipe("integral", RTS(), "integral", velocity_threshold=0.2)
+INTEGRAL = Recipe("integral", RTS(), "integral", velocity_threshold=None)
 
 
 def states_of(
@@ -178,4 +178,4 @@ def training_problem(
     """One-step problem for fits: `problem_of` with the rows of joints at rest projected out."""
     problem = problem_of(dataset, plant, recipe, sample_time, history, states)
     threshold = recipe.velocity_threshold
-    return mask_stiction(problem, threshold) if threshold > 0 else problem
+    return problem if threshold == 0 else mask_stiction(problem, threshold)

@@ -27,7 +27,7 @@ class _Candidates(NamedTuple):
     values and joints, and r as the last one.
 
     columns : (K n, S n (P + 1) + 1)
-    low, high : bounds of the parameters, (N,) each
+    low, high : bounds of the parameters in each fold, (F, N) each
     """
 
     values: Array
@@ -51,18 +51,23 @@ def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
     used = np.flatnonzero(candidates.columns.any(axis=0))
     A = candidates.columns[:, used]
     M = candidates.columns.shape[1]
-    initial, stepped = np.empty((2, len(weights), len(candidates.low)))
+    initial, stepped = np.empty((2, *candidates.low.shape))
     for f, weight in enumerate(np.repeat(weights, fit.joints, axis=1)):
         gram = np.zeros((M, M))
         gram[np.ix_(used, used)] = (A.T * weight) @ A
-        initial[f], stepped[f] = _best_of_fold(candidates, gram)
-    return initial, stepped
+        own = candidates._replace(low=candidates.low[f], high=candidates.high[f])
+        initial[f], stepped[f] = _best_of_fold(own, gram)
+    return np.clip(initial, candidates.low, candidates.high), stepped
 
 
 def _candidates(fit: Linearised, weights: Array) -> _Candidates:
-    n, P = fit.joints, len(fit.law.names)
-    S, K = len(fit.law.initial), len(fit.problem.r)
-    values = np.repeat(np.reshape(fit.law.initial, (S, 1, P)), n, axis=1)
+    n, P, K = fit.joints, len(fit.law.names), len(fit.problem.r)
+    starts = np.array(fit.law.initial, dtype=float)
+    if P:  # values far outside the bounds are all the same one
+        low, high = (x.reshape(-1, P) for x in fit.bounds)
+        starts = np.unique(np.clip(starts, low.min(axis=0), high.max(axis=0)), axis=0)
+    S = len(starts)
+    values = np.repeat(starts[:, None], n, axis=1)
     J = fit.jacobian(values.reshape(S, n * P))  # (S, K, n, n, P)
     fit.check_finite(J, fit.problem.r)
     check_rows(fit, weights, np.abs(J).max(axis=(0, 2, 4), initial=0.0) > 0)

@@ -9,7 +9,7 @@ friction laws (a higher peak that falls off sooner) that saves most of the steps
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from frictionid.friction import Friction, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import best_initial_guess
-from frictionid.identifiers.linearised import Linearised
+from frictionid.identifiers.linearised import Given, Linearised, Ranges
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import huber_factors, normalised
 
@@ -35,6 +35,7 @@ _NEAR = 1e-2  # tolerance of the fits that give the next weights
 class LeastSquares(Identifier):
     """Fits the parameters of a law.
 
+    bounds, prior : of parameters by name: lower and upper bound, mean and standard deviation
     iterations : steps at most
     tolerance : a fit ends where a step would reduce the cost by less, relative
     robust : number of standard deviations beyond which rows are weighted down, after which the fit
@@ -61,6 +62,8 @@ class LeastSquares(Identifier):
     """
 
     law: Law
+    bounds: Ranges = field(default_factory=dict)
+    prior: Ranges = field(default_factory=dict)
     iterations: Count = 100
     tolerance: NotNegative = 1e-11
     robust: Positive | None = 3.0
@@ -70,16 +73,19 @@ class LeastSquares(Identifier):
         check_settings(self)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        law, weights = Linearised(self.law, problem), normalised(weights, problem)
+        weights = normalised(weights, problem)
+        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior))
         theta, stepped = best_initial_guess(law, weights)
-        reduced = weights
-        if self.robust is not None:
-            for _ in range(_ROUNDS):
-                theta = self._minimum(law, _first(law, theta, stepped, reduced), _NEAR)
-                stepped = theta
-                reduced = weights * huber_factors(law.residual(theta), weights, self.robust)
-        state = _first(law, theta, stepped, reduced)
-        return law.friction(self._minimum(law, state, self.tolerance))
+        reduced, variance = weights, np.zeros(len(weights))
+        for _ in range(_ROUNDS if self.robust is not None or self.prior else 0):
+            theta = self._minimum(law, _first(law, theta, stepped, reduced, variance), _NEAR)
+            stepped, residual = theta, law.residual(theta)
+            if self.robust is not None:
+                reduced = weights * huber_factors(residual, weights, self.robust)
+            if self.prior:
+                variance = _cost(residual, reduced) / _freedom(law, reduced)
+        state = _first(law, theta, stepped, reduced, variance)
+        return replace(law.friction(self._minimum(law, state, self.tolerance)), law=self.law)
 
     def _minimum(self, law: Linearised, state: _State, tolerance: float) -> Array:
         """Parameters (F, N) at the local minimum; folds that have converged take no more steps."""
@@ -97,10 +103,15 @@ class _State(NamedTuple):
     """State of the iteration in each fold, at theta (F, N).
 
     residual (F, K, n); cost and damping (F,); descent J'We (F, N); hessian J'WJ (F, N, N) by
-    Gauss-Newton, and secant (F, N, N), its correction
+    Gauss-Newton, and secant (F, N, N), its correction; bounds low and high, and the prior's mean
+    and precision (F, N), in units of the cost
     """
 
     theta: Array
+    low: Array
+    high: Array
+    mean: Array
+    precision: Array
     weights: Array
     residual: Array
     cost: Array
@@ -114,31 +125,60 @@ class _State(NamedTuple):
         return _State(*(field[folds] for field in self))
 
 
-def _first(law: Linearised, initial: Array, stepped: Array, weights: Array) -> _State:
-    """State at the better of two guesses each; far from linear, a first step may be a bad one."""
+def _first(
+    law: Linearised, initial: Array, stepped: Array, weights: Array, variance: Array
+) -> _State:
+    """State at the better of two guesses each; far from linear, a first step may be a bad one.
+
+    variance : (F,) of the weighted residuals, which makes priors comparable with them
+    """
     theta = initial
     if stepped is not initial:
         with np.errstate(all="ignore"):
             better = _cost(law.residual(stepped), weights) < _cost(law.residual(initial), weights)
         theta = np.where(better[:, None], stepped, initial)
-    residual = law.residual(theta)
+    residual, (mean, precision) = law.residual(theta), law.prior
+    precision = np.multiply(precision.T, variance).T
     descent, hessian = law.normal_equations(theta, residual, weights)
-    secant, damping = np.zeros_like(hessian), np.full(len(theta), 1e-6)
-    cost = _cost(residual, weights)
-    return _State(theta, weights, residual, cost, descent, hessian, secant, damping)
+    state = _State(
+        *(theta, *law.bounds, mean, precision, weights, residual),
+        *(_cost(residual, weights) + _prior_cost(theta, mean, precision), descent, hessian),
+        *(np.zeros_like(hessian), np.full(len(theta), 1e-6)),
+    )
+    return state._replace(**_with_prior(state, descent, hessian))
 
 
 def _cost(residual: Array, weights: Array) -> Array:
     return np.einsum("fk,fki->f", weights, residual**2)
 
 
+def _prior_cost(theta: Array, mean: Array, precision: Array) -> Array:
+    return (precision * (theta - mean) ** 2).sum(axis=-1)
+
+
+def _with_prior(state: _State, descent: Array, hessian: Array) -> dict[str, Array]:
+    """Descent and Hessian of the residuals, with those of the prior."""
+    eye = np.eye(state.theta.shape[-1])
+    return {
+        "descent": descent + state.precision * (state.mean - state.theta),
+        "hessian": hessian + state.precision[..., None] * eye,
+    }
+
+
+def _freedom(law: Linearised, weights: Array) -> Array:
+    """Degrees of freedom (F,) of the residuals, less the parameters."""
+    rows = (weights > 0).sum(axis=1) * law.joints
+    return np.maximum(rows - law.joints * len(law.law.names), 1)
+
+
 def _next(law: Linearised, state: _State, tolerance: float) -> tuple[_State, Array]:
     """State after one step where that lowers the cost, and which folds have converged, (F,)."""
-    step, predicted = _step(state, *law.bounds)
-    theta = np.clip(state.theta + step, *law.bounds)
+    step, predicted = _step(state)
+    theta = np.clip(state.theta + step, state.low, state.high)
     with np.errstate(all="ignore"):  # a step too far is refused below, whatever it gives
         residual = law.residual(theta)
-        reduction = state.cost - _cost(residual, state.weights)
+        prior = _prior_cost(theta, state.mean, state.precision)
+        reduction = state.cost - _cost(residual, state.weights) - prior
     frictionless = _cost(law.problem.r[None], state.weights)
     converged = predicted <= tolerance * state.cost + _EXACT * frictionless
     better = reduction > 0
@@ -154,7 +194,7 @@ def _next(law: Linearised, state: _State, tolerance: float) -> tuple[_State, Arr
     return _with_equations(law, state, new, np.flatnonzero(better & ~converged)), converged
 
 
-def _step(state: _State, low: Array, high: Array) -> tuple[Array, Array]:
+def _step(state: _State) -> tuple[Array, Array]:
     """Damped steps d (F, N) within the bounds, and the reductions of the cost (F,) they predict.
 
     (B + damping diag(J'WJ)) d = J'We, with B = J'WJ + secant where that is convex, else J'WJ; the
@@ -167,7 +207,7 @@ def _step(state: _State, low: Array, high: Array) -> tuple[Array, Array]:
     convex = np.linalg.eigvalsh(full / root).min(axis=-1, initial=1.0) >= -_DAMPING[0]
     B = np.where(convex[:, None, None], full, state.hessian)
     damped = B + (state.damping[:, None] * scale)[:, :, None] * eye
-    step = bounded(damped, state.descent, low - state.theta, high - state.theta)
+    step = bounded(damped, state.descent, state.low - state.theta, state.high - state.theta)
     predicted = step * (2 * state.descent - np.einsum("fij,fj->fi", B, step))
     return step, predicted.sum(axis=-1)
 
@@ -186,7 +226,8 @@ def _with_equations(law: Linearised, before: _State, after: _State, moved: Array
         secant + y y' / (y'd),   where y'd is clearly not zero
     """
     part = after.of(moved)
-    descent, hessian = law.normal_equations(part.theta, part.residual, part.weights)
+    equations = law.normal_equations(part.theta, part.residual, part.weights)
+    descent, hessian = _with_prior(part, *equations).values()
     d = part.theta - before.theta[moved]
     y = before.descent[moved] - descent - np.einsum("fij,fj->fi", hessian + part.secant, d)
     product = (y * d).sum(axis=-1)

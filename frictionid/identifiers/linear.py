@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import check_settings
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.grams import check_linear, columns, grams
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import check_rows
 from frictionid.identifiers.least_squares import LeastSquares
-from frictionid.identifiers.linearised import Linearised
+from frictionid.identifiers.linearised import Given, Linearised, Ranges
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.row_weights import normalised
 
@@ -45,26 +46,32 @@ class Linear(Identifier):
     """
 
     law: Law
+    bounds: Ranges = field(default_factory=dict)
+    prior: Ranges = field(default_factory=dict)
     seeded = False
 
     def __post_init__(self) -> None:
+        check_settings(self)
         check_linear(self.law)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        law, weights = Linearised(self.law, problem), normalised(weights, problem)
-        A = columns(self.law, problem)
+        weights = normalised(weights, problem)
+        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior))
+        A = columns(law.law, problem)
         size = np.abs(A[..., :-1]).reshape(*problem.r.shape, problem.r.shape[-1], -1)
         check_rows(law, weights, size.max(axis=(1, 3)) > 0)
         theta = solutions(grams(A, weights)[:, 0], *law.bounds)
         beyond = ~_in_linear_range(law.friction(theta), problem)
+        beyond |= bool(self.prior)
         if beyond.any():
-            refitted = LeastSquares(self.law, robust=None).fit(problem, weights[beyond], seed)
+            by_steps = LeastSquares(self.law, self.bounds, self.prior, robust=None)
+            refitted = by_steps.fit(problem, weights[beyond], seed)
             theta[beyond] = refitted.theta.reshape(int(beyond.sum()), -1)
-        return law.friction(theta)
+        return replace(law.friction(theta), law=self.law)
 
 
 def solutions(T: Array, low: Array, high: Array) -> Array:
-    """Parameters (F, N) within bounds (N,) around zero, of Gram matrices T (F, N + 1, N + 1)."""
+    """Parameters (F, N) within bounds (F, N), of Gram matrices T (F, N + 1, N + 1)."""
     length = np.sqrt(np.einsum("fii->fi", T)[:, :-1])
     scale = np.where(length > 0, length, 1.0)
     H = T[:, :-1, :-1] / scale[:, :, None] / scale[:, None, :]

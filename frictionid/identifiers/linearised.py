@@ -2,25 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Law, Nodes, along
-from frictionid.identifiers.residual import Problem
+from frictionid.friction import Constraints, Friction, Law, Nodes, along, constraints_of
+from frictionid.identifiers.residual import Problem, speed_range
 
 _DIFFERENCE = 1e-6
 _TORQUES = 1e7  # computed at a time
 
 
+Ranges = Mapping[str, tuple[float, float]]  # by parameter name
+
+
+class Given(NamedTuple):
+    """Bounds, and means and standard deviations of priors, that are given by parameter name."""
+
+    bounds: Ranges
+    prior: Ranges
+
+
 class Linearised(NamedTuple):
-    """A law on a problem; its parameters theta are flat here, (F, N) with N = n P."""
+    """A law on a problem; its parameters theta are flat here, (F, N) with N = n P.
+
+    constraints : bounds and priors (F, n, P), see `Linearised.of`
+    """
 
     law: Law
     problem: Problem
+    constraints: Constraints | None = None
+
+    @staticmethod
+    def of(law: Law, problem: Problem, weights: Array, given: Given) -> Linearised:
+        """A law on a problem, bounded by what the rows of each fold resolve, weights (F, K).
+
+        Where the rows of joints at rest are projected out, all others slide: there numerical
+        smoothing of sgn(w) would only blur slow ones.
+        """
+        own = constraints_of(law, speed_range(problem, weights), given.bounds, given.prior)
+        return Linearised(law.sharpened() if problem.masked else law, problem, own)
 
     @property
     def joints(self) -> int:
@@ -29,13 +53,26 @@ class Linearised(NamedTuple):
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the parameters, (N,) each."""
-        low, high = np.tile(np.reshape(self.law.bounds, (-1, 2)), (self.joints, 1)).T
-        return low, high
+        """Lower and upper bounds of the parameters, (F, N) each."""
+        own = self.constraints
+        assert own is not None
+        F = len(own.low)
+        return own.low.reshape(F, -1), own.high.reshape(F, -1)
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and precision of the parameters' priors, (F, N) each; zero precision for none."""
+        own = self.constraints
+        assert own is not None
+        F = len(own.low)
+        return own.mean.reshape(F, -1), own.deviation.reshape(F, -1) ** -2.0
 
     def friction(self, theta: Array) -> Friction:
         """Friction with the parameters theta."""
-        return Friction(self.law, theta.reshape(len(theta), self.joints, len(self.law.names)))
+        theta = theta.reshape(len(theta), self.joints, len(self.law.names))
+        own = self.constraints
+        known = own is not None and own.low.shape == theta.shape
+        return Friction(self.law, theta, constraints=own if known else None)
 
     def residual(self, theta: Array) -> Array:
         """Residuals e, shape (F, K, n) [rad/s]."""

@@ -40,5 +40,8 @@ class Published(Identifier):
         own, count = self.friction.calibration, len(weights)
         calibration = None if own is None else stack_calibrations([own] * count)
         return replace(
-            self.friction, theta=np.repeat(theta[None], count, axis=0), calibration=calibration
+            self.friction,
+            theta=np.repeat(theta[None], count, axis=0),
+            calibration=calibration,
+            constraints=None,
         )

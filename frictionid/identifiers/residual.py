@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +20,9 @@ from frictionid.arrays import Array, inverse, solve, times
 from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import sample
-from frictionid.data.state_estimators import States
+from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Nodes
+from frictionid.friction import Inputs, Nodes, SpeedRange
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import (
     SIMPSON,
@@ -35,6 +36,8 @@ from frictionid.mechanics.momentum_balance import (
 # An interval this many times longer than the recording's usual one is a gap: no row bridges it, one
 # of half a second has cost seven per cent of the friction curve.
 GAP = 5.0
+_RESTING = 0.02  # of the speeds in a recording: a joint that is slower may be at rest
+_SLOWEST = 0.01  # of the fastest speed: slowest one of a problem that does not know it
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ class Problem:
     stencil : (K, m) nodes of each row, with coefficients (m,) that add up to one
     recording : (K,) index of the recording; time, dt : (K,) [s] start and length of the interval
     history : the most samples of a recording before its first row, for laws that remember
+    slowest : (R, n) [rad/s], slowest speeds that each recording resolves, see `slowest_speeds`
+    masked : whether the rows of joints at rest are projected out, see `mask_stiction`
 
     Intervals across a gap in a recording are no rows.
     """
@@ -58,6 +63,8 @@ class Problem:
     time: Array
     dt: Array
     history: int = 0
+    slowest: Array | float = 0.0
+    masked: bool = False
 
     def mean(self, values: Array) -> Array:
         """Stencil average of node values (..., S, n) over each row, (..., K, n)."""
@@ -81,7 +88,7 @@ def euler_problem(
     parts = [
         _euler_rows(plant[i], *pair) for i, pair in enumerate(zip(recordings, states, strict=True))
     ]
-    return _assemble(parts, (1.0,), 1, history)
+    return _assemble(parts, (1.0,), 1, history, states)
 
 
 def integral_problem(
@@ -101,10 +108,22 @@ def integral_problem(
         _integral_rows(plant[i], *pair)
         for i, pair in enumerate(zip(recordings, states, strict=True))
     ]
-    return _assemble(parts, SIMPSON, 2, history)
+    return _assemble(parts, SIMPSON, 2, history, states)
 
 
-def mask_stiction(problem: Problem, velocity_threshold: float) -> Problem:
+def speed_range(problem: Problem, weights: Array) -> SpeedRange:
+    """Speeds (F, n) that the rows with weights (F, K) resolve: usual slowest, and fastest one."""
+    use = weights > 0
+    w = np.abs(problem.nodes.inputs.w[problem.stencil]).max(axis=1)
+    fastest = np.stack([w[own].max(axis=0, initial=0.0) for own in use])
+    if not np.ndim(problem.slowest):
+        return SpeedRange(_SLOWEST * fastest, fastest)
+    recordings = [np.unique(problem.recording[own]) for own in use]
+    slowest = [np.median(np.asarray(problem.slowest)[own], axis=0) for own in recordings]
+    return SpeedRange(np.maximum(np.stack(slowest), 1e-6 * fastest), fastest)
+
+
+def mask_stiction(problem: Problem, velocity_threshold: float | None) -> Problem:
     """The same problem with the rows of joints at rest projected out.
 
     There friction is whatever holds the joint, or switches between the nodes: no law can be read
@@ -130,16 +149,24 @@ def mask_stiction(problem: Problem, velocity_threshold: float) -> Problem:
     P = stiction_projector(problem.G, mask)
     # exactly zero, and not by rounding, so that a fit sees which joints never move
     G = (P @ problem.G) * ~mask[:, None, :]
-    return replace(problem, r=times(P, problem.r), G=G)
+    return replace(problem, r=times(P, problem.r), G=G, masked=True)
 
 
-def stiction_mask(problem: Problem, velocity_threshold: float) -> Array:
+def stiction_mask(problem: Problem, velocity_threshold: float | None) -> Array:
     """Whether each joint may stick in each row, (K, n) of bool.
 
     It may where it is slower than the threshold [rad/s] at a node of the row, or reverses in it.
+    None: the slowest speed that the row's recording resolves, and no less than 2 % of the speeds in
+    it: slower joints give way before they slip, in play and presliding that no law here describes.
     """
     w = problem.nodes.inputs.w[problem.stencil]  # (K, m, n)
-    slow = (np.abs(w) < velocity_threshold).any(1)
+    threshold: Array | float = velocity_threshold or 0.0
+    if velocity_threshold is None:
+        first = problem.nodes.first
+        each = [np.abs(problem.nodes.inputs.w[a:b]) for a, b in pairwise(first)]
+        usual = _RESTING * np.stack([np.quantile(own, 0.95, axis=0) for own in each])
+        threshold = np.maximum(problem.slowest, usual)[problem.recording][:, None]
+    slow = (np.abs(w) < threshold).any(1)
     return np.asarray(slow | ((w > 0).any(1) & (w < 0).any(1)))
 
 
@@ -193,6 +220,7 @@ def _assemble(
     coefficients: tuple[float, ...],
     per_sample: int,
     history: int | Sequence[int],
+    states: Sequence[States],
 ) -> Problem:
     """One problem of all recordings, without gaps and the first `history` rows of each."""
     before = [history] * len(parts) if isinstance(history, int) else list(history)
@@ -213,4 +241,5 @@ def _assemble(
     inputs = Inputs(*map(np.concatenate, zip(*(part.inputs for part in parts), strict=True)))
     nodes = Nodes(inputs, np.concatenate([part.node_time for part in parts]), first, per_sample)
     c = np.array(coefficients)
-    return Problem(nodes, r, G, stencil, c, recording, time, dt, max(before))
+    slowest = np.stack([slowest_speeds(s) for s in states])
+    return Problem(nodes, r, G, stencil, c, recording, time, dt, max(before), slowest)

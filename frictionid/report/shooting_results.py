@@ -110,6 +110,7 @@ def _like_delay(read: Sequence[Estimate]) -> list[Estimate]:
 def delay_fixed(document: Mapping[str, Any], read: Sequence[Estimate]) -> tuple[str, ...]:
     """Friction parameters that hold a delay's share, where a motor pulls and no delay was free."""
     free = any(e.block == "delay" for e in read)
+    free |= any(own["block"] == "delay" for own in document.get("dropped", ()))
     return () if free or not document.get("driven", False) else names_of(_like_delay(read))
 
 

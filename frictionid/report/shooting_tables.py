@@ -130,7 +130,9 @@ def _caption(model: Model, dataset: str, data: DataDescription, nominal: bool) -
     text = (
         f"{dataset}: parameters of {model.label} by shooting (recipe {model.recipe}), from all "
         f"data; 95 % intervals from the scatter between {clusters} {among} (t distribution, "
-        f"{document['freedom']} degrees of freedom)."
+        f"{document['freedom']} degrees of freedom). "
+        + ("Converged" if document["settled"] else "Not converged")
+        + f" after {document['iterations']} iterations."
     )
     return f"{text} Nominal: by the data set's mechanism and log." if nominal else text
 

@@ -94,14 +94,16 @@ def show_table(table: Table) -> None:
 
 
 def show_refined(document: Mapping[str, Any]) -> None:
-    """Print the result of shooting: parameters with their intervals, findings and warnings."""
+    """Print the result of shooting: what makes it doubtful, parameters with intervals, findings."""
     read = estimates(document)
-    for text in for_terminal(parameter_table(read)):
-        console().print(text, soft_wrap=True)
-    sentences = render(
-        "shooting_terminal.j2", {"found": shooting_results(document, read)}, markup=False
-    )
-    console().print(sentences.strip(), markup=False, soft_wrap=True)
+    found = {"found": shooting_results(document, read)}
+    for template in ("shooting_head.j2", "", "shooting_terminal.j2"):
+        if template:
+            text = render(template, found, markup=False).strip()
+            console().print(text, markup=False, soft_wrap=True)
+        else:
+            for row in for_terminal(parameter_table(read)):
+                console().print(row, soft_wrap=True)
 
 
 def parameter_table(read: list[Estimate]) -> Table:

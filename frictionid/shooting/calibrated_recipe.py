@@ -162,7 +162,7 @@ def _together(frictions: Sequence[Friction], identifier: str) -> Friction:
         )
     theta = np.stack([np.asarray(friction.theta) for friction in frictions])
     provenance = {**last.provenance, **_learning(frictions)}
-    return replace(last, theta=theta, provenance=provenance)
+    return replace(last, theta=theta, provenance=provenance, constraints=None)
 
 
 def _learning(frictions: Sequence[Friction]) -> dict[str, Any]:

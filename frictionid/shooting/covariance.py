@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
+from frictionid.friction import Friction
 from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.meaningless_parameters import meaningless
 from frictionid.shooting.parameters.parameter_block import Parameter, values_of
@@ -104,16 +105,52 @@ def covariance_of(problem: ShootingProblem, solution: Solution) -> Covariance:
     matrix = np.zeros((D, D))
     matrix[np.ix_(keep, keep)] = _sandwich(H, solution, owner, clusters)
     unknown = ~free | lost
-    matrix[unknown], matrix[:, unknown] = 0.0, 0.0
-    matrix[unknown, unknown] = np.inf
+    _forget(matrix, list(np.flatnonzero(unknown)))
     values = values_of(solution.estimate, problem.blocks)
     out = Covariance(
         *(parameters, values, matrix, max(count - 1, 1), singular, words, ~free, count),
         meaningless=np.zeros(D, dtype=bool),
     )
-    needs = meaningless(solution.estimate.friction, parameters, ~_known(out))
+    friction = solution.estimate.friction
+    needs = meaningless(friction, parameters, ~_known(out))
     words += tuple(_needs(parameters, k, others) for k, others in needs.items())
+    ends = [
+        k for k in map(int, np.flatnonzero(~free)) if k not in needs and _at_limit(out, k, friction)
+    ]
+    words += tuple(_ends(parameters[k], float(values[k])) for k in ends)
+    for k in ends:
+        _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
     return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(needs)))
+
+
+def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:
+    """Whether a parameter of friction ends at a bound that is not its law's own.
+
+    Such a bound says what the data resolve, or was given: beyond it the fit would be better.
+    """
+    p = covariance.parameters[k]
+    return (
+        p.block == "friction" and float(covariance.values[k]) not in friction.law.bounds[p.place[1]]
+    )
+
+
+def _same_joint(a: Parameter, b: Parameter) -> bool:
+    return a.block == b.block == "friction" and a.place[0] == b.place[0]
+
+
+def _forget(matrix: Array, which: list[int]) -> None:
+    """Make the covariance of some parameters infinite, in place."""
+    matrix[which], matrix[:, which] = 0.0, 0.0
+    matrix[which, which] = np.inf
+
+
+def _ends(p: Parameter, value: float) -> str:
+    slow = value == p.low and p.unit in ("rad/s", "m/s")
+    end = "the slowest speed that the data resolve, or that was given" if slow else "its bound"
+    return (
+        f"{p.name} ends at {value:.3g} {p.unit}, {end}: friction of this joint has another shape "
+        "than this law can show here, and its parameters have no intervals"
+    )
 
 
 def _sandwich(H: Array, solution: Solution, owner: Array, clusters: Array) -> Array:

@@ -72,11 +72,10 @@ class Solution(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
-    """What does not change over the iterations of a stage: windows (W, N), and priors (D,)."""
+    """What does not change over the iterations of a stage: windows (W, N)."""
 
     problem: ShootingProblem
     windows: Array
-    mean: Array
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -104,13 +103,7 @@ class _Step(NamedTuple):
 
 
 def solve(
-    problem: ShootingProblem,
-    estimate: Estimate,
-    use: Array,
-    nodes: Array | None = None,
-    *,
-    stages: int = 0,
-    mean: Array | None = None,
+    problem: ShootingProblem, estimate: Estimate, use: Array, nodes: Array | None = None
 ) -> Solution:
     """The free parameters for which predicted angles come closest to the measured ones.
 
@@ -119,17 +112,15 @@ def solve(
     problem, estimate : what is fitted, and where the fit begins
     use : (K,) true for the intervals that may be used
     nodes : (K, s) states that the intervals begin with, those of the smoothed motion by default
-    stages : the last so many stages only, all by default
-    mean : (D,) of the priors, where the fit begins by default
     """
     nodes = problem.initial_nodes(estimate) if nodes is None else nodes
-    mean = values_of(estimate, problem.blocks) if mean is None else mean
-    sigma, total, solution = _initial_noise(problem, use), 0, None
-    lengths = problem.settings.windows
-    for seconds in lengths[-stages:]:
+    sigma = _initial_noise(problem, use)
+    total, solution = 0, None
+    lengths, leading = problem.settings.windows, _leading(problem)
+    stages = [*((seconds, leading) for seconds in lengths), (lengths[-1], problem)]
+    for seconds, own in stages:
         windows = cut_windows(problem.intervals, use, seconds)
-        own = problem if seconds == lengths[-1] else _leading(problem)
-        solution = _solve_stage(_Stage(own, windows, mean), estimate, nodes, sigma)
+        solution = _solve_stage(_Stage(own, windows), estimate, nodes, sigma)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
@@ -177,7 +168,8 @@ def _accepted_or_last(stage: _Stage, step: _Step) -> tuple[Point, float]:
     s, last = step.solution, step.point
     huber = stage.problem.settings.huber
     point = linearised_at(stage.problem, stage.windows, s.estimate, s.nodes, s.sigma)
-    point = with_windows_checked(point, last, s.move, s.sigma, huber)
+    near = step.largest <= step.share * _NEAR
+    point = with_windows_checked(point, last, s.move, s.sigma, huber, near)
     before, after = (cost_of(x.prediction, point.out, s.sigma, huber) for x in (last, point))
     if after > _WORSE * before and step.damping < _DAMPING[1]:
         return last, max(step.damping, 1e-4) * 10.0
@@ -262,7 +254,7 @@ def _solved(
     counts, precision, (low, high) = ~point.out * 1.0, stage.problem.prior_precision, stage.bounds
     damping, share = control
     H = np.einsum("w,wij->ij", counts, normal.H) + np.diag(precision)
-    g = counts @ normal.g + precision * (stage.mean - value)
+    g = counts @ normal.g + precision * (stage.problem.prior_mean - value)
     move = share * _bounded_step(H, g, low - value, high - value, damping)
     start = normal.start - normal.to_start @ move
     moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)

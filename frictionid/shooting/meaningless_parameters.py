@@ -10,7 +10,7 @@ from frictionid.arrays import Array
 from frictionid.friction import Friction, Inputs
 from frictionid.shooting.parameters.parameter_block import Parameter
 
-_POINTS, _SPEED = 200, 5.0  # [rad/s]
+_POINTS, _SPEED, _DECADES = 200, 10.0, 4  # [rad/s], and how much slower the slowest is
 _CHANGE = 0.3  # of a parameter's value
 _NOTHING = 1e-9  # of the largest torque
 
@@ -23,10 +23,18 @@ def meaningless(
     Each with the weak ones that it hangs on.
     """
     own = [k for k, e in enumerate(parameters) if e.block == "friction"]
+
+    def _is_velocity(i: int) -> bool:  # of which zero is no absence
+        return parameters[i].unit in ("rad/s", "m/s")
+
     out = {}
     for k in own:
         joint = parameters[k].place[0]
-        others = [i for i in own if weak[i] and parameters[i].place[0] == joint and i != k]
+        others = [
+            i
+            for i in own
+            if weak[i] and parameters[i].place[0] == joint and i != k and not _is_velocity(i)
+        ]
         if (
             weak[k]
             or _shows(friction, parameters, k, others)
@@ -56,7 +64,8 @@ def _torque(friction: Friction, theta: Array) -> Array:
     """Torque (K, n) at inputs of all kinds, of a memory that has just met them."""
     law = friction.law
     rng = np.random.default_rng(0)
-    x = Inputs(*(_SPEED * rng.standard_normal((4, _POINTS, friction.n))))
+    shape = (4, _POINTS, friction.n)
+    x = Inputs(*(_SPEED * 10.0 ** rng.uniform(-_DECADES, 0.0, shape) * rng.choice([-1, 1], shape)))
     x = x._replace(load=np.abs(x.load))
     dt = np.full((_POINTS, 1), law.sample_time or 0.005)
     before = Inputs(*(value[::-1] for value in x))

@@ -9,15 +9,12 @@ import numpy as np
 
 from frictionid.arrays import namespace
 from frictionid.friction import Friction
-from frictionid.mechanics import Mechanism
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.combination_law import CombinationLaw
 from frictionid.shooting.parameters.combinations import CombinationBlock
 from frictionid.shooting.parameters.friction import FrictionBlock
 from frictionid.shooting.parameters.parameter_block import ParameterBlock
-from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.tensor_law import TensorLaw
-from frictionid.shooting.torque_samples import torque_samples
+from frictionid.shooting.torque_samples import TorqueSamples
 
 _MOST = 20  # combinations of a joint
 _DEVIATION = 1.0  # standard deviation of the prior of a joint's weights, relative to their size
@@ -46,15 +43,11 @@ def as_given(friction: Friction, given: Friction) -> Friction:
     like = given.theta
     if hasattr(like, "detach"):
         theta = namespace(like).asarray(theta, dtype=like.dtype, device=like.device)
-    return replace(friction, law=given.law, theta=theta)
+    return replace(friction, law=given.law, theta=theta, constraints=None)
 
 
 def with_combinations(
-    friction: Friction,
-    mechanism: Mechanism,
-    calibration: Calibration,
-    intervals: Intervals,
-    blocks: Sequence[ParameterBlock],
+    friction: Friction, samples: TorqueSamples, blocks: Sequence[ParameterBlock]
 ) -> tuple[Friction, tuple[ParameterBlock, ...]]:
     """A network as a law of the combinations that change the motion, and the block of these.
 
@@ -65,7 +58,6 @@ def with_combinations(
     fixed = law.names if given is None else given.fixed
     pairs = zip(law.names, law.bounds, strict=True)
     free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
-    samples = torque_samples(friction, mechanism, calibration, intervals)
     deviation = _DEVIATION if given is None or given.prior is None else given.prior
     own = CombinationBlock(
         np.array(friction.theta), samples, free, deviation, min(_MOST, int(free.sum()))

@@ -80,6 +80,11 @@ class ShootingProblem:
         """Precision (D,) of the parameters' priors."""
         return 1.0 / np.array([p.prior for p in self.parameters]) ** 2
 
+    @property
+    def prior_mean(self) -> Array:
+        """Mean (D,) of the parameters' priors."""
+        return np.array([p.value if p.mean is None else p.mean for p in self.parameters])
+
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
         intervals, n = self.intervals, self.intervals.n

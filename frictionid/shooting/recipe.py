@@ -16,15 +16,10 @@ from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe, TrainingData
 from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.mechanics.calibration import stack_calibrations
-from frictionid.shooting.gauss_newton import solve
 from frictionid.shooting.parameters import FrictionBlock, ParameterBlock
-from frictionid.shooting.parameters.friction import on_support
-from frictionid.shooting.parameters.parameter_block import values_of
-from frictionid.shooting.refine import Refined, prepare_fit, refined_by
+from frictionid.shooting.refine import Refined, fit_blocks
 from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.settings import Settings
-
-_STEPS = 4  # of Gauss and Newton, of a fold that begins at the fit to all data
 
 
 class ShootingData(TrainingData, Protocol):
@@ -133,64 +128,14 @@ def refine_folds(
     training : (F, K), the intervals that each fold may use; the last row is that of
         all data
 
-    All data are fitted first. Each fold begins where that fit ended, a fraction of a standard error
-    from its own optimum, and takes four steps of Gauss and Newton. Its priors stay centred on its
-    own one-step fit. Two kinds of folds are fitted from their own one-step fit instead: those in
-    which a sparse law has other terms, and those of a network, whose numbers keep something of
-    where they began. Networks take over no more than the states of the motion.
+    Each fold is fitted from its own one-step fit, so that nothing of it depends on the recordings
+    that it holds out: neither its optimum, nor the way there.
     """
-    blocks = [on_support(recipe.blocks, friction[f]) for f in range(len(training))]
-    of_all = replace(recipe, blocks=blocks[-1])
-    whole, nodes = _refined(_Start(friction[-1]), intervals, of_all, training[-1] > 0)
-    few = min(recipe.settings.iterations, _STEPS)
-    short = replace(recipe.settings, iterations=few)
-    network = friction.law.is_network
-    frictions = []
-    for f, use in enumerate(training[:-1] > 0):
-        own = replace(recipe, blocks=blocks[f])
-        if network:
-            start = _Start(friction[f], nodes)
-        elif blocks[f] != blocks[-1]:
-            start = _Start(friction[f])
-        else:
-            own = replace(of_all, settings=short)
-            start = _Start(whole.friction, nodes, _values(friction[f], intervals, own))
-        frictions.append(_refined(start, intervals, own, use)[0].friction)
-    return _together([*frictions, whole.friction]), whole
-
-
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """Where a fit by shooting begins.
-
-    nodes : states and memories at the intervals' begins, of the smoothed motion by default; from
-        given ones only the last stage of windows is fitted
-    mean : (D,) of the priors, those of the friction by default
-    """
-
-    friction: Friction
-    nodes: Array | None = None
-    mean: Array | None = None
-
-
-def _values(friction: Friction, intervals: Intervals, recipe: Shooting) -> Array:
-    """Values (D,) of the free parameters in a friction, before any shooting."""
-    problem, estimate = prepare_fit(friction, intervals, recipe.blocks, recipe.settings)
-    return values_of(estimate, problem.blocks)
-
-
-def _refined(
-    start: _Start, intervals: Intervals, recipe: Shooting, use: Array
-) -> tuple[Refined, Array]:
-    """The result of a fit to the intervals in use (K,), and the nodes where it ended."""
-    problem, estimate = prepare_fit(start.friction, intervals, recipe.blocks, recipe.settings)
-    if start.nodes is None:
-        solution = solve(problem, estimate, use, mean=start.mean)
-    else:
-        states = start.nodes[:, : 2 * intervals.n]
-        nodes = np.concatenate([states, *problem.initial_memory(estimate)], axis=-1)
-        solution = solve(problem, estimate, use, nodes, stages=1, mean=start.mean)
-    return refined_by(problem, solution, start.friction), solution.nodes
+    results = [
+        fit_blocks(friction[f], intervals, recipe.blocks, recipe.settings, use)
+        for f, use in enumerate(training > 0)
+    ]
+    return _together([result.friction for result in results]), results[-1]
 
 
 def _together(frictions: Sequence[Friction]) -> Friction:

@@ -11,8 +11,8 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.data.state_estimators import RTS, States
-from frictionid.friction import Friction
+from frictionid.data.state_estimators import RTS, States, slowest_speeds
+from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.torque_outliers import without_torque_outliers
 from frictionid.mechanics import mechanism_of, parameters_of, plant_of
@@ -27,6 +27,8 @@ from frictionid.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_motor
 from frictionid.shooting.settings import Settings
+from frictionid.shooting.significance import Dropped, least_significant
+from frictionid.shooting.torque_samples import torque_samples
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 
@@ -50,6 +52,7 @@ class Diagnostics:
         residuals of three times the noise and more, which count little or not at all
     converged : whether no parameter moved any more; iterations : how many that took
     warnings : sentences on what makes the numbers doubtful as a whole
+    dropped : blocks of sensors that were offered and left out, as they showed nothing
     """
 
     sigma: Array
@@ -59,6 +62,7 @@ class Diagnostics:
     converged: bool
     iterations: int
     warnings: tuple[str, ...] = ()
+    dropped: tuple[Dropped, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,24 +151,61 @@ def refine(
     states = states or states_of(dataset, RTS(), sample_time)
     dataset = without_torque_outliers(dataset, plant_of(dataset), states)
     intervals = intervals_of(dataset, sample_time, states)
-    problem, estimate = prepare_fit(friction, intervals, on_support(blocks, friction), settings)
-    solution = solve(problem, estimate, np.ones(len(intervals.dt), dtype=bool))
-    return refined_by(problem, solution, friction)
+    return fit_blocks(friction, intervals, blocks, settings)
+
+
+def fit_blocks(
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    use: Array | None = None,
+) -> Refined:
+    """The result of a fit to the intervals in use (K,), without sensors' blocks that show nothing.
+
+    While the deviation of such a block from an ideal sensor is not significant, the fit is repeated
+    without the least significant one: free parameters that show nothing would only spoil what the
+    others predict.
+    """
+    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
+    dropped: list[Dropped] = []
+    blocks = on_support(blocks, friction)
+    while True:
+        problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
+        result = refined_by(problem, solve(problem, estimate, use), friction)
+        idle = least_significant(result.covariance, blocks, settings.significance)
+        if idle is None:
+            went = replace(result.diagnostics, dropped=tuple(dropped))
+            return replace(result, diagnostics=went)
+        dropped.append(idle)
+        blocks = tuple(b for b in blocks if b.name != idle.block)
 
 
 def prepare_fit(
-    friction: Friction, intervals: Intervals, blocks: Sequence[ParameterBlock], settings: Settings
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    use: Array | None = None,
 ) -> tuple[ShootingProblem, Estimate]:
-    """The problem of fitting the blocks to intervals, and the estimate that the fit begins with."""
+    """The problem of fitting the blocks to intervals, and the estimate that the fit begins with.
+
+    use : (K,) true for the intervals that may be used, all by default
+    """
     table = intervals.dataset.mechanism
     mechanism = mechanism_of(table)
     base = mechanism.base(parameters_of(table, friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
+    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     network = friction.law.is_network
-    friction = on_arrays(friction)
+    friction = replace(on_arrays(friction), angle_unit=mechanism.description.angle_unit)
+    if friction.constraints is None and not network:
+        own = constraints_of(friction.law, _speed_range(intervals, use))
+        friction = replace(friction, constraints=own)
     if network:
-        friction, blocks = with_combinations(friction, mechanism, calibration, intervals, blocks)
+        samples = torque_samples(friction, mechanism, calibration, intervals, use)
+        friction, blocks = with_combinations(friction, samples, blocks)
     estimate = Estimate(friction, calibration, mechanism)
     estimate = with_motor(estimate, intervals.dataset) if has_actuator(blocks) else estimate
     check_blocks(blocks, estimate, intervals)
@@ -172,6 +213,13 @@ def prepare_fit(
     problem = made(intervals, estimate, blocks, settings)
     check_data(intervals, problem.parameters, settings.windows[-1])
     return problem, estimate
+
+
+def _speed_range(intervals: Intervals, use: Array) -> SpeedRange:
+    """Speeds (n,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
+    own = [intervals.states[i] for i in np.unique(intervals.recording[use])]
+    slowest = np.median([slowest_speeds(s) for s in own], axis=0)
+    return SpeedRange(slowest, np.abs(intervals.w[use]).max(axis=0))
 
 
 def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) -> Refined:

@@ -48,6 +48,7 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "settled": went.converged,
         "iterations": went.iterations,
         "warnings": list(went.warnings),
+        "dropped": [dropped._asdict() for dropped in went.dropped],
     }
 
 

@@ -90,7 +90,8 @@ def _inside(estimate: Estimate, connected: Array) -> Estimate:
     theta = np.asarray(friction.theta, dtype=float)
     emf = (kt**2 / R * connected)[:, None]
     law = with_back_emf(friction.law)
-    friction = replace(friction, law=law, theta=np.concatenate([theta, emf], axis=-1))
+    theta = np.concatenate([theta, emf], axis=-1)
+    friction = replace(friction, law=law, theta=theta, constraints=None)
     calibration = replace(estimate.calibration, gain=np.full(n, kt / R), motor=None)
     return estimate._replace(friction=friction, calibration=calibration)
 

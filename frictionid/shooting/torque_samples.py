@@ -53,13 +53,17 @@ class TorqueSamples:
 
 
 def torque_samples(
-    friction: Friction, mechanism: Mechanism, calibration: Calibration, intervals: Intervals
+    friction: Friction,
+    mechanism: Mechanism,
+    calibration: Calibration,
+    intervals: Intervals,
+    use: Array,
 ) -> TorqueSamples:
-    """Some samples of the intervals, as inputs of the law."""
+    """Some samples of the intervals in use (K,), as inputs of the law."""
     K = len(intervals.dt)
     run = np.arange(K) - np.maximum.accumulate(np.where(intervals.joined, 0, np.arange(K)))
     link = min(_LINK, int(run.max())) if friction.law.has_memory else 0
-    known = np.flatnonzero(run >= link)
+    known = np.flatnonzero((run >= link) & use)
     some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
     plant = calibrated_plant(intervals.dataset, calibration)
     driven = np.array(mechanism.description.driven, dtype=float)

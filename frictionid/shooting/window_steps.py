@@ -19,6 +19,7 @@ _LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
 _MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
 _FAR = 2.0  # [noise], and noise per sample: a long step of an initial state
+_FEW = 0.1
 _SHUT = 0.05  # [noise]: smaller gaps do not matter
 
 
@@ -28,6 +29,7 @@ class Point(NamedTuple):
     prior : (2, W, 2n), see `eliminate_states`
     gap : (W,), how far nodes are from their window's prediction [standard deviations of the noise]
     damping : (W,) of the step of a window's initial state; out : (W,) windows that do not count
+    kinked : (W,) windows left out for good, as steps of their initial states fail near the solution
     """
 
     estimate: Estimate
@@ -38,6 +40,7 @@ class Point(NamedTuple):
     gap: Array
     damping: Array
     out: Array
+    kinked: Array
 
 
 def linearised_at(
@@ -57,7 +60,7 @@ def linearised_at(
     prior = initial_state_prior(intervals, nodes, first, weak, problem.settings.start_velocity)
     gap = (np.abs(prediction.moved[..., :n]) / sigma).max(axis=(1, 2))
     none = np.zeros(len(windows))
-    return Point(estimate, nodes, windows, prediction, prior, gap, none, none > 0)
+    return Point(estimate, nodes, windows, prediction, prior, gap, none, none > 0, none > 0)
 
 
 def cost_of(prediction: WindowPrediction, out: Array, sigma: Array, huber: float) -> float:
@@ -78,7 +81,7 @@ def _lost_cost(prediction: WindowPrediction, huber: float) -> Array:
 
 
 def with_windows_checked(
-    point: Point, last: Point, move: Array, sigma: Array, huber: float
+    point: Point, last: Point, move: Array, sigma: Array, huber: float, near: bool
 ) -> Point:
     """The point after a step, when most gaps have closed: windows that became worse go back.
 
@@ -86,7 +89,7 @@ def with_windows_checked(
     does not count meanwhile.
     """
     if not np.median(point.gap) < _CLOSED:
-        return point
+        return point._replace(kinked=last.kinked, out=last.kinked)
     before, after = (_costs(x.prediction, sigma, huber) for x in (last, point))
     worse = ~(after < 1.3 * before + 2.0) & (last.gap < _OPEN)
     open_ = (point.gap > _SHUT) & (point.gap > 0.5 * last.gap)
@@ -94,9 +97,11 @@ def with_windows_checked(
     damping = np.where(damping < 0.01, 0.0, np.minimum(damping, 1e4))
     out = (damping > 0) & (point.gap > _OPEN) & ~worse
     out |= ((damping > 0) | last.out) & (after >= 0.999 * _lost_cost(point.prediction, huber))
+    failed = worse | open_
+    kinked = last.kinked | failed if near and np.mean(failed) < _FEW else last.kinked
     if worse.any():
         point = _with_windows_back(point, last, worse, move)
-    return point._replace(damping=damping, out=out)
+    return point._replace(damping=damping, out=out | kinked, kinked=kinked)
 
 
 def _with_windows_back(point: Point, last: Point, which: Array, move: Array) -> Point:

@@ -238,8 +238,8 @@ def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
 def test_the_true_curve_is_that_of_the_simulation(prepared):
     w = prepared.grid[np.abs(prepared.grid[:, 0]) > 0.1]
     np.testing.assert_allclose(curves(steady_state(TRUTH), w), true_torque(w), rtol=1e-4)
-    truth = true_friction(TRUTH)
-    np.testing.assert_allclose(curves(truth, prepared.grid), true_torque(prepared.grid), rtol=1e-9)
+    truth, fast = true_friction(TRUTH), prepared.grid[np.abs(prepared.grid[:, 0]) > 0.25]
+    np.testing.assert_allclose(curves(truth, fast), true_torque(fast), rtol=1e-9)
 
 
 def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():

@@ -31,7 +31,12 @@ from frictionid.excitation import (
     prior_friction_of,
     standard_errors,
 )
-from frictionid.excitation.information import Concatenated, base_jacobian, friction_jacobian
+from frictionid.excitation.information import (
+    VELOCITY_THRESHOLD,
+    Concatenated,
+    base_jacobian,
+    friction_jacobian,
+)
 from frictionid.excitation.search import e_criterion, exchange, simulated
 from frictionid.excitation.smoothing import smoother_gains
 from frictionid.friction import Inputs, Nodes, along
@@ -108,7 +113,8 @@ def measured(experiment: Experiment, torque: Array, start: Array) -> tuple[Probl
         {k: np.repeat(v, len(recordings)) for k, v in plant.parameters.items()},
         np.repeat(plant.p[None], len(recordings), axis=0),
     )
-    problem = training_problem(repeated, many, INTEGRAL)
+    recipe = replace(INTEGRAL, velocity_threshold=VELOCITY_THRESHOLD)
+    problem = training_problem(repeated, many, recipe)
     return problem, problem.recording // q.shape[1]
 
 
@@ -189,7 +195,7 @@ def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig: str, frequenc
 def test_the_stiction_mask_is_that_of_a_fit() -> None:
     design = on_acrobot()
     motions = Concatenated.of(design.experiment, design.motions, 0)
-    fitted = mask_stiction(motions.problem, INTEGRAL.velocity_threshold).G
+    fitted = mask_stiction(motions.problem, VELOCITY_THRESHOLD).G
     assert np.allclose(motions.projector @ motions.problem.G, fitted, atol=1e-9)
     assert motions.mask.any(0).all() and not motions.mask.all(0).any()
 

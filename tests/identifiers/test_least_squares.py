@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import by_scipy, cost, everything, explained_by
+from fixtures.exact_problems import by_scipy, cost, everything, explained_by, on_problem
 from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
 from scipy.optimize import lsq_linear
@@ -22,7 +22,6 @@ from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.identifiers.initial_guess import best_initial_guess
-from frictionid.identifiers.linearised import Linearised
 from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import plant_of
@@ -127,7 +126,9 @@ def test_a_start_that_is_the_truth_is_taken_by_each_joint():
     starts = ((0.3, 0.1, 0.8), *truth, (0.0, 0.5, 2.9))
     law = type("Started", (Drag,), {"initial": starts})()
     problem = explained_by(Drag(), truth)
-    begin, end = best_initial_guess(Linearised(law, problem), everything(problem))
+    begin, end = best_initial_guess(
+        on_problem(law, problem, everything(problem)[0]), everything(problem)
+    )
     np.testing.assert_array_equal(begin, truth.reshape(1, 6))
     np.testing.assert_allclose(end, begin, rtol=1e-6)
 

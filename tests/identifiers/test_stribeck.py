@@ -7,6 +7,7 @@ from fixtures.exact_problems import (
     cost,
     everything,
     explained_by,
+    on_problem,
     standard_errors,
     stationarity,
     with_initial,
@@ -87,10 +88,10 @@ def test_bounds_hold_and_at_them_the_gradient_points_outwards(law, seed):
     problem = explained_by(law, theta, 1e-3, rng)
     weights = synthetic_weights(problem)
     found = fit(law, problem, weights).theta
-    low, high = np.transpose(law.bounds)
-    assert ((low <= found) & (found <= high)).all()
-    assert (found == low).any()
     for f in range(len(weights)):
+        low, high = (b.reshape(2, -1) for b in on_problem(law, problem, weights[f]).bounds)
+        assert ((low <= found[f]) & (found[f] <= high)).all()
+        assert (found[f] == low).any()
         off = stationarity(law, problem, weights[f], found[f])
         assert np.abs(off).max() < 2e-6
 
@@ -139,12 +140,12 @@ def test_joints_find_stribeck_velocities_that_are_far_apart():
 def test_the_best_start_is_no_worse_than_any_one_start():
     rng = np.random.default_rng(4)
     for _ in range(3):
-        theta = TRUTH[SYMMETRIC] * rng.uniform(0.0, 2.0, (2, 4))
+        theta = TRUTH[SYMMETRIC] * rng.uniform(0.5, 2.0, (2, 4))
         theta[:, 2] = rng.uniform(0.4, 15.0, 2)
         problem = explained_by(SYMMETRIC, theta, 3e-3, rng)
         weights = everything(problem)
         best = cost(problem, weights, fit(SYMMETRIC, problem, weights))
-        for start in SYMMETRIC.initial:
+        for start in [s for s in SYMMETRIC.initial if 0.2 < s[2] < 20.0]:
             one = fit(with_initial(SYMMETRIC, start), problem, weights)
             assert best <= cost(problem, weights, one) * (1 + 1e-9)
 

@@ -250,4 +250,5 @@ def test_a_curve_of_the_velocity_alone_is_read_by_the_loop_as_the_curve():
     friction = Friction(CoulombViscous(), np.array([[[0.05, 0.01]]]))
     for loop in hysteresis_loops(friction, PLANT, HysteresisSettings((5.0,)), GRID, 1 / 60):
         expected = friction[0].curve(loop.velocity)[:, 0]
-        np.testing.assert_allclose(loop.torque[0], expected, atol=1e-12)
+        slides = np.abs(loop.velocity) > 0.3  # beyond the smoothing, which curves leave out
+        np.testing.assert_allclose(loop.torque[0][slides], expected[slides], atol=1e-12)

@@ -90,7 +90,10 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
     again = run(other, LeastSquares(CoulombViscous()), BOTH)
     error = result.refined.covariance.error[:2]
     off = np.abs(again.friction.theta[fold] - result.friction.theta[fold])[0]
-    assert (off < 0.3 * error).all()
+    assert (off < 1e-6 * error).all()
+    for name in ("base", "delay"):
+        mine, other = (getattr(x.friction.calibration, name)[fold] for x in (result, again))
+        np.testing.assert_allclose(mine, other, rtol=1e-9)
     assert (np.abs(again.overall.theta - result.overall.theta)[0] > error).any()
 
 

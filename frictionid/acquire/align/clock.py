@@ -36,7 +36,6 @@ from frictionid.shooting import (
     covariance_of,
     intervals_of,
     solve,
-    values_of,
 )
 
 LAW = AsymmetricStribeck()
@@ -332,8 +331,7 @@ def _solved(data: Dataset, clock: Clock, settings: Settings | None) -> _Fit:
     solution = solve(short, estimate, use)
     if settings is None:
         long = replace(short, settings=LONG_WINDOWS)
-        mean = values_of(estimate, short.blocks)
-        longer = solve(long, solution.estimate, use, solution.nodes, mean=mean)
+        longer = solve(long, solution.estimate, use, solution.nodes)
         if longer.converged:
             return _Fit(long, longer, covariance_of(long, longer))
     return _Fit(short, solution, covariance_of(short, solution))

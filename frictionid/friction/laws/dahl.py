@@ -43,3 +43,7 @@ class Dahl(Law):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)
+
+    def sharpened(self) -> Law:
+        """The law itself: its smoothing says how the bristles start, they hold the joint."""
+        return self

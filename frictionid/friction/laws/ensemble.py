@@ -109,8 +109,8 @@ def members_of(friction: Friction) -> Friction:
     """
     law, theta = friction.law, friction.theta
     if not isinstance(law, Ensemble):
-        return replace(friction, theta=theta[None])
+        return replace(friction, theta=theta[None], constraints=None)
     size = theta.shape[-1] // law.members
     xp = namespace(theta)
     parts = [theta[..., k * size : (k + 1) * size] for k in range(law.members)]
-    return replace(friction, law=law._law, theta=xp.stack(parts, axis=0))
+    return replace(friction, law=law._law, theta=xp.stack(parts, axis=0), constraints=None)

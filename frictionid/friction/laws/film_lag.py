@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, SIDES, StribeckLevel
+from frictionid.friction.laws.levels import COARSE_VELOCITIES, LEVEL, SIDES, StribeckLevel
 from frictionid.friction.smooth_sign import smooth_sign
 
 _LAG = (1e-3, 1.0)  # [s]; what is faster than a millisecond is no memory
-_STARTS = tuple((ws, lag) for lag in (0.01, 0.06) for ws in (0.5, 1.2, 3.0, 8.0, 20.0))
+_STARTS = tuple((ws, lag) for lag in (0.01, 0.06) for ws in COARSE_VELOCITIES)
 
 
 class FilmLaw(Law):

@@ -14,7 +14,7 @@ from typing import ClassVar
 from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, VELOCITY
+from frictionid.friction.laws.levels import COARSE_VELOCITIES, LEVEL, VELOCITY
 from frictionid.friction.laws.motor_load import SHARE
 from frictionid.friction.smooth_sign import smooth_sign
 
@@ -58,7 +58,7 @@ class GearLoad(Law):
     )
     # not zero: there |motor u - external te| has no slope
     initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (0.0, 0.0, 0.2, 0.05, 0.0, 0.05, 0.05, 0.0, 0.0, ws, 2.0) for ws in (0.7, 2.0, 6.5)
+        (0.0, 0.0, 0.2, 0.05, 0.0, 0.05, 0.05, 0.0, 0.0, ws, 2.0) for ws in COARSE_VELOCITIES
     )
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:

@@ -19,10 +19,12 @@ Range = tuple[float, float]
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=2)]  # [rad/s], see `check_increasing`
 
 LEVEL: Range = (0.0, float("inf"))
-# slower peaks hide where joints come to rest and are never seen, faster ones are levels themselves
-VELOCITY: Range = (0.3, 30.0)
+# fits bound velocities by what the data resolve, see `friction.constraints`
+VELOCITY: Range = (0.0, float("inf"))
 # a factor of 1.8 apart: the best of them lies in the valley of the best fit
-VELOCITIES = (0.4, 0.7, 1.2, 2.0, 3.5, 6.5, 11.0, 20.0)
+VELOCITIES = tuple(float(f"{0.4 * 1.8**k:.2g}") for k in range(-12, 10))
+# a factor of 2.5 apart, for laws with a second parameter that is not linear
+COARSE_VELOCITIES = tuple(float(f"{0.5 * 2.5**k:.2g}") for k in range(-7, 6))
 SIDES = ("_positive", "_negative")
 
 

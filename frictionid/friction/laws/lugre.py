@@ -20,12 +20,18 @@ from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.bristle import bristle_rate, bristle_state
 from frictionid.friction.laws.dahl import PRESLIDING, PRESLIDINGS
-from frictionid.friction.laws.levels import LEVEL, SIDES, StribeckLevel, stribeck_factor
+from frictionid.friction.laws.levels import (
+    COARSE_VELOCITIES,
+    LEVEL,
+    SIDES,
+    VELOCITY,
+    StribeckLevel,
+    stribeck_factor,
+)
 from frictionid.friction.smooth_sign import smooth_sign
 
-_DAMPING_VELOCITY = (0.01, 10.0)  # [rad/s]
 _DAMPING_START = 0.1
-_STARTS = tuple((ws, z) for z in PRESLIDINGS for ws in (0.5, 1.2, 3.0, 8.0, 20.0))
+_STARTS = tuple((ws, z) for z in PRESLIDINGS for ws in COARSE_VELOCITIES)
 _TINY = 1e-12  # no division by zero where there is no friction, or no motion
 
 
@@ -51,7 +57,7 @@ class BristleLaw(Law):
 
     @property
     def bounds(self) -> tuple[tuple[float, float], ...]:
-        return (*self.stribeck.bounds, LEVEL, PRESLIDING, LEVEL, _DAMPING_VELOCITY)
+        return (*self.stribeck.bounds, LEVEL, PRESLIDING, LEVEL, VELOCITY)
 
     @property
     def initial(self) -> tuple[tuple[float, ...], ...]:
@@ -77,6 +83,10 @@ class BristleLaw(Law):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)
+
+    def sharpened(self) -> Law:
+        """The law itself: its smoothing says how the bristles start, they hold the joint."""
+        return self
 
     def _deflection(self, theta: Array, w: Array) -> Array:
         """Deflection in steady sliding [rad], > 0: presliding g(w) / s0; presliding if g = 0."""

@@ -9,13 +9,13 @@ from typing import Any, TypeVar
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.evaluation.curves import slow_speed
 from frictionid.report.figures.style import DARK, DASHED, Style, figure, plain
 from frictionid.report.sections import DataDescription, Model
 
 COLUMNS = 3  # fits side by side at most; more go to another picture
 ZERO = {"color": "#BBBBBB", "linewidth": 0.5, "zorder": 1}
 SHADE, HATCH = "#F0F0F0", "#D4D4D4"
-SLOW = 0.1  # [rad/s]: below it the smoothing of the sign would be compared, not friction
 
 T = TypeVar("T")
 
@@ -78,7 +78,7 @@ def error_to_truth(model: Model, data: DataDescription, joint: int) -> tuple[Arr
         return None
     w = data.velocity[:, joint]
     off = data.truth[:, joint] - model.curves[-1][:, joint]
-    return w, np.where(np.abs(w) < SLOW, np.nan, off)
+    return w, np.where(np.abs(w) < slow_speed(np.abs(w).max()), np.nan, off)
 
 
 def frame(axis: Any, w: Array, data: DataDescription, joint: int, end: float) -> None:

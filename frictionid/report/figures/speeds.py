@@ -40,6 +40,9 @@ def speed_table(dataset: str, data: DataDescription, speeds: Any) -> Table:
         line([name, percent(own["rest"]), *map(short, own["speeds"]), short(own["reversals"])])
         for name, own in zip(data.joints, speeds["joints"], strict=True)
     ]
-    caption = f"{dataset}: speeds of the joints; at rest is below 0.05 {unit}."
+    caption = (
+        f"{dataset}: speeds of the joints; at rest is below 0.05 {unit}, or 1 % of the speeds of "
+        "slower joints."
+    )
     heads = (*columns, Column("reversals", "", "1/s"))
     return Table(caption, f"speeds-{dataset}", heads, tuple(lines))

@@ -63,7 +63,8 @@ class CombinationBlock(ParameterBlock):
                 own = own @ (left @ right)
             directions[j] = own
         few = CombinationLaw(law, law.width, law.shape, theta, directions)
-        return replace(friction, law=few, theta=np.zeros((friction.n, self.count)))
+        theta = np.zeros((friction.n, self.count))
+        return replace(friction, law=few, theta=theta, constraints=None)
 
     @property
     def _scale(self) -> Array:

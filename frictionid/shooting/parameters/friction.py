@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frictionid.friction import Friction
+from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -35,17 +35,22 @@ class FrictionBlock(ParameterBlock):
         law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
         check_fixed(self.fixed, law.names, self.name, f"{law} has no parameter")
         joints = estimate.mechanism.description.joints
-        units = estimate.friction.units
+        units, own = estimate.friction.units, estimate.friction.constraints
+        own = own or constraints_of(law, _no_range(len(theta)))
         return tuple(
             Parameter(
                 block=self.name,
                 name=f"{name} of {joints[j]}",
                 unit=units[i],
                 value=float(theta[j, i]),
-                low=law.bounds[i][0],
-                high=law.bounds[i][1],
-                prior=relative_deviation(self.prior, self.name, float(theta[j, i])),
+                low=float(own.low[j, i]),
+                high=float(own.high[j, i]),
+                prior=min(
+                    relative_deviation(self.prior, self.name, float(theta[j, i])),
+                    float(own.deviation[j, i]),
+                ),
                 place=(j, i),
+                mean=float(own.mean[j, i]) if np.isfinite(own.deviation[j, i]) else None,
             )
             for j in range(theta.shape[0])
             for i, name in enumerate(law.names)
@@ -57,6 +62,11 @@ class FrictionBlock(ParameterBlock):
         for parameter, value in values:
             theta[parameter.place] = value
         return estimate._replace(friction=replace(estimate.friction, theta=theta))
+
+
+def _no_range(n: int) -> SpeedRange:
+    """Range of speeds of n joints about whose motion nothing is known."""
+    return SpeedRange(np.full(n, 1e-9), np.full(n, np.inf))
 
 
 def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[ParameterBlock, ...]:

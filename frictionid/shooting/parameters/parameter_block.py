@@ -29,7 +29,8 @@ class Parameter(NamedTuple):
     """One free parameter: block, name, unit, value, bounds, and standard deviation of its prior.
 
     `place` says where the block keeps it: the joint first, of base parameters their index. The
-    prior's mean is the value that the fit begins with, its deviation infinite where there is none.
+    prior's deviation is infinite where there is none; its mean is the value that the fit begins
+    with, unless `mean` is given.
     """
 
     block: str
@@ -40,6 +41,7 @@ class Parameter(NamedTuple):
     high: float = float("inf")
     prior: float = float("inf")
     place: tuple[int, ...] = ()
+    mean: float | None = None
 
 
 Values = Sequence[tuple[Parameter, float]]  # new values of free parameters

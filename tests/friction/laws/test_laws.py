@@ -196,10 +196,8 @@ def test_the_smooth_sign_refuses_unknown_shapes():
 @pytest.mark.parametrize(
     "law", [Stribeck(), AsymmetricStribeck(), LoadDependentStribeck()], ids=str
 )
-def test_starts_lie_within_the_bounds_and_cover_the_stribeck_velocities(law):
+def test_starts_cover_the_stribeck_velocities_of_slow_and_fast_joints(law):
     place = law.names.index("stribeck_velocity")
-    low, high = law.bounds[place]
     velocities = np.array([start[place] for start in law.initial])
-    assert low <= velocities.min() < 2 * low
-    assert high / 2 < velocities.max() <= high
+    assert velocities.min() < 0.001 and velocities.max() > 50.0
     assert (velocities[1:] / velocities[:-1] < 2).all()
