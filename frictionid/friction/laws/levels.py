@@ -21,8 +21,8 @@ Speeds = Annotated[tuple[Positive, ...], Field(min_length=2)]  # [rad/s], see `c
 LEVEL: Range = (0.0, float("inf"))
 # fits bound velocities by what the data resolve, see `friction.constraints`
 VELOCITY: Range = (0.0, float("inf"))
-# a factor of 1.8 apart: the best of them lies in the valley of the best fit
-VELOCITIES = tuple(float(f"{0.4 * 1.8**k:.2g}") for k in range(-12, 10))
+# a factor of 1.5 apart: the best of them lies in the valley of the best fit
+VELOCITIES = tuple(float(f"{0.4 * 1.5**k:.2g}") for k in range(-17, 14))
 # a factor of 2.5 apart, for laws with a second parameter that is not linear
 COARSE_VELOCITIES = tuple(float(f"{0.5 * 2.5**k:.2g}") for k in range(-7, 6))
 SIDES = ("_positive", "_negative")
