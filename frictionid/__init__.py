@@ -17,7 +17,11 @@ _HOME = {
     "Motion": "frictionid.data.recordings",
     "Recording": "frictionid.data.recordings",
     "Signal": "frictionid.data.signals",
+    "compare": "frictionid.comparison.cross_validate",
+    "fit_model": "frictionid.comparison.fit_model",
     "load_dataset": "frictionid.data.readers.dataset",
+    "predicted_motion": "frictionid.evaluation.predicted_motion",
+    "quick": "frictionid.quickstart.quick",
 }
 
 __all__ = ["__version__", *_HOME]
