@@ -17,6 +17,8 @@ from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.mechanism import Mechanism
 from frictionid.mechanics.pendulum import pendulum
 
+_LARGEST = 1e9  # of a parameter, in SI units
+
 _KINDS: Mapping[str, Callable[..., Mechanism]] = {
     "acrobot": acrobot,
     "double_pendulum": double_pendulum,
@@ -137,6 +139,10 @@ def _check(parameters: Any, mechanism: Mechanism) -> None:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (number and math.isfinite(value)):
             raise InputError(f"[mechanism] {kind}: {name} = {value!r} must be a finite number")
+        if abs(value) > _LARGEST:
+            raise InputError(
+                f"[mechanism] {kind}: {name} = {value:g} is more than any machine has: correct it"
+            )
 
 
 def _frozen(name: str, value: Any) -> Any:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from frictionid.acquire.align import Clock, align
 from frictionid.acquire.align.angles_file import read_angles
+from frictionid.acquire.align.cross_correlation import check_spans
 from frictionid.acquire.align.drive_response import drive_response
 from frictionid.acquire.align.recording_folder import (
     add_recording,
@@ -339,3 +340,9 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
     document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
     assert document["marker"]["offset"] == pytest.approx(0.4, abs=1e-2)
     assert document["clock"]["offset"] == pytest.approx(0.412, abs=3e-3)
+
+
+@pytest.mark.parametrize("spans", [(20.0, 30e3 * 60), (12e6, 12.0), (1e9, 1e300)])
+def test_spans_in_another_unit_are_named_before_they_fill_the_memory(spans):
+    with pytest.raises(InputError, match=r"the angles span .* s and the log .*: correct the unit"):
+        check_spans(*spans)

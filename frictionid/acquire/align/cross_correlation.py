@@ -21,6 +21,7 @@ from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
 STEP = 0.01  # [s] between offsets
+LONGEST = 1e5  # [s] of motion and log: more than a day
 _OVERLAP, _NEARLY = 0.5, 0.9  # shares of the motion that the log must cover
 _CANDIDATES, _SEPARATION = 8, 0.1  # best offsets that are refined, [s] between them
 _NEAR = np.arange(-0.06, 0.0601, STEP)  # [s] around a candidate
@@ -141,6 +142,21 @@ def _check(found: CoarseOffset) -> None:
         )
 
 
+def check_spans(motion: float, log: float) -> None:
+    """Check that a motion and a log [s] are short enough to be correlated in memory.
+
+    Raises
+    ------
+    InputError
+        With both spans: one of them is in another unit, or the log is that of another day.
+    """
+    if motion + log > LONGEST:
+        raise InputError(
+            f"the angles span {motion:.3g} s and the log {log:.3g} s, together more than "
+            f"{LONGEST:.0f} s: correct the unit of the time (ms, us), or cut the log to the motion"
+        )
+
+
 class _Grids(NamedTuple):
     """Even time grids: motion (A,) by the angles' clock, log (B,) by its own.
 
@@ -182,6 +198,7 @@ def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correl
     in which each term is a correlation, summed over the driven joints.
     """
     middle = (rows.start + rows.stop) / 2
+    check_spans(float(np.ptp(middle)), float(np.ptp(torque.time)))
     grids = _Grids(
         np.arange(middle[0], middle[-1], STEP),
         np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP),
