@@ -116,6 +116,19 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     scores, _ = score_model(found, prepare(data, Protocol(horizons=(0.1, 0.3))))
     np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
     assert table["score"].tolist() == scores["score"].tolist()
+    tables = len(data.hashes)
+    assert f"fitted was fitted to {tables} of the {tables} tables of 'tiny'" in " ".join(
+        out.split()
+    )
+    assert "states of a kinematic filter" in out
+
+    own = ("--initial-states", "model", "--out", "own_states.csv")
+    code, out, _ = call("evaluate", "models/fitted.json", "tiny", "--horizons", "0.3,0.1", *own)
+    assert code == 0 and "states that each model estimates" in out
+    table = pd.read_csv(place / "own_states.csv", dtype={"fold": str, "joint": str})
+    protocol = Protocol(horizons=(0.1, 0.3), initial_states="model")
+    scores, _ = score_model(found, prepare(data, protocol))
+    np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
 
 
 def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
