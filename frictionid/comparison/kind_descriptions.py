@@ -9,7 +9,7 @@ import inspect
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from frictionid.comparison.docstrings import details, meaning, summary
@@ -51,8 +51,8 @@ class KindDescription:
 def mechanisms() -> list[KindDescription]:
     """Descriptions of the kinds of [mechanism].
 
-    >>> [entry.meaning for entry in mechanisms()[3].parameters[:3]]
-    ['mass', 'joint to centre of mass', 'inertia about the centre of mass']
+    >>> [entry.meaning for entry in mechanisms()[3].parameters[1:3]]
+    ['joint to centre of mass', 'inertia about the centre of mass']
     """
     return [_mechanism(name, build) for name, build in mechanism_kinds().items()]
 
@@ -69,8 +69,8 @@ def laws() -> list[KindDescription]:
 def identifiers() -> list[KindDescription]:
     """Descriptions of the kinds of identifiers, for --identifier and the [[identifiers]] of suites.
 
-    >>> [entry.name for entry in identifiers()[1].settings][:2]
-    ['symmetric', 'iterations']
+    >>> [entry.default for entry in identifiers()[1].settings if entry.name == "iterations"]
+    ['100']
     """
     return [_identifier(name, kind) for name, kind in IDENTIFIERS.items()]
 
@@ -163,6 +163,11 @@ def _identifier(name: str, kind: Kind) -> KindDescription:
 
 def _first_default(kind: Kind, setting: str) -> Any:
     """Default of a setting in the first form of the kind that has it."""
+    forms = [kind.parts, *(choice.parts for choice in kind.choices)]
+    for part in (part for parts in forms for part in parts if is_dataclass(part)):
+        own = next((f for f in fields(part) if f.name == setting), None)
+        if own is not None:
+            return _default(own)
     tables: list[Mapping[str, Any]] = [{}, *({c.key: c.value} for c in kind.choices)]
     return next((kind.defaults(t)[setting] for t in tables if setting in kind.defaults(t)), MISSING)
 
@@ -187,12 +192,13 @@ def _setting(name: str, default: Any, parts: Iterable[Any]) -> Entry:
 
 
 def _said(part: Any, name: str) -> str:
-    """What a part says of a name, or a law to which it refers: "as in `MLP`"."""
+    """What a part says of a name, or another one to which it refers: "as in `MLP`"."""
     said = meaning(part, name)
     if said and not re.fullmatch(r"as in `\w+`", said):
         return said
     doc = inspect.getdoc(part) or ""
-    others = [law for law in LAWS.values() if law is not part and f"`{law.__name__}`" in doc]
+    parts: dict[Any, None] = dict.fromkeys(p for k in IDENTIFIERS.values() for p in k.parts)
+    others = [p for p in (*LAWS.values(), *parts) if p is not part and f"`{p.__name__}`" in doc]
     return next(filter(None, (meaning(other, name) for other in others)), "")
 
 
@@ -206,4 +212,8 @@ def _toml(value: Any) -> str:
     """A value as TOML has it; "none" stands for a setting that is left out."""
     if value is None:
         return "none"
-    return json.dumps(value) if isinstance(value, bool | int | float | str | tuple) else str(value)
+    return (
+        json.dumps(value)
+        if isinstance(value, bool | int | float | str | tuple | dict)
+        else str(value)
+    )
