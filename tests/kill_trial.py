@@ -40,7 +40,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch:
         faults = _comparisons(Path(scratch) / "compare", options.comparisons, rng)
         faults += _others(Path(scratch) / "others", options.others, rng)
-    print("\n".join(faults) or "nothing was lost")
+    print("\n".join([*faults, f"{len(faults)} faults"]))
     return int(bool(faults))
 
 
@@ -122,11 +122,12 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
                 f"kill {kill} ({kind}): not resumed as it would have been, status {status}"
             )
         kept = {content for own in _finished(out).values() for content in own}
+        print(f"kill {kill} ({kind}): {len(faults)} faults so far", flush=True)
         if kind != "anew" and done - kept:
             faults.append(
                 f"kill {kill} ({kind}): {len(done - kept)} finished tasks were made again"
             )
-    print(f"{count} kills of a comparison, {with_results} of them after its first result")
+    print(f"{count} kills of a comparison, {with_results} after its first result", flush=True)
     return faults
 
 
@@ -179,7 +180,7 @@ def _others(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
             where = f"{name}, kill {kill}"
             faults += [f"{where}: {n} is lost" for n in old if found.get(n) != old[n]]
             faults += [f"{where}: {n} is half a file" for n in _half(found, old, new)]
-        print(f"{count} kills of {name}")
+        print(f"{count} kills of {name}: {len(faults)} faults so far", flush=True)
     return faults
 
 
