@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction, along
+from frictionid.friction import Friction, Inputs, along
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
@@ -46,7 +46,7 @@ def check_identifier(
         check = _Check(identifier, problem, synthetic_weights(problem), tolerance)
         check.settings()
         friction = check.fit()
-        for rule in (check.friction, check.folds, check.weights, check.repetition, check.seeds):
+        for rule in (check.friction, check.weights, check.folds, check.repetition, check.seeds):
             rule(friction)
 
 
@@ -111,11 +111,14 @@ class _Check(NamedTuple):
         self.require(np.array_equal(copy, torque), "pickled friction must give the same torque")
 
     def folds(self, friction: Friction) -> None:
-        """Each fold is the same when it is fitted alone."""
+        """Each fold is the same when it is fitted alone, whatever the recordings it holds out."""
         torque = self.torque(friction)
         for f, weights in enumerate(self.training):
             alone = self.identifier.fit(self.problem, weights[None], 0)
             self.equal(self.torque(alone)[0], torque[f], f"fold {f} must be the same alone")
+            blind = self.identifier.fit(_others_changed(self.problem, weights), weights[None], 0)
+            rule = f"fold {f} must be blind to the recordings that it holds out"
+            self.equal(self.torque(blind)[0], torque[f], rule)
 
     def weights(self, friction: Friction) -> None:
         """Only ratios of weights count; rows without weight have no influence."""
@@ -149,6 +152,20 @@ class _Check(NamedTuple):
         self.require(
             off <= self.tolerance, f"{rule}, but torques differ by {off:.1g} of their size"
         )
+
+
+def _others_changed(problem: Problem, weights: Array) -> Problem:
+    """The problem with other numbers in recordings without weight: r, G, motion, torque, load."""
+    held = ~np.isin(np.arange(len(problem.nodes.first) - 1), problem.recording[weights > 0])
+    rows, nodes = held[problem.recording], np.repeat(held, np.diff(problem.nodes.first))
+    inputs = Inputs(*(np.where(nodes[:, None], 1.7 * x, x) for x in problem.nodes.inputs))
+    return replace(
+        problem,
+        r=np.where(rows[:, None], problem.r + 10.0, problem.r),
+        G=np.where(rows[:, None, None], 3.0 * problem.G, problem.G),
+        nodes=problem.nodes._replace(inputs=inputs),
+        slowest=np.where(held[:, None], 2.0 * np.asarray(problem.slowest), problem.slowest),
+    )
 
 
 def _fills(given: tuple[int, ...], shape: tuple[int, ...]) -> bool:

@@ -123,7 +123,7 @@ def test_a_wider_prior_costs_less_in_training():
 def test_compressed_squares_are_those_of_the_rows():
     problem, law = synthetic_problem(2), MLP((6, 6))
     weights, theta = synthetic_weights(problem), drawn(law)[:, :2]
-    speeds = node_speeds(problem, 200)
+    speeds = node_speeds(problem, weights.max(axis=0), 200)
     squares = compressed(problem, weights, speeds, law.width, law.shape)
     assert squares.speeds.shape == (2, 400)
     exact = [cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1])) for f in range(3)]

@@ -76,22 +76,28 @@ class CompressedNetwork(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        law: Any = self.law
         scales = friction_scales(problem, weights)
-        whole = self._compressed(problem, weights)
+        folds = zip(weights[:, None], scales[:, None], strict=True)
+        each = [self._fitted(problem, own, scale, seed) for own, scale in folds]
+        return together(self.law, [np.concatenate(member) for member in zip(*each, strict=True)])
+
+    def _fitted(self, problem: Problem, weights: Array, scales: Array, seed: int) -> list[Array]:
+        """Parameters (1, n, P) of each member of one fold, on speeds of its own."""
+        law: Any = self.law
+        speeds = node_speeds(problem, weights[0], self.nodes)
+        whole = self._compressed(problem, weights, speeds)
         thetas = []
         for own in member_seeds(seed, self.members):
             initial = law.initial_parameters(scales, np.random.default_rng(own))
             deviation = np.full(len(weights), self.prior_deviations[0])
             if len(self.prior_deviations) > 1:
                 held = held_out(problem, weights, self.share, own)
-                left_out = self._compressed(problem, weights * held)
+                left_out = self._compressed(problem, weights * held, speeds)
                 deviation = self._best_deviation(whole.without(left_out), left_out, initial)
             thetas.append(self._posterior_mode(whole, initial, deviation))
-        return together(law, thetas)
+        return thetas
 
-    def _compressed(self, problem: Problem, weights: Array) -> Compressed:
-        speeds = node_speeds(problem, self.nodes)
+    def _compressed(self, problem: Problem, weights: Array, speeds: Array) -> Compressed:
         return compressed(problem, weights, speeds, self.law.width, self.law.shape)
 
     def _best_deviation(self, training: Compressed, held: Compressed, initial: Array) -> Array:

@@ -49,9 +49,12 @@ class Compressed(NamedTuple):
         return (self.A @ T[..., None])[..., 0]
 
 
-def node_speeds(problem: Problem, count: int) -> Array:
-    """Velocities (n, 2 count) from the fastest negative to the fastest positive of each joint."""
-    highest = np.abs(problem.nodes.inputs.w).max(axis=0)
+def node_speeds(problem: Problem, weights: Array, count: int) -> Array:
+    """Velocities (n, 2 count) from the fastest negative to the fastest positive of each joint.
+
+    Of the rows with a weight (K,).
+    """
+    highest = np.abs(problem.nodes.inputs.w[problem.stencil[weights > 0]]).max(axis=(0, 1))
     share = np.expm1(np.linspace(0.0, 1.0, count) * np.log1p(_FINE)) / _FINE
     speeds = np.maximum(highest, 1e-3)[:, None] * share
     return np.concatenate([-speeds[:, ::-1], speeds], axis=1)
