@@ -1,0 +1,55 @@
+"""Covariance between recordings: intervals of a linear problem are as sure as they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import stdtrit
+
+from frictionid.shooting.covariance import _scatter
+from frictionid.shooting.gauss_newton import Solution
+from frictionid.shooting.windows import NormalEquations
+
+SETS, RECORDINGS, WINDOWS, ROWS = 400, 8, 6, 12
+TRUE = np.array([1.0, -0.5, 0.2])
+
+
+def solved(rng, disturbed):
+    """Least squares on rows of recordings, each with a disturbance of its own: solution, labels."""
+    D, W = len(TRUE), RECORDINGS * WINDOWS
+    labels = np.repeat(np.arange(RECORDINGS), WINDOWS)
+    A = rng.standard_normal((W, ROWS, D)) * rng.uniform(0.5, 2.0, (RECORDINGS, 1, 1))[labels]
+    common = disturbed * rng.standard_normal((RECORDINGS, D))
+    y = A @ TRUE + np.einsum("wrd,wd->wr", A, common[labels]) + rng.standard_normal((W, ROWS))
+    H, g = np.einsum("wri,wrj->wij", A, A), np.einsum("wri,wr->wi", A, y)
+    move = np.linalg.solve(H.sum(axis=0), g.sum(axis=0))
+    nothing = np.zeros(0)
+    normal = NormalEquations(H, g, nothing, nothing, nothing)
+    solution = Solution(
+        *(None, nothing, nothing, nothing, nothing, nothing, nothing),
+        *(normal, move, np.ones(D, dtype=bool), np.ones(W, dtype=bool)),
+    )
+    return solution, labels
+
+
+@pytest.mark.parametrize("disturbed", [0.0, 0.3])
+def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
+    rng = np.random.default_rng(7)
+    held = []
+    for _ in range(SETS):
+        solution, labels = solved(rng, disturbed)
+        H = solution.normal.H.sum(axis=0)
+        error = np.sqrt(np.diag(_scatter(H, solution, labels)))
+        half = stdtrit(RECORDINGS - 1, 0.975) * error
+        held.append(np.abs(solution.move - TRUE) <= half)
+    assert 0.92 < np.mean(held) < 0.98  # of 1200 cases
+
+
+def test_without_disturbance_the_scatter_is_that_of_the_noise():
+    rng = np.random.default_rng(8)
+    ratio = []
+    for _ in range(100):
+        solution, labels = solved(rng, 0.0)
+        H = solution.normal.H.sum(axis=0)
+        ratio.append(np.diag(_scatter(H, solution, labels)) / np.diag(np.linalg.inv(H)))
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)  # the jackknife errs on the large side
