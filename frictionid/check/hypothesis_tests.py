@@ -17,7 +17,7 @@ from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured
-from frictionid.check.rivals import findings_of, misfit
+from frictionid.check.rivals import SINGLED_OUT, findings_of, misfit
 from frictionid.mechanics import NO_MOTOR_REMEDY, torque_without_motor
 
 # A torque is called late where its delay exceeds this many standard errors and this time [s], and
@@ -189,7 +189,9 @@ def _delay_findings(delay: Delay | None, interval: float) -> list[Finding]:
     if delay is None:
         return []
     least = max(ERRORS * delay.error, SAMPLE * interval, LEAST)
-    if abs(delay.seconds) < least or delay.explained < EXPLAINS:
+    # far off, some delay of a nearly periodic torque explains a part of any misfit
+    enough = EXPLAINS if abs(delay.seconds) < UNUSABLE_DELAY else 1.0 - SINGLED_OUT
+    if abs(delay.seconds) < least or delay.explained < enough:
         return []
     low, high = delay.interval
     if abs(delay.seconds) < BETWEEN * interval:

@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.facts import JointFacts
 from frictionid.check.findings import percent
-from frictionid.check.hypothesis_tests import HypothesisTests
+from frictionid.check.hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
 from frictionid.check.regression import Estimate
 
 # A number counts as identified where its standard error is below this share of it,
@@ -123,6 +123,8 @@ def _gain(tests: HypothesisTests) -> Identifiable:
 def _delay(tests: HypothesisTests) -> Identifiable:
     if tests.delay is None:
         return Identifiable("torque delay", False, "no torque varies")
+    if abs(tests.delay.seconds) >= UNUSABLE_DELAY and tests.shift == 0.0:
+        return Identifiable("torque delay", False, "no delay explains the motion clearly")
     low, high = tests.delay.interval
     reason = f"{1e3 * low:.1f} to {1e3 * high:.1f} ms (95 %)"
     return Identifiable("torque delay", tests.delay.error < DELAY, reason)

@@ -24,6 +24,9 @@ def check(
 ) -> None:
     """Report errors in recordings, what the recordings identify, and what to record next.
 
+    Questions are answered by yes, NO, or not tested and why; yes means that the test could have
+    failed. Of each motor's torque it says whether it is measured, commanded or modelled.
+
     The exit status is 0 where the data are good, 1 doubtful, 2 unusable as they stand.
     """
     from frictionid.check import LEVELS
