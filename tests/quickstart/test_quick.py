@@ -42,10 +42,11 @@ def shown(name):
 
 
 def assert_shown(printed, text):
-    """Check that a command prints every line of the page, in its order."""
+    """Check that a command prints every line of the page, in its order, but for its remarks."""
     lines = iter(words(printed))
     for line in words(text):
-        assert line in lines, line  # consumes all lines up to it
+        if not line.startswith("- "):  # which windows are left out depends on the machine
+            assert line in lines, line  # consumes all lines up to it
 
 
 def words(text):
