@@ -215,10 +215,10 @@ def fitted_pictures(section: Section, names: Names, stem: str) -> Iterator[Pictu
             "held out; dashed: loss of the true friction."
         )
         yield Picture(f"tradeoff--{stem}", loss_against(section, styles), caption)
-    spread = spread_caption(section)
-    caption = f"Friction over velocity, fitted on {dataset}, all folds.{spread}"
+    caption = f"Friction over velocity, fitted on {dataset}, all folds."
     yield from numbered(f"curves--{stem}", friction_curves(section, styles), caption)
-    caption = f"Ensembles fitted on {dataset}; below, their members about the mean.{spread}"
+    caption = f"Ensembles fitted on {dataset}; below, their members about the mean."
+    caption += spread_caption(section)
     yield from numbered(f"members--{stem}", spreads(section, styles), caption)
     learned = learning_curves(section.of_role("fitted"), styles, "without friction = 1")
     if learned is not None:

@@ -1,7 +1,4 @@
-"""Friction curves: all folds and their mean, the truth, and how often each speed occurred.
-
-Where friction is the mean of an ensemble, a band shows how far its members differ.
-"""
+"""Friction curves: all folds and their mean, the truth, and how often each speed occurred."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.report.figures.ensembles import OPACITY, spread
 from frictionid.report.figures.panels import draw_truth, side_by_side, velocity_axis
 from frictionid.report.figures.style import (
     DARK,
@@ -66,7 +62,7 @@ def _picture(
         row[0].set_ylabel(f"{data.joints[joint]}\n[{data.torque_unit}]")
     for axis, model in zip(axes[0], columns, strict=True):
         axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
-    key_above(picture, _key(columns, given, data, styles))
+    key_above(picture, _key(given, data, styles))
     picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
     return picture
 
@@ -93,10 +89,6 @@ def _panel(
 def _limits(models: Sequence[Model], data: DataDescription, joint: int) -> tuple[float, float]:
     """Lower and upper end of a joint's torque axis, with room for the density below."""
     lines = [line[:, joint] for model in models for line in model.curves]
-    for model in models:
-        half = spread(model)
-        if half is not None:
-            lines += [model.curves[-1, :, joint] + sign * half[:, joint] for sign in (-1, 1)]
     if data.truth is not None:
         lines.append(data.truth[:, joint])
     values = np.concatenate(lines) if lines else np.zeros(1)
@@ -120,10 +112,6 @@ def _density(axis: Any, data: DataDescription, joint: int, limits: tuple[float, 
 def _folds(axis: Any, model: Model, data: DataDescription, joint: int, colour: str) -> None:
     w = data.velocity[:, joint]
     folds, overall = model.curves[:-1, :, joint], model.curves[-1, :, joint]
-    half = spread(model)
-    if half is not None:
-        low, high = (overall + sign * half[:, joint] for sign in (-1, 1))
-        axis.fill_between(w, low, high, color=colour, alpha=OPACITY, linewidth=0)
     axis.plot(w, folds.T, color=colour, linewidth=0.5, alpha=0.45)
     if np.isfinite(folds).all():  # no mean where a fold has none
         axis.plot(w, folds.mean(axis=0), color=colour, linewidth=1.6)
@@ -131,7 +119,6 @@ def _folds(axis: Any, model: Model, data: DataDescription, joint: int, colour: s
 
 
 def _key(
-    shown: Sequence[Model],
     given: Sequence[Model],
     data: DataDescription,
     styles: Mapping[str, Style],
@@ -141,9 +128,6 @@ def _key(
         "mean of folds": line(GREY, linewidth=1.6),
         "fit to all data": line(DARK, DOTTED, 0.8),
     }
-    ensemble = next((model for model in shown if model.members is not None), None)
-    if ensemble is not None:
-        key["spread of members"] = patch(styles[ensemble.label].colour, OPACITY)
     key |= {model.label: line(styles[model.label].colour, "--", 1) for model in given}
     if data.truth is not None:
         key["truth"] = line(DARK, DASHED, 1)
