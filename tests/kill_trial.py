@@ -113,7 +113,9 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
         _ended(folder, [*words, "out", *more], float(rng.uniform(0.05, 1.02)) * whole)
         after = _finished(out)
         with_results += bool(after)
-        lost = [name for name in before if not before[name] & after.get(name, set())]
+        # a run over a finished result that comes to its end puts whole new files in its place
+        ends = kind == "anew" and not (out / "unfinished").exists()
+        lost = [n for n in before if not (n in after if ends else before[n] & after.get(n, set()))]
         faults += [f"kill {kill} ({kind}): {name} is lost" for name in lost]
         done = {content for own in after.values() for content in own}
         _, status = _ended(folder, [*words, "out", "--resume"])
