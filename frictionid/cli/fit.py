@@ -70,6 +70,8 @@ def fit(
         print(out.read_text(encoding="utf-8"), end="")
         return
     _show(friction, out)
+    if any(text.partition("=")[0].strip() == "width" for text in set_ or []):
+        _say_if_numerical(friction)
     if figure is not None:
         print(f"written to {figure}")
 
@@ -86,6 +88,16 @@ def _show(friction: Friction, out: Path) -> None:
     for sentence in source.get("torque", []):
         print(sentence)
     print(f"written to {out}")
+
+
+def _say_if_numerical(friction: Friction) -> None:
+    """Say where a given width changes nothing."""
+    law = friction.law
+    if law.sharpened() is not law:
+        print(
+            f"width = {law.width:g} rad/s changes nothing: up to 0.02 rad/s it is numerical, and "
+            "fits and predictions treat friction at rest as a step; a wider one is a part of it"
+        )
 
 
 def _shooting_settings(windows: str | None, iterations: int | None) -> dict[str, Any]:

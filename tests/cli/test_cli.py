@@ -309,6 +309,18 @@ def test_fit_never_writes_over_its_data(place, call, out):
     assert (place / out).read_bytes() == before
 
 
+def test_a_numerical_width_is_said_to_change_nothing(place, call):
+    words = ("fit", "tiny", "--identifier", "coulomb_viscous", "--replace", "--out")
+    texts = [call(*words, "w.json", "--set", f"width={w}")[1] for w in (0.01, 0.3)]
+    assert ["width = 0.01 rad/s changes nothing" in text for text in texts] == [True, False]
+    assert "changes nothing" not in call(*words, "w.json")[1]
+    thetas = []
+    for width in (0.01, 0.02):
+        call(*words, "w.json", "--set", f"width={width}")
+        thetas.append(read_json(place / "w.json")["theta"])
+    assert thetas[0] == thetas[1]
+
+
 def test_a_model_is_written_over_with_replace_only(place, call):
     (place / "mine.json").write_text("mine")
     for kind in ("fit", "tiny", "--identifier", "none"), ("evaluate", "mine.json", "tiny"):
