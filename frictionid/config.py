@@ -110,7 +110,7 @@ def imported_for_suite(reference: str, folder: Path, where: str) -> Any:
 
     Examples
     --------
-    >>> imported_for_suite("subprocess:Popen", Path(), "suite.toml")
+    >>> imported_for_suite("subprocess:Popen", Path(), "suite.toml")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     frictionid.errors.InputError: suite.toml: 'subprocess:Popen' is neither in a module beside ...
     """

@@ -10,6 +10,7 @@ the step before it or takes it back, and solves the normal equations for the nex
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,7 +19,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.identifiers.box_qp import bounded
 from frictionid.progress import report_step
-from frictionid.shooting.parameters.parameter_block import Estimate, values_of, with_values
+from frictionid.shooting.parameters.parameter_block import (
+    Estimate,
+    Parameter,
+    values_of,
+    with_values,
+)
 from frictionid.shooting.problem import ShootingProblem
 from frictionid.shooting.sample_intervals import cut_windows
 from frictionid.shooting.window_steps import (
@@ -39,6 +45,7 @@ _LEAST_SHARE = 0.2  # of a Gauss-Newton step
 _LEADING = 4  # iterations of the stages before the last
 _NEAR = 0.5  # [standard errors]: steps with which those end
 _COARSE = 3.0  # times as long are their substeps near rest
+_TRACE = 1e-12  # of the information on the best known parameter
 
 
 class Solution(NamedTuple):
@@ -111,13 +118,14 @@ def solve(
     ----------
     problem, estimate : what is fitted, and where the fit begins
     use : (K,) true for the intervals that may be used
-    nodes : (K, s) states that the intervals begin with, those of the smoothed motion by default
+    nodes : (K, s) states that the intervals begin with, where a fit ended before: only the last
+        stage is left then; those of the smoothed motion by default
     """
-    nodes = problem.initial_nodes(estimate) if nodes is None else nodes
-    sigma = _initial_noise(problem, use)
-    total, solution = 0, None
     lengths, leading = problem.settings.windows, _leading(problem)
-    stages = [*((seconds, leading) for seconds in lengths), (lengths[-1], problem)]
+    stages = [(lengths[-1], problem)]
+    if nodes is None:
+        nodes, stages = problem.initial_nodes(estimate), [(s, leading) for s in lengths] + stages
+    sigma, total, solution = _initial_noise(problem, use), 0, None
     for seconds, own in stages:
         windows = cut_windows(problem.intervals, use, seconds)
         solution = _solve_stage(_Stage(own, windows), estimate, nodes, sigma)
@@ -186,7 +194,7 @@ def _step_share(step: _Step, before: _Step | None) -> float:
         return step.share
     H, a, b = step.solution.curvature, before.solution.move, step.solution.move
     against = -float(a @ H @ b)
-    size = np.sqrt(float(a @ H @ a) * float(b @ H @ b))
+    size = np.sqrt(max(float(a @ H @ a) * float(b @ H @ b), 0.0))
     if against > 0.3 * size:
         return max(0.5 * step.share, _LEAST_SHARE)
     return min(1.0, 1.5 * step.share)
@@ -255,7 +263,8 @@ def _solved(
     damping, share = control
     H = np.einsum("w,wij->ij", counts, normal.H) + np.diag(precision)
     g = counts @ normal.g + precision * (stage.problem.prior_mean - value)
-    move = share * _bounded_step(H, g, low - value, high - value, damping)
+    damped = H + _missing_information(H, stage.problem.parameters)
+    move = share * _bounded_step(damped, g, low - value, high - value, damping)
     start = normal.start - normal.to_start @ move
     moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)
     residual = prediction.error - (prediction.slope @ moves[:, None, :, None])[..., 0]
@@ -263,6 +272,17 @@ def _solved(
     size = np.abs(residual) / sigma
     weight = np.minimum(1.0, stage.problem.settings.huber / np.maximum(size, 1e-12))
     return _Round(normal, H, move, moves, residual, sigma, weight)
+
+
+def _missing_information(H: Array, parameters: Sequence[Parameter]) -> Array:
+    """What H (D, D) lacks on its diagonal, so that parameters without a trace do not run away.
+
+    Each should have a trillionth of the information on the best known one of its block and unit.
+    """
+    own = np.diag(H)
+    kinds = [(p.block, p.unit) for p in parameters]
+    most = {k: max(own[i] for i, kind in enumerate(kinds) if kind == k) for k in set(kinds)}
+    return np.diag(np.maximum([_TRACE * most[kind] for kind in kinds] - own, 0.0))
 
 
 def _bounded_step(H: Array, g: Array, low: Array, high: Array, damping: float) -> Array:

@@ -28,7 +28,7 @@ class Settings:
     huber: float = 2.5
     fine: float = 0.0007
     start_velocity: float = 1.0
-    significance: float = 0.05
+    significance: float = 0.01
 
     def __post_init__(self) -> None:
         if not self.windows or any(not w > 0 for w in self.windows):

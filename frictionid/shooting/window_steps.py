@@ -19,7 +19,7 @@ _LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
 _MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
 _FAR = 2.0  # [noise], and noise per sample: a long step of an initial state
-_FEW = 0.1
+_FEW = 0.15  # of the windows, which may be left out for good
 _SHUT = 0.05  # [noise]: smaller gaps do not matter
 
 
@@ -97,8 +97,8 @@ def with_windows_checked(
     damping = np.where(damping < 0.01, 0.0, np.minimum(damping, 1e4))
     out = (damping > 0) & (point.gap > _OPEN) & ~worse
     out |= ((damping > 0) | last.out) & (after >= 0.999 * _lost_cost(point.prediction, huber))
-    failed = worse | open_
-    kinked = last.kinked | failed if near and np.mean(failed) < _FEW else last.kinked
+    kinked = last.kinked | worse | open_
+    kinked = kinked if near and np.mean(kinked) < _FEW else last.kinked
     if worse.any():
         point = _with_windows_back(point, last, worse, move)
     return point._replace(damping=damping, out=out | kinked, kinked=kinked)

@@ -193,6 +193,8 @@ def test_no_wrong_output_is_left(place, monkeypatch, capsys):
 
 def test_a_camera_toml_is_checked(tmp_path, monkeypatch, capsys):
     (tmp_path / "camera.toml").write_text("lengths = [0.1]\nnoize = 3.0\n")
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "dataset.toml").touch()
     words = ("render", "data", "--camera", "camera.toml", "--out", "v")
     status, _, err = run_command(monkeypatch, capsys, tmp_path, *words)
     assert status == 2 and "did you mean 'noise'" in err

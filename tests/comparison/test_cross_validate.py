@@ -116,6 +116,7 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     for task in tasks:
         one, two = (read_json(tmp_path / f"jobs{jobs}" / task.file) for jobs in (1, 2))
         assert one.pop("seconds").keys() == two.pop("seconds").keys()
+        assert one.pop("sha256") != two.pop("sha256")  # of content that holds these seconds
         assert one == two
     thetas = [
         read_json(tmp_path / "jobs2" / f"tiny--Seeded--study--seed{seed}.json")["folds"]["theta"]

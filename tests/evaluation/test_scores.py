@@ -208,10 +208,10 @@ def test_the_error_of_a_scaled_curve_is_the_scale(scale):
     np.testing.assert_allclose(curve_error(scale * truth, truth, grid), abs(scale - 1), atol=1e-12)
 
 
-def test_the_error_is_that_of_its_definition_and_blind_below_a_twentieth():
+def test_the_error_is_that_of_its_definition_and_blind_to_slow_speeds():
     grid = velocity_grid(np.random.default_rng(2).normal(size=(50, 1)))
     truth, estimate = np.sign(grid) + grid, 1.2 * np.tanh(grid / 0.1)
-    use = np.abs(grid) >= 0.05
+    use = np.abs(grid) >= min(0.05, 0.01 * grid.max())
     assert 0 < (~use).sum() < 40
     expected = np.sqrt(np.mean((estimate - truth)[use] ** 2) / np.mean(truth[use] ** 2))
     assert curve_error(estimate, truth, grid)[0] == pytest.approx(expected)
@@ -252,7 +252,7 @@ def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():
 
 
 def test_a_joint_without_friction_or_motion_has_no_curve_error():
-    grid = velocity_grid(np.array([[1.0, 1.0, 0.01]]))
+    grid = velocity_grid(np.array([[1.0, 1.0, 0.0]]))
     truth = np.where([True, False, True], np.sign(grid), 0.0)
     assert np.isnan(curve_error(truth + 0.1, truth, grid)).tolist() == [False, True, True]
 

@@ -85,7 +85,9 @@ def test_unit_mechanism_knows_nothing_of_the_machine() -> None:
 
 def test_scores_do_not_hang_on_what_is_told_of_the_machine() -> None:
     dataset = pendulum()
-    other = replace(dataset, mechanism={"kind": "pendulum", "parameters": {"mass": 9.0}})
+    other = replace(
+        dataset, mechanism={"kind": "pendulum", "parameters": {"mass": 9.0, "length": 0.7}}
+    )
     protocol = Protocol(horizons=(0.25,), every=0.5)
     scores = [
         score_model(found(), prepared_for(prepare(d, protocol), found()))[0]

@@ -253,6 +253,7 @@ def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
         for entry in task["refined"]["parameters"]:
             del entry["nominal"], entry["prior"]
         about = json.loads((tmp_path / "old" / "datasets.json").read_text())
+        del about["sha256"]
         for own in about.values():
             del own["measured"], own["true_parameters"]
         (tmp_path / "old" / "datasets.json").write_text(json.dumps(about))

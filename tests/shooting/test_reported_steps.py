@@ -16,10 +16,10 @@ def test_every_iteration_is_heard_once():
     with listening(lambda *said: heard.append(said)):
         result = refine(START, dataset(), settings=settings)
     assert len(heard) == result.diagnostics.iterations
-    stages = list(dict.fromkeys(what for what, _ in heard))
-    assert len(stages) == len(settings.windows)
-    for stage in stages:
-        left = [left for what, left in heard if what == stage]
+    begins = [k for k, (_, left) in enumerate(heard) if k == 0 or left >= heard[k - 1][1]]
+    assert len(begins) == len(settings.windows) + 1  # the last length twice, coarse and fine
+    for first, end in zip(begins, [*begins[1:], len(heard)], strict=True):
+        left = [left for _, left in heard[first:end]]
         assert left == list(range(left[0], left[0] - len(left), -1)) and left[-1] >= 0
     unheard = refine(START, dataset(), settings=settings)
     np.testing.assert_array_equal(unheard.friction.theta, result.friction.theta)

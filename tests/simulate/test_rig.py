@@ -292,7 +292,7 @@ MISTAKES = [
     (("camera", "samples", 5.5), "camera.samples: it should be a valid integer, not 5.5"),
     (("camera", "samples", 1), "camera.samples: it should be greater than or equal to 2, not 1"),
     (("camera", "rate", 0), "camera.rate: it should be greater than 0, not 0"),
-    (("camera", "rate", float("inf")), "rate: it should be a finite number, not inf"),
+    (("camera", "rate", float("inf")), "rate: it should be less than"),
     (("camera", 3), "camera: it should be a table, not 3"),
     (("drive", {"delay": -1}), "drive.delay: it should be greater than or equal to 0, not -1"),
     (("drive", {"dealy": 1}), "drive: unknown key 'dealy'; did you mean 'delay'?"),
