@@ -165,7 +165,8 @@ def fit_blocks(
 
     While the deviation of such a block from an ideal sensor is not significant, the fit is repeated
     without the least significant one: free parameters that show nothing would only spoil what the
-    others predict.
+    others predict. Beside a network all stay: the scatter of a few recordings about so many
+    combinations says little.
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     dropped: list[Dropped] = []
@@ -173,7 +174,8 @@ def fit_blocks(
     while True:
         problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
         result = refined_by(problem, solve(problem, estimate, use), friction)
-        idle = least_significant(result.covariance, blocks, settings.significance)
+        level = 1.0 if friction.law.is_network else settings.significance
+        idle = least_significant(result.covariance, blocks, level)
         if idle is None:
             went = replace(result.diagnostics, dropped=tuple(dropped))
             return replace(result, diagnostics=went)
