@@ -82,7 +82,7 @@ def guess_columns(
     Raises
     ------
     InputError
-        Where a quantity cannot be told, with the columns there are and the option that names it.
+        Where no column fits a quantity, with the columns there are and the option that names it.
 
     Examples
     --------

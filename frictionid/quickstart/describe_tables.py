@@ -96,7 +96,7 @@ def guess_tables(tables: Tables, mechanism: Mapping[str, Any], known: Known) -> 
     Raises
     ------
     InputError
-        Where a column cannot be told.
+        Where no column fits a quantity.
     """
     description = mechanism_of(mechanism).description
     joints = Joints(description.driven, description.angle_unit)
@@ -112,7 +112,7 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], known: Known) 
     Raises
     ------
     InputError
-        Where a column cannot be told, a constant is missing, or the tables are damaged.
+        Where no column fits a quantity, a constant is missing, or the tables are damaged.
     """
     guesses = guess_tables(tables, mechanism, known)
     if guesses.is_current and known.kt is None:

@@ -1,4 +1,4 @@
-"""Each planted fault is found and named in at least 95 % of 60 simulated cases; healthy data are
+"""Each planted fault is found and named in at least 95 % of 200 simulated cases; healthy data are
 called good in at least 98 %.
 
 The cases: eight rigs (acrobot, double pendulum with one or two motors, pendulum) of drawn masses
@@ -16,14 +16,14 @@ from frictionid.check import judge
 from frictionid.check.motion import mapped_motion, motions_of
 from frictionid.check.sensors import unwrapped
 
-CASES, FOUND, FALSE = 60, 0.95, 0.02
+CASES, FOUND, FALSE = 200, 0.95, 0.02
 
 
 @pytest.fixture(scope="module")
 def healthy():
-    """Cases with their motions: enough that 60 have two joints and 60 wrap."""
+    """Cases with their motions: enough that 200 have two joints and 200 wrap."""
     rigs, rng = pool.pool(seed=0), np.random.default_rng(11)
-    cases = [pool.case(rigs[i % len(rigs)], rng) for i in range(84)]
+    cases = [pool.case(rigs[i % len(rigs)], rng) for i in range(270)]
     return list(zip(cases, smoothed(cases), strict=True))
 
 

@@ -288,7 +288,7 @@ def clean():
 
 @pytest.mark.parametrize("recipe", [INTEGRAL, STUDY], ids=lambda recipe: recipe.name)
 @pytest.mark.parametrize("law", [Stribeck(), AsymmetricStribeck()], ids=["symmetric", "asymmetric"])
-def test_ten_folds_of_8575_samples_take_seconds_at_most(clean, recipe, law):
+def test_ten_folds_of_8575_samples_take_less_than_a_second(clean, recipe, law):
     dataset, plant, folds = clean
     problem = training_problem(dataset, plant, recipe)
     weights = folds.training(problem.recording, problem.time)
@@ -296,9 +296,9 @@ def test_ten_folds_of_8575_samples_take_seconds_at_most(clean, recipe, law):
     assert weights.shape[0] == 10
     with threadpool_limits(1):
         begin = time.process_time()
-        friction = LeastSquares(law).fit(problem, weights, 0)
+        friction = LeastSquares(law, robust=None).fit(problem, weights, 0)
         seconds = time.process_time() - begin
-    assert seconds < 4.0  # about one; robust weights take more steps
+    assert seconds < 1.0
     plain = fit(CoulombViscous(), problem, weights)
     assert (cost(problem, weights, friction) < cost(problem, weights, plain)).all()
 

@@ -42,7 +42,7 @@ def shown(name):
 
 
 def assert_shown(printed, text):
-    """Check that a command prints every line of the page, in its order, but for its remarks."""
+    """Check that a command prints every line of the page, in its order, but for its notes."""
     lines = iter(words(printed))
     for line in words(text):
         if not line.startswith("- "):  # which windows are left out depends on the machine

@@ -46,9 +46,9 @@ def fitted(
         for recipe in (STUDY, task.recipe.start):
             problem = training_problem(dataset, plant_of(dataset), recipe, apart, 0.15)
             begins.append(task.identifier.fit(problem, np.ones((1, len(problem.r))), 0)[0])
-        # real joints are none of the laws: more iterations move numbers within their intervals
-        settings = replace(task.recipe.settings, iterations=12)
-        found = refine(begins[1], dataset, task.recipe.blocks, settings, sample_time=apart)
+        found = refine(
+            begins[1], dataset, task.recipe.blocks, task.recipe.settings, sample_time=apart
+        )
         out[task.name] = begins[0], found
     return out
 
