@@ -45,10 +45,14 @@ def _models_and_dataset(paths: list[Path]) -> list[Path]:
 
 
 DatasetPath = Annotated[
-    Path, typer.Argument(help="Folder with dataset.toml, or that file.", callback=_dataset)
+    Path,
+    typer.Argument(
+        help="Folder with dataset.toml, that file, or a name, e.g. acrobot_clean.",
+        callback=_dataset,
+    ),
 ]
 SuitePath = Annotated[
-    Path, typer.Argument(help="Suite file, e.g. comparisons/acrobot.toml.", callback=_suite)
+    Path, typer.Argument(help="Suite file, or the name of one, e.g. acrobot.", callback=_suite)
 ]
 ResultFolder = Annotated[
     Path, typer.Argument(help="Result folder of a comparison.", callback=_results)

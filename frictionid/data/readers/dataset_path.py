@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from frictionid.errors import InputError
+from frictionid.shipped import is_shipped, shipped
 
 TABLES = (".csv", ".csv.gz", ".parquet")  # tables that `frictionid init` describes
 
@@ -10,11 +11,20 @@ TABLES = (".csv", ".csv.gz", ".parquet")  # tables that `frictionid init` descri
 def dataset_path(path: Path) -> Path:
     """The dataset.toml of a path to it, or to its folder.
 
+    A name that is no path is that of a data set that comes with the package.
+
     Raises
     ------
     InputError
         Where there is none; where there are tables, with the command that describes them.
+
+    Examples
+    --------
+    >>> dataset_path(Path("acrobot_clean")).parts[-2:]
+    ('acrobot_clean', 'dataset.toml')
     """
+    if not path.exists() and is_shipped(path, "data"):
+        path = shipped("data") / path
     file = path / "dataset.toml" if path.is_dir() else path
     bare = path.is_dir() and not file.exists()
     if is_table(file) or (bare and any(map(is_table, path.glob("*")))):

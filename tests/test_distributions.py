@@ -1,0 +1,109 @@
+"""What pip installs: a wheel with suites and data, a source distribution with all tests."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from fixtures.paths import ROOT
+from packaging.requirements import Requirement
+
+
+def test_every_extra_is_imported_somewhere() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    files = (p for room in ("frictionid", "comparisons", "tests") for p in (ROOT / room).rglob("*"))
+    source = "\n".join(path.read_text() for path in files if path.suffix == ".py")
+    imported = set(re.findall(r'(?:^\s*(?:import|from) |importorskip\(")(\w+)', source, re.M))
+    tools, modules = {"dev", "test"}, {"pin": "pinocchio"}
+    optional = project["optional-dependencies"]
+    wanted = {Requirement(r).name for extra in optional.keys() - tools for r in optional[extra]}
+    assert {name for name in wanted if modules.get(name, name) not in imported} == set()
+
+
+FOREIGN = """
+import sys
+from pathlib import Path
+import frictionid
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_path import suite_path
+from frictionid.comparison.suite_tasks import tasks_of
+assert Path(frictionid.__file__).is_relative_to(sys.argv[1]), frictionid.__file__
+suite = suite_path(Path("acrobot"))
+tasks = tasks_of(load_suite(suite), suite)
+print(*sorted({f"{task.benchmark.dataset.name}:{task.name}" for task in tasks}))
+assert frictionid.load_dataset("acrobot_lag").recordings
+"""
+
+
+def _built(kind: str, folder: Path) -> Path:
+    done = subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(folder)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    (built,) = folder.iterdir()
+    return built
+
+
+def test_the_default_comparison_runs_from_a_wheel_in_any_folder(tmp_path: Path) -> None:
+    site, elsewhere = tmp_path / "site", tmp_path / "elsewhere"
+    with zipfile.ZipFile(_built("wheel", tmp_path / "dist")) as wheel:
+        wheel.extractall(site)
+    share = site / "frictionid" / "share"
+    for kind, pattern in (("comparisons", "*.toml"), ("data", "**/*")):
+        here = {p.relative_to(ROOT) for p in (ROOT / kind).glob(pattern) if p.is_file()}
+        there = {p.relative_to(share) for p in (share / kind).rglob("*") if p.is_file()}
+        assert there == here
+    elsewhere.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", FOREIGN, str(site)],
+        cwd=elsewhere,
+        env={**os.environ, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    for dataset in ("acrobot_clean", "acrobot_sim"):
+        for name in ("none", "stribeck", "sindy", "mlp", "lstm", "truth"):
+            assert f"{dataset}:{name}" in done.stdout.split()
+
+
+def test_tests_are_collected_from_the_source_distribution(tmp_path: Path) -> None:
+    with tarfile.open(_built("sdist", tmp_path / "dist")) as sdist:
+        sdist.extractall(tmp_path, filter="data")
+    (root,) = tmp_path.glob("frictionid-*")
+    if shutil.which("git") is None or not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    listing = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    kept = listing.stdout.decode().split("\0")
+    needed = [name for name in kept if name and not name.startswith(".ci/")]
+    assert [name for name in needed if not (root / name).exists()] == []
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "--collect-only",
+            "-q",
+            "tests/docs",
+            "tests/mechanics",
+        ],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
