@@ -143,7 +143,13 @@ def frozen_torques(measured: Measured) -> list[Frozen]:
     rows = unit_rows(measured.mechanism, measured.motions, width=WIDTH)
     torque = rows.means(measured.torque)
     friction = torque - rows.required(measured.nominal)
-    return [interval for interval in intervals if _contradicts(interval, rows, torque, friction)]
+    out = []
+    for j in sorted({interval.joint for interval in intervals}):
+        own = [interval for interval in intervals if interval.joint == j]
+        level = float(np.sqrt(np.mean(torque[:, j] ** 2)))
+        wrong = _contradicted(own, rows, friction, level)
+        out += [interval for interval, is_wrong in zip(own, wrong, strict=True) if is_wrong]
+    return out
 
 
 def _equal_readings(signal: Signal, least: float) -> list[tuple[int, int, int]]:
@@ -162,35 +168,63 @@ def _interval(number: int, signal: Signal, j: int, a: int, b: int) -> Frozen:
     return Frozen(number, j, float(time[a]), float(time[b]), float(value[a, j]))
 
 
-def _contradicts(interval: Frozen, rows: Rows, torque: Array, friction: Array) -> bool:
-    """Whether the motion contradicts a torque; friction (K, n) : what the balances leave to it."""
-    j, own = interval.joint, rows.recording == interval.recording
-    moving = rows.moving[:, j]
-    inside = moving & own & (rows.start >= interval.start) & (rows.stop <= interval.stop)
-    apart = moving & ~(own & (rows.stop > interval.start) & (rows.start < interval.stop))
-    if not inside.any():
-        return False
-    level = np.sqrt(np.mean(torque[:, j] ** 2))
-    if apart.sum() < MIN_WINDOWS:  # it never changes: the only question is whether it fits at all
-        left = _residual(rows.friction[:, j], friction[:, j], inside)
-        return bool(interval.value != 0.0 and _rms(left[inside]) > LARGE * level)
-    left = _residual(rows.friction[:, j], friction[:, j], apart)
-    elsewhere = _rms(left[apart])
-    worse = _rms(left[inside]) > max(WORSE * elsewhere, LARGE * level)
-    return bool(worse and elsewhere < FITS * level)
+def _contradicted(intervals: Sequence[Frozen], rows: Rows, friction: Array, level: float) -> Array:
+    """Whether the motion contradicts these torques (I,) of one joint.
+
+    friction (K, n) : what the balances leave to it ; level [N m] : root mean square of the torque
+
+    All sums over rows are differences of cumulated ones, so that long recordings cost no more per
+    interval than short ones.
+    """
+    j = intervals[0].joint
+    use = rows.moving[:, j]
+    table = np.column_stack([rows.friction[use, j], friction[use, j]])
+    products = table[:, :, None] * table[:, None, :]
+    sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
+    first, last, begin, end = _places(intervals, rows.where(use))
+    inside, apart = sums[end] - sums[begin], sums[-1] - (sums[last] - sums[first])
+    others = len(table) - (last - first)
+    few = others < MIN_WINDOWS  # it never changes: the only question is whether it fits at all
+    fitted = _fitted(np.where(few[:, None, None], inside, apart))
+    left = _rms(inside, fitted, end - begin)
+    elsewhere = np.where(few, 0.0, _rms(apart, fitted, others))
+    worse = left > np.maximum(WORSE * elsewhere, LARGE * level)
+    told = np.array([interval.value != 0.0 for interval in intervals]) | ~few
+    return np.asarray((end > begin) & worse & told & (elsewhere < FITS * level))
 
 
-def _residual(shapes: Array, target: Array, use: Array) -> Array:
-    """What friction fitted to some of the windows leaves in all of them [N m]."""
-    size = np.sqrt((shapes[use] ** 2).sum(0))
+def _places(intervals: Sequence[Frozen], rows: Rows) -> tuple[Array, Array, Array, Array]:
+    """Slices of rows (I,): first to last overlap an interval, begin to end lie within it."""
+    places = []
+    for one in intervals:
+        here = slice(*np.searchsorted(rows.recording, [one.recording, one.recording + 1]))
+        start, stop = rows.start[here], rows.stop[here]
+        first = np.searchsorted(stop, one.start, side="right")
+        last = max(np.searchsorted(start, one.stop, side="left"), first)
+        begin = np.searchsorted(start, one.start, side="left")
+        end = max(np.searchsorted(stop, one.stop, side="right"), begin)
+        places.append(here.start + np.array([first, last, begin, end]))
+    first, last, begin, end = np.array(places).T
+    return first, last, begin, end
+
+
+def _fitted(products: Array) -> Array:
+    """Least squares (I, F + 1) by sums of products (I, F + 1, F + 1) of shapes and target.
+
+    The last entry is the target's own, so that `_rms` gives what is left.
+    """
+    size = np.sqrt(np.diagonal(products, axis1=1, axis2=2)[:, :-1])
     size = np.where(size > 0, size, 1.0)
-    fitted = np.linalg.lstsq(shapes[use] / size, target[use], rcond=1e-9)[0] / size
-    out: Array = target - shapes @ fitted
-    return out
+    scaled = products[:, :-1, :-1] / (size[:, :, None] * size[:, None, :])
+    fitted = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) @ (
+        products[:, :-1, -1:] / size[:, :, None]
+    )
+    return np.concatenate([-fitted[..., 0] / size, np.ones((len(products), 1))], axis=1)
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _rms(products: Array, fitted: Array, count: Array) -> Array:
+    squares = np.einsum("ia,iab,ib->i", fitted, products, fitted)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0) / np.maximum(count, 1)))
 
 
 def frozen_findings(

@@ -17,21 +17,20 @@ _SWEEPS = 2
 
 
 class _Candidates(NamedTuple):
-    """Initial values (S, n, P) of each joint, and columns that the residual near them consists of.
+    """Initial values (S, n, P) of each joint, and the residual near them in one fold.
 
     With the values theta_j of some choice for each joint j, and steps d_j from there,
 
         e = r - sum_j G_j Tf_j(theta_j) - sum_j J_j d_j
 
-    so that the rows of a fold matter by one Gram matrix of the columns [J_j, -G_j Tf_j] of all
-    values and joints, and r as the last one.
+    so that the rows matter by one Gram matrix (M, M) of the columns [J_j, -G_j Tf_j] of all values
+    and joints, and r as the last one; M = S n (P + 1) + 1.
 
-    columns : (K n, S n (P + 1) + 1)
-    low, high : bounds of the parameters in each fold, (F, N) each
+    low, high : bounds (N,) of the parameters
     """
 
     values: Array
-    columns: Array
+    gram: Array
     low: Array
     high: Array
 
@@ -47,50 +46,67 @@ def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
     InputError
         Where a joint slides in fewer rows of a fold than it has parameters.
     """
-    candidates = _candidates(fit, weights)
-    used = np.flatnonzero(candidates.columns.any(axis=0))
-    A = candidates.columns[:, used]
-    M = candidates.columns.shape[1]
-    initial, stepped = np.empty((2, *candidates.low.shape))
-    for f, weight in enumerate(np.repeat(weights, fit.joints, axis=1)):
-        gram = np.zeros((M, M))
-        gram[np.ix_(used, used)] = (A.T * weight) @ A
-        own = candidates._replace(low=candidates.low[f], high=candidates.high[f])
-        initial[f], stepped[f] = _best_of_fold(own, gram)
-    return np.clip(initial, candidates.low, candidates.high), stepped
+    values = _values(fit)
+    grams = _grams(fit, values, weights)
+    found = [
+        _best_of_fold(_Candidates(values, *own)) for own in zip(grams, *fit.bounds, strict=True)
+    ]
+    initial, stepped = (np.reshape(each, (len(weights), -1)) for each in zip(*found, strict=True))
+    return np.clip(initial, *fit.bounds), stepped
 
 
-def _candidates(fit: Linearised, weights: Array) -> _Candidates:
-    n, P, K = fit.joints, len(fit.law.names), len(fit.problem.r)
+def _values(fit: Linearised) -> Array:
+    """Initial values (S, n, P) that the law suggests, within the bounds of any fold."""
+    P = len(fit.law.names)
     starts = np.array(fit.law.initial, dtype=float)
     if P:  # values far outside the bounds are all the same one
         low, high = (x.reshape(-1, P) for x in fit.bounds)
         starts = np.unique(np.clip(starts, low.min(axis=0), high.max(axis=0)), axis=0)
-    S = len(starts)
-    values = np.repeat(starts[:, None], n, axis=1)
+    return np.repeat(starts[:, None], fit.joints, axis=1)
+
+
+def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
+    """Gram matrix (F, M, M) of each fold, see `_Candidates`."""
+    S, n, P = values.shape
+    M = S * n * (P + 1) + 1
+    grams, slides = np.zeros((len(weights), M, M)), np.zeros(fit.problem.r.shape, dtype=bool)
+    for rows, own in fit.stretches():
+        columns, slides[rows] = _columns(own, values)
+        used = np.flatnonzero(columns.any(axis=0))
+        A = columns[:, used]
+        for gram, weight in zip(grams, np.repeat(weights[:, rows], n, axis=1), strict=True):
+            gram[np.ix_(used, used)] += (A.T * weight) @ A
+    check_rows(fit, weights, slides)
+    return grams
+
+
+def _columns(fit: Linearised, values: Array) -> tuple[Array, Array]:
+    """Columns (K n, M) of the rows, and whether each joint slides in them, (K, n)."""
+    S, n, P = values.shape
+    K = len(fit.problem.r)
     J = fit.jacobian(values.reshape(S, n * P))  # (S, K, n, n, P)
     fit.check_finite(J, fit.problem.r)
-    check_rows(fit, weights, np.abs(J).max(axis=(0, 2, 4), initial=0.0) > 0)
+    slides = np.abs(J).max(axis=(0, 2, 4), initial=0.0) > 0
     torque = fit.problem.mean(along(fit.friction(values), fit.problem.nodes))
     offset = -fit.problem.G * torque[:, :, None, :]  # (S, K, n, n)
     columns = np.concatenate([J, offset[..., None]], axis=-1)
     columns = np.moveaxis(columns, 0, 2).reshape(K * n, S * n * (P + 1))
-    return _Candidates(values, np.column_stack([columns, fit.problem.r.ravel()]), *fit.bounds)
+    return np.column_stack([columns, fit.problem.r.ravel()]), slides
 
 
-def _best_of_fold(candidates: _Candidates, gram: Array) -> tuple[Array, Array]:
+def _best_of_fold(candidates: _Candidates) -> tuple[Array, Array]:
     """Initial values (N,) of one fold, and the values (N,) after its step."""
     S, n, _ = candidates.values.shape
     alike = np.repeat(np.arange(S)[:, None], n, axis=1)
-    choice, stepped = _best_choice(candidates, gram, alike)
+    choice, stepped = _best_choice(candidates, alike)
     for j in list(range(n)) * (_SWEEPS if n > 1 else 0):
         choices = np.repeat(choice[None], S, axis=0)
         choices[:, j] = np.arange(S)
-        choice, stepped = _best_choice(candidates, gram, choices)
+        choice, stepped = _best_choice(candidates, choices)
     return candidates.values[choice, np.arange(n)].ravel(), stepped
 
 
-def _best_choice(candidates: _Candidates, gram: Array, choices: Array) -> tuple[Array, Array]:
+def _best_choice(candidates: _Candidates, choices: Array) -> tuple[Array, Array]:
     """The choice (n,) of initial values with the lowest cost after one step, and the values there.
 
     The cost after a step d within the bounds, from the values of one of the choices (C, n), is
@@ -99,6 +115,7 @@ def _best_choice(candidates: _Candidates, gram: Array, choices: Array) -> tuple[
     """
     C, n = choices.shape
     S, _, P = candidates.values.shape
+    gram = candidates.gram
     columns = np.arange(S * n * (P + 1)).reshape(S, n, P + 1)[choices, np.arange(n)]
     J = columns[..., :-1].reshape(C, n * P)
     e0 = np.insert(columns[..., -1], 0, len(gram) - 1, axis=1)  # these columns add up to e0

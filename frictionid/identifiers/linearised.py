@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Constraints, Friction, Law, Nodes, along, constraints_of
+from frictionid.friction import Constraints, Friction, Inputs, Law, Nodes, along, constraints_of
 from frictionid.identifiers.residual import Problem, speed_range
 
 _DIFFERENCE = 1e-6
 _TORQUES = 1e7  # computed at a time
+_ROWS = 20_000  # at a time
 
 
 Ranges = Mapping[str, tuple[float, float]]  # by parameter name
@@ -74,6 +76,19 @@ class Linearised(NamedTuple):
         known = own is not None and own.low.shape == theta.shape
         return Friction(self.law, theta, constraints=own if known else None)
 
+    def stretches(self) -> Iterator[tuple[slice, Linearised]]:
+        """Rows, some at a time, and the law on them: long recordings need no more memory.
+
+        All rows at once for a law with memory, which acts along whole recordings.
+        """
+        K = len(self.problem.r)
+        if self.law.has_memory or K <= _ROWS:
+            yield slice(0, K), self
+            return
+        for first in range(0, K, _ROWS):
+            rows = slice(first, min(first + _ROWS, K))
+            yield rows, self._replace(problem=_some(self.problem, rows))
+
     def residual(self, theta: Array) -> Array:
         """Residuals e, shape (F, K, n) [rad/s]."""
         return self.problem.residual(along(self.friction(theta), self.problem.nodes))
@@ -102,13 +117,16 @@ class Linearised(NamedTuple):
         """
         F, N = theta.shape
         folds_at_once = max(F, 1) if self.law.has_memory else 1
-        descent, hessian = np.empty((F, N)), np.empty((F, N, N))
+        descent, hessian = np.zeros((F, N)), np.zeros((F, N, N))
         for first in range(0, F, folds_at_once):
             part = slice(first, first + folds_at_once)
-            J = self.jacobian(theta[part]).reshape(len(theta[part]), self.problem.r.size, N)
-            weighted = np.swapaxes(J * np.repeat(weights[part], self.joints, 1)[..., None], 1, 2)
-            descent[part] = (weighted @ residual[part].reshape(len(J), -1, 1))[..., 0]
-            hessian[part] = weighted @ J
+            for rows, own in self.stretches():
+                J = own.jacobian(theta[part]).reshape(len(theta[part]), -1, N)
+                weight = np.repeat(weights[part, rows], self.joints, 1)
+                weighted = np.swapaxes(J * weight[..., None], 1, 2)
+                e = residual[part, rows].reshape(len(J), -1, 1)
+                descent[part] += (weighted @ e)[..., 0]
+                hessian[part] += weighted @ J
         self.check_finite(descent, hessian)
         return descent, hessian
 
@@ -125,6 +143,17 @@ class Linearised(NamedTuple):
                 f"the fit of {self.law} met numbers that are not finite: look for such rows in the "
                 "problem, and for parameters within the law's bounds where its torque is not finite"
             )
+
+
+def _some(problem: Problem, rows: slice) -> Problem:
+    """The problem of some rows that follow each other, with the nodes that they need."""
+    stencil = problem.stencil[rows]
+    low, high = int(stencil.min()), int(stencil.max()) + 1
+    own = slice(low, high)
+    inputs = Inputs(*(x[own] for x in problem.nodes.inputs))
+    nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, high - low]))
+    arrays = {name: getattr(problem, name)[rows] for name in ("r", "G", "recording", "time", "dt")}
+    return replace(problem, nodes=nodes, stencil=stencil - low, **arrays)
 
 
 def _torque_gradient(friction: Friction, problem: Problem) -> Array:

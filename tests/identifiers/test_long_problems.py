@@ -1,0 +1,69 @@
+"""Long recordings: the same numbers stretch by stretch, and little more memory for more rows."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.friction import Inputs, Nodes
+from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
+from frictionid.identifiers import LeastSquares, linearised
+from frictionid.identifiers.linearised import Given, Linearised
+from frictionid.identifiers.synthetic_problem import synthetic_problem
+
+
+def _repeated(problem, times):
+    """The rows of a problem several times, each with nodes of their own."""
+    S = len(problem.nodes.time)
+    inputs = Inputs(*(np.tile(x, (times, 1)) for x in problem.nodes.inputs))
+    nodes = Nodes(inputs, np.tile(problem.nodes.time, times), problem.nodes.first)
+    shifts = np.repeat(np.arange(times), len(problem.r))[:, None] * S
+    return replace(
+        problem,
+        nodes=nodes,
+        r=np.tile(problem.r, (times, 1)),
+        G=np.tile(problem.G, (times, 1, 1)),
+        stencil=np.tile(problem.stencil, (times, 1)) + shifts,
+        **{key: np.tile(getattr(problem, key), times) for key in ("recording", "time", "dt")},
+    )
+
+
+@pytest.mark.parametrize("law", [Stribeck(), CoulombViscous(), LuGre()], ids=repr)
+@pytest.mark.parametrize("joints", [1, 2])
+def test_stretches_change_no_number(law, joints, monkeypatch):
+    problem = synthetic_problem(joints)
+    weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
+    fit = Linearised.of(law, problem, weights, Given({}, {}))
+    theta = np.random.default_rng(1).uniform(0.1, 1.0, (3, joints * len(law.names)))
+    whole = fit.normal_equations(theta, fit.residual(theta), weights)
+    monkeypatch.setattr(linearised, "_ROWS", 37)
+    assert len(list(fit.stretches())) == (1 if law.has_memory else 4)
+    parts = fit.normal_equations(theta, fit.residual(theta), weights)
+    for a, b in zip(whole, parts, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(a).max())
+
+
+def test_a_fit_by_stretches_is_the_fit(monkeypatch):
+    problem = synthetic_problem(2)
+    weights = np.ones((1, len(problem.r)))
+    whole = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    monkeypatch.setattr(linearised, "_ROWS", 37)
+    parts = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    np.testing.assert_allclose(whole.theta, parts.theta, rtol=1e-6)
+
+
+def test_more_rows_need_little_more_memory(monkeypatch):
+    monkeypatch.setattr(linearised, "_ROWS", 2_000)
+    peaks, rows = [], []
+    for times in (50, 100):
+        problem = _repeated(synthetic_problem(1), times)
+        weights = np.ones((1, len(problem.r)))
+        tracemalloc.start()
+        LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        rows.append(len(problem.r))
+    assert (peaks[1] - peaks[0]) / (rows[1] - rows[0]) < 600  # bytes per row; once 3,800
