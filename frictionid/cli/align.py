@@ -30,8 +30,8 @@ def align(
         float | None, typer.Option(help="Offset to within 0.5 s, where it is known [s].")
     ] = None,
     hold: Annotated[
-        str, typer.Option(help="The logged torque between two rows: linear, or previous.")
-    ] = "linear",
+        str, typer.Option(help="The logged torque between two rows: previous, or linear.")
+    ] = "previous",
     json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
 ) -> None:
     """Estimate offset and drift between two clocks from the motion itself (docs/drive.md)."""

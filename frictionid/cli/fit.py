@@ -29,8 +29,12 @@ def fit(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
     by: Annotated[str | None, typer.Option(help="shooting: refine the fit of the recipe.")] = None,
     free: Annotated[
-        str, typer.Option(help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator.")
-    ] = "friction",
+        str,
+        typer.Option(
+            help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator "
+            "[friction, and delay where a motor's torque is sampled]."
+        ),
+    ] = "",
     fixed: Fixed = None,
     windows: Windows = None,
     iterations: Iterations = None,
@@ -123,12 +127,12 @@ def _recipe(
     from frictionid.errors import InputError
 
     if by is None:
-        if free != "friction" or fixed or shooting:
+        if free or fixed or shooting:
             raise InputError("--free, --fixed, --windows and --iterations need --by shooting")
         return recipe_named(name)
     if by != "shooting":
         raise InputError(f"--by {by!r} is unknown; known is shooting")
-    blocks = [part.strip() for part in free.split(",")]
+    blocks = [part.strip() for part in free.split(",")] if free else None
     start = "integral" if name == "shooting" else name
     return recipe_of(
         RecipeEntry(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
@@ -13,8 +14,9 @@ from frictionid.comparison.registry import BLOCKS, ESTIMATORS, IDENTIFIERS, RECI
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
-from frictionid.shooting import CalibratedRecipe, Settings, Shooting
+from frictionid.shooting import CalibratedRecipe, DelayBlock, Settings, Shooting
 from frictionid.shooting.calibrated_recipe import PARTS
+from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
 from frictionid.shooting.parameters import ParameterBlock
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
@@ -46,9 +48,10 @@ class RecipeEntry(Strict):
 
     A one-step recipe has `states`, a table of a state estimator, and the settings of `Recipe`.
 
-    With `by` = "shooting" friction is refined by shooting: `free` names the blocks, `fixed`
-    parameters that stay, `priors` standard deviations of blocks; `start` is the one-step recipe
-    that it begins with; its other keys are those of the `Settings` of shooting.
+    With `by` = "shooting" friction is refined by shooting: `free` names the blocks (friction, and
+    the delay where a motor's torque is sampled, where it is missing), `fixed` parameters that stay,
+    `priors` standard deviations of blocks; `start` is the one-step recipe that it begins with; its
+    other keys are those of the `Settings` of shooting.
 
     With a `calibration` the data are corrected by it, and fitted by the one-step recipe that `like`
     names.
@@ -149,8 +152,12 @@ def one_step_of(entry: RecipeEntry) -> Recipe:
 def shooting_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) -> Shooting:
     """Shooting with the blocks and settings of its table."""
     start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
-    free, fixed = entry.free or ["friction"], entry.fixed or []
-    blocks = blocks_of(free, fixed, entry.priors or {}, entry.where)
+    free = entry.free or [block.name for block in DEFAULT_BLOCKS]
+    blocks = blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where)
+    if entry.free is None:
+        blocks = tuple(
+            replace(b, where_sampled=True) if isinstance(b, DelayBlock) else b for b in blocks
+        )
     settings = SHOOTING.build(entry.keys(SHOOTING), entry.where)
     return Shooting(entry.name, blocks, settings, start)
 

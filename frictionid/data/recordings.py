@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictionid.data.servo import Servo
-from frictionid.data.signals import Array, Signal
+from frictionid.data.signals import TORQUE_HOLD, Array, Signal
 from frictionid.errors import InputError
 
 LARGEST = 1e20  # of what is measured, in SI units: its squares still are numbers
@@ -41,7 +41,8 @@ class Recording:
         At least two samples.
     torque : Signal, n columns [N m]
         One column per joint, zero where there is no motor. Its clock may differ from the angles'
-        clock, but both count from the same instant.
+        clock, but both count from the same instant. It is held between its samples unless its
+        `hold` says otherwise.
     velocity : Signal, n columns [rad/s], or None
         Measured velocity, where there is one.
     parameters : mapping of str to float
@@ -77,6 +78,8 @@ class Recording:
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"
+        if self.torque.hold is None:
+            object.__setattr__(self, "torque", self.torque._replace(hold=TORQUE_HOLD))
         for label, signal in self._motions():
             _check_signal(f"{where}, {label}", signal)
             if _columns(signal) != _columns(self.angle):
@@ -207,7 +210,7 @@ def _check_signal(where: str, signal: Signal) -> None:
             f"{where}: time must have shape (T,) and value (T, n) with T, n > 0, "
             f"not {time.shape} and {value.shape}"
         )
-    if signal.hold not in ("linear", "previous"):
+    if signal.hold not in (None, "linear", "previous"):
         raise InputError(f'{where}: hold must be "linear" or "previous", not {signal.hold!r}')
     fault = first_fault(time, value, ("time", *(f"column {k}" for k in range(value.shape[1]))))
     if fault:

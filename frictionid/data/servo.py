@@ -83,7 +83,7 @@ def servo_torque(servo: Servo, angle: Signal, delay: float = 0.0) -> Signal:
     then = time - delay
     w = np.gradient(angle.value, time, axis=0)
     torque = motor_torque(servo.voltage(then, sample(angle, then)), w, servo.kt, servo.R)
-    return Signal(time, torque * servo.connected(then))
+    return Signal(time, torque * servo.connected(then), "linear")
 
 
 def applied_voltage(servo: Servo, angle: Signal) -> Signal:

@@ -9,6 +9,8 @@ from frictionid.errors import InputError
 
 Array = NDArray[np.float64]
 
+TORQUE_HOLD = "previous"  # of a torque between two samples, where nothing is stated
+
 
 class Signal(NamedTuple):
     """Samples of one quantity, on their own, possibly uneven, clock.
@@ -19,16 +21,17 @@ class Signal(NamedTuple):
         Strictly increasing.
     value : array, shape (T, n)
         One column per joint, in the SI unit of the quantity.
-    hold : str
-        Between two samples: "linear" interpolates, "previous" keeps the earlier one (a drive that
-        holds its command).
+    hold : str or None
+        Between two samples: "linear" interpolates (a sensor's samples of a varying current),
+        "previous" keeps the earlier one (a drive that holds its command). None, not stated:
+        interpolated, but as the torque of a `Recording` held (`TORQUE_HOLD`).
     sigma : array, shape (n,) or (T, n), or None
         Standard deviation of the noise of each column, or of each sample; None where it is unknown.
     """
 
     time: Array
     value: Array
-    hold: str = "linear"
+    hold: str | None = None
     sigma: Array | None = None
 
 
@@ -113,6 +116,6 @@ def relative_noise(signal: Signal) -> Array:
 
 def holds(signal: Signal) -> bool:
     """Whether the earlier sample is kept between two samples, hold = "previous"."""
-    if signal.hold not in ("linear", "previous"):
+    if signal.hold not in (None, "linear", "previous"):
         raise InputError(f'hold must be "linear" or "previous", not {signal.hold!r}')
     return signal.hold == "previous"

@@ -12,8 +12,9 @@ from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.data.readers.dataset_toml import CURRENTS, UNITS
 from frictionid.data.readers.table import Table
+from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
-from frictionid.quickstart.column_names import is_measured, quantity_of, unit_of
+from frictionid.quickstart.column_names import is_measured, is_sensed, quantity_of, unit_of
 
 _RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
 _TURNS = 2.0 * 2 * np.pi  # [rad]: joints rarely turn further, unless these are degrees
@@ -99,8 +100,8 @@ def guess_columns(
     angle = _angle(table, joints, time, given.get("angle"), clock)
     torque = _torque(table, joints, (*time.columns, *angle.columns), given.get("torque"))
     used = {*time.columns, *angle.columns, *torque.columns}
-    held = [_repeated(table.columns[name]) for name in torque.columns if name]
-    hold = "previous" if held and min(held) > _HELD else "linear"
+    driven = [name for name in torque.columns if name]
+    hold = "linear" if driven and all(_varies(table, name) for name in driven) else TORQUE_HOLD
     unused = tuple(name for name in table.columns if name not in used)
     cells = np.stack([table.columns[name] for name in angle.columns])
     missing = int(np.isnan(cells).any(axis=0).sum())
@@ -253,6 +254,11 @@ def _torque_unit(table: Table, names: Sequence[str], quantity: str, kind: str) -
         return unit, f"{command}named like a current; up to {top:.4g}"
     unit = "N" if kind == "m" else "N m"
     return unit, f"{command}no unit in the name, taken as {unit}; up to {top:.4g}"
+
+
+def _varies(table: Table, name: str) -> bool:
+    """Whether a sensor's samples change too often for a torque that is held."""
+    return is_sensed(name) and _repeated(table.columns[name]) <= _HELD
 
 
 def _repeated(column: Array) -> float:

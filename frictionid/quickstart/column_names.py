@@ -19,6 +19,8 @@ WORDS: Mapping[str, frozenset[str]] = {
 UNMEASURED = frozenset(
     "cmd command commanded des desired ref reference target setpoint goal soll true truth".split()
 )
+# Said to be a sensor's.
+SENSED = frozenset("meas measured act actual sensor sensed ist".split())
 
 
 def words(name: str) -> list[str]:
@@ -61,3 +63,13 @@ def unit_of(name: str, quantity: str) -> str:
     bracket = re.search(r"[\[(]([^\])]*)[\])]", name)
     last = bracket[1] if bracket else re.split(r"[_\s.]", name)[-1]
     return folded.get(last.replace(" ", "").lower(), "") if last != name else ""
+
+
+def is_sensed(name: str) -> bool:
+    """Whether the name speaks of a sensor's samples: a current, or a torque said to be measured.
+
+    >>> is_sensed("i_motor"), is_sensed("tau_meas"), is_sensed("tau"), is_sensed("i_cmd")
+    (True, True, False, False)
+    """
+    own = set(words(name))
+    return is_measured(name) and bool(own & SENSED or quantity_of(name) == "current")

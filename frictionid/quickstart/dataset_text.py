@@ -103,8 +103,8 @@ def _signs(draft: Draft) -> Iterator[str]:
 
 def _hold(draft: Draft) -> Iterator[str]:
     said = {
-        "previous": "values repeat: held until the next one",
-        "linear": "values change all the time: measured",
+        "previous": "held until the next value; a sensor's samples: linear",
+        "linear": "a sensor's samples, which change all the time",
     }
     yield "\n[hold]"
     yield _line("torque", draft.guesses.hold, said[draft.guesses.hold])
@@ -133,7 +133,8 @@ def _suite(draft: Draft, horizons: Sequence[float]) -> Iterator[str]:
     yield "\n[[recipes]]"
     yield _line("name", "shooting", "on the measured angles, with intervals: a minute or more")
     yield _line("by", "shooting")
-    yield _line("free", ["friction"], 'also: "inertia", "delay", "gain", "bias", "offset"')
+    yield "# free are friction, and the delay where a motor's torque is sampled, or what is named:"
+    yield '# free = ["friction", "delay", "inertia"]     # also: "gain", "bias", "offset"'
     for kind, said in (
         ("none", "the baseline"),
         ("coulomb_viscous", "all kinds: frictionid identifiers"),

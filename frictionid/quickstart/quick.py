@@ -4,8 +4,8 @@ The rule: of the laws that are not clearly worse than the best one after the hor
 the fewest parameters. A law is clearly worse where the 95 % interval (Student's t) of its error
 relative to the other's, the geometric mean over the folds, lies above one. Only folds count that
 hold out motion: in others all errors are noise. With fewer than three of them nothing is clear, and
-the law of the smallest error counts. Laws are fitted by shooting; delay and inertia are free where
-the check says that they are off.
+the law of the smallest error counts. Laws are fitted by shooting, with the delay of a sampled
+torque free, and inertia where the check says that it is off.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.friction import Friction
 from frictionid.shooting import document_of
+from frictionid.shooting.default_blocks import torque_is_sampled
 
 LAWS = ("none", "coulomb_viscous", "stribeck", "spline")  # by their number of parameters
 STEPS = ("check", *LAWS)
@@ -126,7 +127,9 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     if verdict.level == "unusable":
         return Quick(verdict)
     kinds = {finding.kind for finding in verdict.findings}
-    free = ("friction", *dict.fromkeys(b for kind, b in _FREED.items() if kind in kinds))
+    usual = ["friction", "delay"] if torque_is_sampled(dataset) else ["friction"]
+    asked = [b for kind, b in _FREED.items() if kind in kinds]
+    free = tuple(dict.fromkeys([*usual, *asked]))
     part, sample_time = shortened(dataset)
     horizon, results = _compared(part, free, sample_time, report)
     noise = float(np.linalg.norm([joint.angle_noise for joint in verdict.joints]))

@@ -69,7 +69,7 @@ def verdict(found: Quick) -> list[str]:
     if not _without(found).to_best.is_clear:
         out.append("No friction at all is not clearly worse on these data: record more motion.")
     if len(found.free) > 1:
-        out.append(f"Free beside friction, as the check asks for it: {', '.join(found.free[1:])}.")
+        out.append(f"Free beside friction: {', '.join(found.free[1:])}.")
     return out
 
 

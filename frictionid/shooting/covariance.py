@@ -100,11 +100,16 @@ def covariance_of(problem: ShootingProblem, solution: Solution) -> Covariance:
     H = solution.curvature + np.diag(problem.prior_precision)
     singular, lost, words = _undetermined(H, free, parameters)
     owner, clusters = (own[solution.closed] for own in _clusters(problem, solution))
-    keep = np.flatnonzero(free)
+    once = free & _shown_once(H, solution, clusters)
+    keep = np.flatnonzero(free & ~once)
     D, count = len(parameters), len(np.unique(clusters))
     matrix = np.zeros((D, D))
-    matrix[np.ix_(keep, keep)] = _sandwich(H, solution, owner, clusters)
-    unknown = ~free | lost
+    matrix[np.ix_(keep, keep)] = _sandwich(H, solution._replace(free=free & ~once), owner, clusters)
+    unknown = ~free | lost | once
+    words += tuple(
+        f"only one recording or stretch of it shows {parameters[k].name}"
+        for k in np.flatnonzero(once & ~lost)
+    )
     _forget(matrix, list(np.flatnonzero(unknown)))
     values = values_of(solution.estimate, problem.blocks)
     out = Covariance(
@@ -194,6 +199,16 @@ def _scatter(H: Array, solution: Solution, groups: Array) -> Array:
         moves[c] = -_solve(rest, score[own].sum(axis=0)[keep])
     off = moves - moves.mean(axis=0)
     return np.asarray((len(names) - 1) / len(names) * off.T @ off)
+
+
+def _shown_once(H: Array, solution: Solution, groups: Array) -> Array:
+    """Parameters (D,) of which nothing is left to know without one of the groups of windows.
+
+    What scatters between the groups says nothing of these, and they would spoil the others.
+    """
+    parts, most = solution.normal.H[solution.closed], _SINGULAR * np.diag(H)
+    left = [np.diag(H - parts[groups == name].sum(axis=0)) for name in np.unique(groups)]
+    return np.asarray(np.min(left, axis=0) <= most)
 
 
 def _solve(H: Array, g: Array) -> Array:

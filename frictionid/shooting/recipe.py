@@ -16,7 +16,8 @@ from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe, TrainingData
 from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.mechanics.calibration import stack_calibrations
-from frictionid.shooting.parameters import FrictionBlock, ParameterBlock
+from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
+from frictionid.shooting.parameters import ParameterBlock
 from frictionid.shooting.refine import Refined, fit_blocks
 from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.settings import Settings
@@ -56,11 +57,12 @@ class ShootingFit:
 class Shooting:
     """Friction refined by shooting, from the fit of a one-step recipe.
 
-    blocks : what is free; settings : windows, noise, iterations; start : the recipe it begins with
+    blocks : what is free: friction, and the delay where a motor's torque is sampled
+    settings : windows, noise, iterations; start : the recipe it begins with
     """
 
     name: str = "shooting"
-    blocks: tuple[ParameterBlock, ...] = (FrictionBlock(),)
+    blocks: tuple[ParameterBlock, ...] = DEFAULT_BLOCKS
     settings: Settings = Settings()
     start: Recipe = INTEGRAL
     needs_intervals: ClassVar[bool] = True

@@ -19,9 +19,10 @@ from frictionid.mechanics import mechanism_of, parameters_of, plant_of
 from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.data_checks import check_blocks, check_data, warnings_of
+from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
 from frictionid.shooting.gauss_newton import Solution, solve
 from frictionid.shooting.networks import as_given, on_arrays, with_combinations
-from frictionid.shooting.parameters.friction import FrictionBlock, on_support
+from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock
 from frictionid.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.shooting.sample_intervals import Intervals, intervals_of
@@ -126,7 +127,7 @@ class Refined:
 def refine(
     friction: Friction,
     dataset: Dataset,
-    blocks: Sequence[ParameterBlock] = (FrictionBlock(),),
+    blocks: Sequence[ParameterBlock] = DEFAULT_BLOCKS,
     settings: Settings | None = None,
     *,
     sample_time: float | None = None,
@@ -170,7 +171,7 @@ def fit_blocks(
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     dropped: list[Dropped] = []
-    blocks = on_support(blocks, friction)
+    blocks = on_support(applicable(blocks, intervals.dataset), friction)
     while True:
         problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
         result = refined_by(problem, solve(problem, estimate, use), friction)

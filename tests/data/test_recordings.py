@@ -13,7 +13,7 @@ from fixtures.paths import ROOT
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, check_dataset_toml
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
-from frictionid.data.signals import Signal, sample
+from frictionid.data.signals import Signal, holds, sample
 from frictionid.errors import InputError
 
 
@@ -296,7 +296,10 @@ IMPOSSIBLE = {
     "sigma shape": ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
     "parameter": ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
     "late": ({"torque": late(still())}, "share no moment"),
-    "early": ({"angle": late(still())}, "share no moment"),
+    "early": (
+        {"angle": late(still()), "torque": still()._replace(hold="linear")},
+        "share no moment",
+    ),
     "one": ({"angle": still(1), "torque": still(1)}, "at least 2 samples"),
 }
 
@@ -323,6 +326,13 @@ def test_a_data_set_needs_recordings_of_one_mechanism():
     other = Recording("other", still(joints=1), still(joints=1))
     with pytest.raises(InputError, match="'other' has 1 joints, the first one has 2"):
         Dataset("rig", {"kind": "pendulum"}, (one, other))
+
+
+def test_a_torque_is_held_where_nothing_is_stated():
+    for stated, hold in ((None, "previous"), ("linear", "linear"), ("previous", "previous")):
+        recording = Recording("push", still(), still()._replace(hold=stated))
+        assert recording.torque.hold == hold
+        assert not holds(recording.angle)
 
 
 @pytest.mark.parametrize("span", [slice(0, 70), slice(30, None)])

@@ -190,11 +190,19 @@ def test_motors_get_the_torques_and_other_joints_none():
     assert guessed(columns, (False, False)).torque.columns == ("", "")
 
 
-def test_a_held_command_is_told_from_a_measurement():
-    held = np.repeat(np.sin(np.arange(20.0)), 10)
-    assert guessed({"t": TIME, "q": Q, "u": held}).hold == "previous"
-    assert guessed({"t": TIME, "q": Q, "u": U}).hold == "linear"
-    assert guessed({"t": TIME, "q": Q, "u": 0 * U}).hold == "linear"
+@pytest.mark.parametrize(
+    ("name", "torque", "hold"),
+    [
+        ("u", U, "previous"),  # as everywhere, where nothing says that a sensor took the samples
+        ("u_cmd", U, "previous"),
+        ("tau_meas", U, "linear"),
+        ("current", U, "linear"),
+        ("current", np.repeat(np.sin(np.arange(20.0)), 10), "previous"),
+        ("u", 0 * U, "previous"),
+    ],
+)
+def test_torques_are_held_but_for_the_samples_of_a_sensor(name, torque, hold):
+    assert guessed({"t": TIME, "q": Q, name: torque}).hold == hold
 
 
 def test_rows_without_an_angle_are_gaps(tmp_path):

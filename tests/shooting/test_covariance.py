@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from frictionid.shooting.covariance import _scatter
+from frictionid.shooting.covariance import _scatter, _shown_once
 from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.windows import NormalEquations
 
@@ -14,11 +14,15 @@ SETS, RECORDINGS, WINDOWS, ROWS = 400, 8, 6, 12
 TRUE = np.array([1.0, -0.5, 0.2])
 
 
-def solved(rng, disturbed):
-    """Least squares on rows of recordings, each with a disturbance of its own: solution, labels."""
+def solved(rng, disturbed, shown=slice(None)):
+    """Least squares on rows of recordings, each with a disturbance of its own: solution, labels.
+
+    shown : recordings that the last parameter shows in
+    """
     D, W = len(TRUE), RECORDINGS * WINDOWS
     labels = np.repeat(np.arange(RECORDINGS), WINDOWS)
     A = rng.standard_normal((W, ROWS, D)) * rng.uniform(0.5, 2.0, (RECORDINGS, 1, 1))[labels]
+    A[~np.isin(labels, np.arange(RECORDINGS)[shown]), :, -1] = 0.0
     common = disturbed * rng.standard_normal((RECORDINGS, D))
     y = A @ TRUE + np.einsum("wrd,wd->wr", A, common[labels]) + rng.standard_normal((W, ROWS))
     H, g = np.einsum("wri,wrj->wij", A, A), np.einsum("wri,wr->wi", A, y)
@@ -53,3 +57,16 @@ def test_without_disturbance_the_scatter_is_that_of_the_noise():
         H = solution.normal.H.sum(axis=0)
         ratio.append(np.diag(_scatter(H, solution, labels)) / np.diag(np.linalg.inv(H)))
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)  # the jackknife errs on the large side
+
+
+def test_a_parameter_of_one_recording_has_no_interval_and_spoils_no_other():
+    rng = np.random.default_rng(9)
+    ratio = []
+    for _ in range(100):
+        solution, labels = solved(rng, 0.0, shown=slice(0, 1))
+        H = solution.normal.H.sum(axis=0)
+        once = _shown_once(H, solution, labels)
+        assert once.tolist() == [False, False, True]
+        rest = _scatter(H, solution._replace(free=~once), labels)
+        ratio.append(np.diag(rest) / np.diag(np.linalg.inv(H))[:2])
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 
+from frictionid.comparison.suite_recipes import RecipeEntry, shooting_of
+from frictionid.data.servo import Servo
+from frictionid.data.signals import Signal
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.shooting import Covariance, Settings, refine
+from frictionid.shooting import Covariance, Settings, Shooting, refine
+from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
 from frictionid.shooting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.shooting.parameters.parameter_block import Parameter
 from frictionid.shooting.significance import least_significant
@@ -78,3 +82,27 @@ def test_a_late_torque_keeps_its_delay():
     found = refine(START, tiny.dataset(recordings=tuple(early)), OFFERED, SHORT)
     assert [own.block for own in found.diagnostics.dropped] == ["bias"]
     assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
+
+
+def test_by_default_the_delay_is_free_where_a_torque_is_sampled():
+    early = tuple(
+        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
+    )
+    late = tiny.dataset(recordings=early)
+    found = refine(START, late, settings=SHORT)
+    assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
+    recipe = shooting_of(RecipeEntry(name="shooting", by="shooting"))
+    assert recipe.blocks == Shooting().blocks == DEFAULT_BLOCKS
+    assert applicable(DEFAULT_BLOCKS, late) == DEFAULT_BLOCKS
+
+
+def test_by_default_friction_alone_is_free_where_no_torque_is_sampled():
+    still = tuple(
+        replace(r, torque=r.torque._replace(value=0 * r.torque.value)) for r in tiny.recordings()
+    )
+    goal, on = (Signal(r.angle.time, np.ones((len(r.angle.time), 1))) for r in still[:2])
+    servo = Servo(goal, on, gain=4.0, limit=1.0, supply=7.0, kt=0.4, R=4.0)
+    driven = tuple(replace(r, servo=servo) for r in tiny.recordings())
+    for recordings in (still, driven):
+        data = tiny.dataset(recordings=recordings)
+        assert [b.name for b in applicable(DEFAULT_BLOCKS, data)] == ["friction"]

@@ -20,7 +20,7 @@ from frictionid.acquire.controller_clock import ClockRuns
 from frictionid.acquire.logfile import Log, read_log
 from frictionid.acquire.protocol import SECOND
 from frictionid.acquire.rig_settings import RigSettings, rig_settings_of, rig_tables
-from frictionid.data.signals import Signal, cut
+from frictionid.data.signals import TORQUE_HOLD, Signal, cut
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
@@ -70,7 +70,7 @@ class AlignmentOptions:
 
     marker: str = ""
     offset: float | None = None
-    hold: str = "linear"
+    hold: str = TORQUE_HOLD
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from frictionid.data.readers.table import table_name
 from frictionid.data.readers.unpacking import unzip
 from frictionid.data.recordings import Recording, first_fault
 from frictionid.data.servo import Servo, servo_torque, terminal_voltage
-from frictionid.data.signals import Array, Signal
+from frictionid.data.signals import Array, Signal, taken
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
@@ -82,7 +82,7 @@ def read_bam(path: Path, settings: Mapping[str, Any]) -> Recording:
         "supply": signal(columns["input_volts"]),
         "temperature": signal(columns["temp"]),
     }
-    kept = {key: Signal(s.time[keep], s.value[keep]) for key, s in signals.items()}
+    kept = {key: taken(s, keep) for key, s in signals.items()}
     return Recording(
         table_name(path.name),
         angle=kept.pop("angle"),

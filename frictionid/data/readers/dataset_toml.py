@@ -213,9 +213,9 @@ class Signs(Strict):
 
 
 class Hold(Strict):
-    """What the torque does between two samples."""
+    """What the torque does between two samples, where it is stated."""
 
-    torque: Literal["previous", "linear"] = "previous"
+    torque: Literal["previous", "linear"] | None = None
 
 
 class Sigma(Strict):

@@ -24,14 +24,14 @@ class RosSettings(Strict):
     topic : of the joint states, by default the only one; joints : names in the mechanism's order,
     by default all in that of the first message; driven : names of those whose effort is a torque,
     by default all; clock : "header" stamps of the messages, or when they were "received"
-    hold : what efforts do between two messages
+    hold : what efforts do between two messages, as any torque's by default
     """
 
     topic: str = ""
     joints: list[str] | None = None
     driven: list[str] | None = None
     clock: Literal["header", "received"] = "header"
-    hold: Literal["linear", "previous"] = "linear"
+    hold: Literal["linear", "previous"] | None = None
 
 
 def read_ros(path: Path, settings: Mapping[str, Any]) -> Recording:

@@ -19,7 +19,7 @@ def signal_of(
     *,
     second: float = 1.0,
     unit: float | Array = 1.0,
-    hold: str = "linear",
+    hold: str | None = None,
     sparse: bool = False,
     sigma: Array | None = None,
 ) -> Signal:
@@ -35,7 +35,7 @@ def signal_of(
         SI value of one unit of the clock.
     unit : float, or array, shape (n,)
         SI value of one unit of the columns, negative where their sign is the other way round.
-    hold : "linear" or "previous"
+    hold : "linear", "previous", or None where nothing is stated
     sparse : bool
         Whether only the rows with a time on this clock belong to the signal.
     sigma : array, shape (n,), or None, in the unit of the columns

@@ -92,11 +92,12 @@ class DelayBlock(ParameterBlock):
     """How much later than logged the motor torque acts [s], within `most` either way.
 
     It is continuous: the logged torque is averaged over each piece of time as it was logged, held
-    or interpolated. `prior` in s.
+    or interpolated. `prior` in s; `where_sampled`: only where a motor's torque is sampled.
     """
 
     most: float = 0.2
     prior: float | None = None
+    where_sampled: bool = False
     name, enters = "delay", "torque"
 
     def __post_init__(self) -> None:
