@@ -40,6 +40,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import (
     SCORE_COLUMNS,
     Prepared,
+    beside_friction,
     curves,
     score_frame,
     speeds,
@@ -249,16 +250,11 @@ def _score_frame(
         for dataset, rows in task["rows"].items():
             frame = score_frame(rows)
             frame["unit"] = frame["unit"].str.replace("rad", datasets[dataset]["angle_unit"])
-            frame.loc[frame["score"] == "n_parameters", "value"] += _calibration_count(task)
+            beside = beside_friction((task.get("refined") or {}).get("parameters", ()))
+            frame.loc[frame["score"] == "n_parameters", "value"] += beside
             names = suite, dataset, task["identifier"], task["fit"]
             frames.append(_long(frame, names, task["seed"]).set_axis([number] * len(frame)))
     return pd.concat(frames)
-
-
-def _calibration_count(task: Mapping[str, Any]) -> int:
-    """Number of fitted parameters that are not friction's, which rows do not count."""
-    parameters = (task.get("refined") or {"parameters": ()})["parameters"]
-    return sum(entry["block"] != "friction" for entry in parameters)
 
 
 def _long(frame: pd.DataFrame, names: Sequence[str], seed: int) -> pd.DataFrame:
@@ -289,6 +285,8 @@ def reduction(results: Results) -> dict[str, bytes]:
 
 def _model(task: Mapping[str, Any]) -> dict[str, Any]:
     source = {key: task[key] for key in ("dataset", "identifier", "fit", "seed", "settings")}
+    if task.get("refined"):
+        source["refined"] = task["refined"]
     model = dict(task["model"])
     return {**model, "provenance": {**model.get("provenance", {}), **source}}
 

@@ -39,7 +39,7 @@ from frictionid.evaluation.prepared import (
 from frictionid.evaluation.protocol import Protocol
 from frictionid.evaluation.rollouts import predict, rollout_scores
 from frictionid.evaluation.score_frame import SCORE_COLUMNS, score_frame, score_value
-from frictionid.evaluation.scoring import Evaluation, score_folds, score_model
+from frictionid.evaluation.scoring import Evaluation, beside_friction, score_folds, score_model
 
 __all__ = [
     "SCORE_COLUMNS",
@@ -51,6 +51,7 @@ __all__ = [
     "Prepared",
     "Protocol",
     "Split",
+    "beside_friction",
     "calibrated_views",
     "curve_error",
     "curve_scores",

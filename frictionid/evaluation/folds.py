@@ -21,7 +21,8 @@ KINDS = ("recordings", "blocks", "shuffled")
 class Split:
     """How to split: whole "recordings", contiguous "blocks" or "shuffled" samples, `count` folds.
 
-    Without a `count` there are ten folds, or one for each recording where there are fewer.
+    Without a `kind` these are whole recordings, and blocks of a single one. Without a `count` there
+    are ten folds, or one for each recording where there are fewer.
     Whole recordings are right where there are enough of them. With fewer recordings than folds,
     blocks: `gap` [s] around a held-out block is left out of its training, at least the smoother's
     support plus the models' memory. Shuffled samples are what the study did [DeMeester2020]:
@@ -30,12 +31,12 @@ class Split:
     """
 
     count: int | None = None
-    kind: str = "recordings"
+    kind: str | None = None
     gap: float = 0.25
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
+        if self.kind not in (None, *KINDS):
             raise InputError(
                 f"folds: kind = {self.kind!r} is unknown; known are {', '.join(KINDS)}"
             )
@@ -49,12 +50,21 @@ class Split:
     def folds(self, recordings: int) -> int:
         """Number of folds of so many recordings.
 
-        >>> Split().folds(25), Split().folds(4), Split(count=3).folds(25)
-        (10, 4, 3)
+        >>> Split().folds(25), Split().folds(4), Split().folds(1), Split(count=3).folds(25)
+        (10, 4, 10, 3)
         """
         if self.count is not None:
             return self.count
-        return min(USUAL, max(recordings, 2)) if self.kind == "recordings" else USUAL
+        whole = self.kind_of(recordings) == "recordings"
+        return min(USUAL, max(recordings, 2)) if whole else USUAL
+
+    def kind_of(self, recordings: int) -> str:
+        """Kind of the folds of so many recordings.
+
+        >>> Split().kind_of(2), Split().kind_of(1), Split(kind="shuffled").kind_of(1)
+        ('recordings', 'blocks', 'shuffled')
+        """
+        return self.kind or ("recordings" if recordings > 1 else "blocks")
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +161,8 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
     times = tuple(np.asarray(r.angle.time, dtype=float) for r in recordings)
     names = tuple(r.name for r in recordings)
     sizes = np.array([len(t) for t in times])
-    count = split.folds(len(recordings))
-    if split.kind == "recordings":
+    count, kind = split.folds(len(recordings)), split.kind_of(len(recordings))
+    if kind == "recordings":
         if len(recordings) < count:
             raise InputError(
                 f"{len(recordings)} recordings cannot make {count} folds of whole ones: "
@@ -165,10 +175,10 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
     if total < count:
         raise InputError(f"{total} samples cannot make {count} folds")
     every = np.arange(total) * count // total
-    if split.kind == "shuffled":
+    if kind == "shuffled":
         every = np.random.default_rng(split.seed).permutation(every)
     parts = tuple(np.split(every, np.cumsum(sizes)[:-1]))
-    blocks = split.kind == "blocks"
+    blocks = kind == "blocks"
     return Folds(count, times, parts, split.gap if blocks else 0.0, blocks, names)
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from frictionid.report.numbers import MINUS, NOTHING, decimals, fixed
-from frictionid.report.sections import Pair, SummaryData, rollout
+from frictionid.report.sections import RIVALS, Pair, SummaryData, rollout
 from frictionid.report.summary_table import ONE_STEP, TRUE_START
 from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 
 def difference_table(data: SummaryData) -> Table | None:
-    """Table of each model's difference to the best fitted one, in each score; None with one."""
-    fitted = data.of_role("fitted")
-    if len(fitted) < 2:
+    """Table of each model's difference to the best one, in each score; None with one."""
+    rivals = data.of_role(*RIVALS)
+    if len(rivals) < 2:
         return None
     unit = data.description.angle_unit
     heads = {name: Column(text, "one step", f"{unit}/s") for name, text in ONE_STEP.items()}
@@ -21,7 +21,7 @@ def difference_table(data: SummaryData) -> Table | None:
     if last in data.level:
         heads[last] = Column(f"{data.horizons[-1]:g} s", "from true states", unit, ", median")
     lines = []
-    best = {name: data.best(fitted, name) for name in heads}
+    best = {name: data.best(rivals, name) for name in heads}
     for model in data.models:
         cells = [
             NOTHING
@@ -33,7 +33,7 @@ def difference_table(data: SummaryData) -> Table | None:
         ]
         lines.append(line([model.name, *cells], model.role + model.recipe))
     caption = (
-        f"{data.dataset}: differences to the best fitted model of each column, paired over the "
+        f"{data.dataset}: differences to the best model of each column, paired over the "
         "folds: mean ± standard error; ≈ within two standard errors. Medians of rollouts are those "
         "of each fold."
     )

@@ -7,7 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictionid.report.sections import EULER, INTEGRAL, Model, Pair, Section, SummaryData, rollout
+from frictionid.report.sections import (
+    EULER,
+    INTEGRAL,
+    RIVALS,
+    Model,
+    Pair,
+    Section,
+    SummaryData,
+    rollout,
+)
 from frictionid.report.summary_table import TRUE_START
 
 
@@ -28,24 +37,30 @@ class Contrast:
             return float("inf")
         return self.other_value / self.value
 
+    @property
+    def excess(self) -> float:
+        """Share by which the score lies above the other model's, negative below it."""
+        return self.value / self.other_value - 1.0 if self.other_value > 0 else float("inf")
+
 
 @dataclass(frozen=True)
 class Prediction:
-    """The fitted model that predicts best after a horizon [s]; None where none is finite.
+    """The fitted or given model that predicts best after a horizon [s]; None where none is finite.
 
-    without : against no friction; given : against the best model that was given, not fitted
+    without : against no friction; rival : against the best given model where the best one was
+        fitted, against the best fitted one where it was given
     """
 
     horizon: float
     best: Model | None
     error: float
     without: Contrast | None
-    given: Contrast | None
+    rival: Contrast | None
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """How the other fitted models stand against the best one at the longest reported horizon.
+    """How other fitted and given models stand against the best at the longest reported horizon.
 
     worse : by more than two standard errors; tied : within two; unknown : not known fold by fold
     """
@@ -53,9 +68,9 @@ class Ranking:
     horizon: float
     best: Model
     folds: int
-    worse: tuple[Model, ...]
-    tied: tuple[Model, ...]
-    unknown: tuple[Model, ...]
+    worse: tuple[Contrast, ...]
+    tied: tuple[Contrast, ...]
+    unknown: tuple[Contrast, ...]
 
 
 @dataclass(frozen=True)
@@ -102,15 +117,18 @@ def contrasted(
 
 
 def predictions(data: SummaryData) -> list[Prediction]:
-    """The best fitted model at each reported horizon."""
-    fitted, none = data.of_role("fitted"), next(iter(data.of_role("none")), None)
+    """The best fitted or given model at each reported horizon."""
+    none = next(iter(data.of_role("none")), None)
     out = []
-    for horizon in data.reported if fitted else ():
+    for horizon in data.reported if data.of_role(*RIVALS) else ():
         column = rollout(horizon)
-        best, given = (data.best(models, column) for models in (fitted, data.of_role("given")))
+        best = data.best(data.of_role(*RIVALS), column)
+        other = [role for role in RIVALS if best and role != best.role]
+        rivals = (none, data.best(data.of_role(*other), column))
         error = data.value(best, column) if best else float("inf")
-        others = [contrasted(data, best, other, column) for other in (none, given)]
-        out.append(Prediction(horizon, best, error, others[0], others[1]))
+        out.append(
+            Prediction(horizon, best, error, *(contrasted(data, best, r, column) for r in rivals))
+        )
     return out
 
 
@@ -125,16 +143,16 @@ def last_rollout(data: SummaryData) -> str:
 
 
 def ranking(data: SummaryData) -> Ranking | None:
-    """How the fitted models stand against the one that predicts best; None with fewer than two."""
-    first = best_predictor(data)
-    others = [model for model in data.of_role("fitted") if model is not first]
-    if first is None or not others:
+    """How models stand against the one that predicts best; None with fewer than two."""
+    rivals = data.of_role(*RIVALS)
+    first = data.best(rivals, last_rollout(data)) if data.reported else None
+    if first is None or len(rivals) < 2:
         return None
-    pairs = [(model, data.paired(model, first, last_rollout(data))) for model in others]
-    worse = tuple(model for model, pair in pairs if pair.clear and pair.mean > 0)
-    tied = tuple(model for model, pair in pairs if pair.clear is False)
-    unknown = tuple(model for model in others if model not in (*worse, *tied))
-    folds = max(pair.folds for _, pair in pairs)
+    others = [contrast(data, m, first, last_rollout(data)) for m in rivals if m is not first]
+    worse = tuple(c for c in others if c.pair.clear and c.pair.mean > 0)
+    tied = tuple(c for c in others if c.pair.clear is False)
+    unknown = tuple(c for c in others if c not in (*worse, *tied))
+    folds = max(c.pair.folds for c in others)
     return Ranking(data.reported[-1], first, folds, worse, tied, unknown)
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from frictionid.comparison.results import Results
+from frictionid.evaluation import Split
 from frictionid.report import families, findings
 from frictionid.report.estimates import estimates
 from frictionid.report.memory import memory_analysis
@@ -112,9 +113,11 @@ def _section(
     stems: Mapping[Model, str],
 ) -> dict[str, Any]:
     fits = shooting_fits(section, stems)
+    folds = fold_settings(results.provenance, section.dataset)
+    kind = Split(kind=folds.get("kind")).kind_of(section.description.recordings)
     return {
         "section": section,
-        "folds": fold_settings(results.provenance, section.dataset),
+        "folds": {**folds, "kind": kind},
         "data": [scored_findings(data) for data in section.data],
         "exhibits": [exhibits[section.dataset, data.dataset] for data in section.data],
         "recipe_gains": findings.recipe_gains(section),

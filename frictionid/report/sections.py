@@ -13,6 +13,7 @@ from frictionid.arrays import Array
 from frictionid.comparison.results import Results
 
 ROLES = ("none", "fitted", "given", "truth")
+RIVALS = ("fitted", "given")  # models that are ranked
 ANY = ""  # recipe of a model that no recipe changes
 REPORTED = (0.5, 1.0)  # [s], horizons that the findings are about, where a suite has them
 EULER, INTEGRAL = "one_step_euler_mean", "one_step_integral_rms"

@@ -17,7 +17,14 @@ from frictionid.report.numbers import (
     seconds,
     short,
 )
-from frictionid.report.sections import EULER, INTEGRAL, SummaryData, over_folds, rollout
+from frictionid.report.sections import (
+    EULER,
+    INTEGRAL,
+    RIVALS,
+    SummaryData,
+    over_folds,
+    rollout,
+)
 from frictionid.report.tables import Cell, Column, Line, Table
 
 ONE_STEP = {EULER: "euler mean", INTEGRAL: "integral rms"}
@@ -105,7 +112,7 @@ def caption_of(data: SummaryData, summary: Summary) -> str:
         parts.append("from true states: against the true angles, with the memory of the motion")
     if summary.frame["free_run_mean"].notna().any():
         parts.append("free run: mean error over whole recordings, simulated from their start")
-    return f"{'; '.join(parts)}. Best fitted model in bold."
+    return f"{'; '.join(parts)}. Best model in bold."
 
 
 Part = tuple[Column, list[Cell]]  # heading, and cell of every line
@@ -182,8 +189,8 @@ def _curves(summary: Summary) -> list[Part]:
 
 
 def _with_best(summary: Summary, column: Column, name: str, texts: Sequence[str]) -> Part:
-    """A column in which the best of several fitted models stands out, and all that look like it."""
-    values = summary.frame[name].where(summary.frame["role"] == "fitted", np.nan)
+    """A column in which the best of several models stands out, and all that look like it."""
+    values = summary.frame[name].where(summary.frame["role"].isin(RIVALS), np.nan)
     finite = values[np.isfinite(values)]
     if len(finite) < 2:
         return column, list(map(Cell, texts))

@@ -44,7 +44,7 @@ def show(results: Results) -> None:
 
 
 def verdict(section: Section) -> str:
-    """Which fitted model predicts best, and which others are clearly worse; "" where none is."""
+    """Which model predicts best, and which others are clearly worse; "" where none is."""
     data = section.fitted
     found = {
         "scores": data,

@@ -180,6 +180,25 @@ def test_models_of_a_comparison_are_evaluated_too(place, call):
     )
 
 
+def test_evaluate_counts_the_parameters_that_compare_counts(place, call):
+    """Those that shooting freed beside friction, too."""
+    shooting = {"name": "shooting", "by": "shooting", "free": ["friction", "inertia"]}
+    shooting |= {"windows": [0.2], "iterations": 3}
+    changes = [("recipes", [shooting]), ("horizons", [0.3]), ("folds.count", 2)]
+    changes.append(("identifiers", [{"kind": "coulomb_viscous"}]))
+    compare_into(write_suite(place, changes, name="counted.toml"), place / "counted")
+    model = "counted/models/tiny--coulomb_viscous--shooting--seed0.json"
+    words = ("evaluate", model, "tiny", "--horizons", 0.3, "--out", "counted.csv")
+    assert call(*words)[0] == 0
+    compared = pd.read_csv(place / "counted" / "scores.csv")
+    compared = compared[compared["identifier"] == "coulomb_viscous"]
+    counts = [
+        t.loc[t["score"] == "n_parameters", "value"].tolist()
+        for t in (compared, pd.read_csv(place / "counted.csv"))
+    ]
+    assert counts == [[4.0], [4.0]]  # two of friction, inertia and gravity
+
+
 def test_report_makes_tables_anew_and_fits_nothing(place, call, monkeypatch):
     from frictionid import report
 

@@ -256,7 +256,12 @@ def test_few_recordings_are_left_out_one_by_one(recordings_, folds):
     assert set().union(*owners) == set(range(folds))
 
 
-def test_a_single_recording_is_split_in_blocks_where_asked():
+def test_a_single_recording_is_split_in_blocks():
+    """Without being told; whoever asks for whole recordings is told that there is one only."""
+    made, asked = (make_folds(of_sizes([50]), Split(kind=kind)) for kind in (None, "blocks"))
+    assert made.count == 10 and made.gap == Split().gap
+    assert made.hash == asked.hash
+    several = (make_folds(of_sizes([50, 60]), Split(kind=kind)) for kind in (None, "recordings"))
+    assert len({folds.hash for folds in several}) == 1
     with pytest.raises(InputError, match='1 recordings cannot make 2 folds.*"blocks"'):
-        make_folds(of_sizes([50]), Split())
-    assert make_folds(of_sizes([50]), Split(kind="blocks")).count == 10
+        make_folds(of_sizes([50]), Split(kind="recordings"))

@@ -93,8 +93,8 @@ def test_the_page_asks_and_answers(tmp_path, monkeypatch):
     page = (made.built(tmp_path) / "summary.md").read_text()
     assert "### Physics, hybrids and black boxes" in page
     answer = "Best hybrid after 0.5 s, held out: `learned`, 0.020 rad. Against the best textbook"
-    assert f"{answer} physics, `textbook`, 0.020 rad: not clearly better." in page
-    assert "black box, `blind`, 0.10 rad: clearly better." in page
+    assert f"{answer} physics, `textbook`, 0.020 rad: not clearly better (" in page
+    assert "black box, `blind`, 0.10 rad: clearly better (" in page
     assert "on `far`: `learned`, 0.060 rad. Against the best textbook physics" in page
 
 

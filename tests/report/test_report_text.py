@@ -67,12 +67,14 @@ def test_facts_are_those_of_the_numbers(typical):
     for found in predictions(data):
         assert found.best.name == "stribeck (integral)"
         assert found.error == pytest.approx(0.1 * found.horizon)
-        assert found.without.ratio == pytest.approx(9) and found.given.ratio == pytest.approx(3)
+        assert found.without.ratio == pytest.approx(9) and found.rival.ratio == pytest.approx(3)
     truth = truth_contrast(data)
     assert truth.value == pytest.approx(0.08) and truth.other_value == pytest.approx(0.1)
     assert truth.pair.mean == pytest.approx(-0.02)
     order = ranking(data)
-    assert [model.name for model in order.worse] == ["stribeck (study)"] and not order.tied
+    assert [c.model.name for c in order.worse] == ["stribeck (study)", "paper"] and not order.tied
+    assert order.worse[1].excess == pytest.approx(2.0)
+    assert order.worse[1].pair.mean == pytest.approx(0.2)
 
 
 NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hides
@@ -81,8 +83,8 @@ NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hi
 @pytest.mark.parametrize(
     ("noise", "expected", "sign"),
     [
-        (None, "a; clearly worse: b.", "+"),
-        (NEAR, "a; tied: b.", "≈"),
+        (None, "a; clearly worse: b (+5 %: 0.0100 ± 0.0000 rad).", "+"),
+        (NEAR, "a; tied: b (+5 %: 0.0087 ± 0.0139 rad).", "≈"),
         ([np.inf] * 4, "a; not comparable fold by fold: b.", "–"),
     ],
 )
