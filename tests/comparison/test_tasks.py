@@ -307,7 +307,7 @@ def test_provenance_is_complete(place):
     assert document["folds"] == {"tiny": make_folds(recordings(), Split(count=3)).hash}
     settings = document["settings"]
     assert settings["horizons"] == [0.1, 0.3] and settings["every"] == 0.25
-    assert settings["folds"] == {"count": 3, "kind": "recordings", "gap": 0.25, "seed": 0}
+    assert settings["folds"] == {"count": 3, "kind": None, "gap": 0.25, "seed": 0}
     assert settings["seeds"] == [0] and settings["recipes"][0]["name"] == "integral"
     given = [{k: v for k, v in e.items() if v is not None} for e in settings["identifiers"]]
     assert given == SUITE[1][1]
