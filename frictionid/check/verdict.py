@@ -23,6 +23,7 @@ from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.questions import Question, questions
 from frictionid.check.regression import Estimate, Regression, regress, widened
 from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
+from frictionid.check.time_unit import in_seconds
 from frictionid.check.torque_source import TorqueSource, torque_sources
 from frictionid.check.unmeasured import unmeasured
 from frictionid.data.recordings import Dataset
@@ -114,8 +115,9 @@ def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
     >>> check(simulate(rig)).level
     'good'
     """
-    corrected, findings = unwrapped(dataset)
-    return judge(corrected, motions_of(corrected.recordings), findings, published)
+    timed, of_time = in_seconds(dataset)
+    corrected, findings = unwrapped(timed)
+    return judge(corrected, motions_of(corrected.recordings), [*of_time, *findings], published)
 
 
 def judge(

@@ -74,13 +74,18 @@ def search_signals(
     Raises
     ------
     InputError
-        Where no signal of the pool keeps the limits.
+        Where no signal of the pool keeps the limits, or none shows friction and inertia.
     """
     random = np.random.default_rng(search.seed)
     sines, pool = _first(space, search, random)
     recordings = space.experiment.recordings
     scale = scales(space.experiment, pool.information, pool.information.pick(slice(sines)))
     chosen, value = exchange(pool.information, scale, recordings)
+    if not value > 0.0:
+        raise InputError(
+            "no signal within the limits shows all of friction and inertia: check the parameters "
+            "of the mechanism, or widen the limit of the torque or the length of the recordings"
+        )
     values = [value]
     done(f"{len(pool.x)} signals keep the limits")
     for _ in range(search.generations):

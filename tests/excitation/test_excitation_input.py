@@ -84,9 +84,11 @@ def test_mechanism_files_say_what_is_wrong(tmp_path: Path) -> None:
     assert mechanism_of(load_mechanism(file)).n == 1
 
 
-def _run(monkeypatch: pytest.MonkeyPatch, folder: Path, *options: str) -> int:
+def _run(monkeypatch: pytest.MonkeyPatch, folder: Path, *options: str, length: float = 0.3) -> int:
     file = folder / "machine.toml"
-    file.write_text('[mechanism]\nkind = "pendulum"\nparameters = { mass = 0.2, length = 0.3 }')
+    file.write_text(
+        f'[mechanism]\nkind = "pendulum"\nparameters = {{ mass = 0.2, length = {length} }}'
+    )
     fixed = ["--mechanism", str(file), "--limits", "torque=0.3,velocity=20", "--length", "1.5"]
     monkeypatch.setattr("sys.argv", ["frictionid", "suggest", *fixed, "--effort", "12", *options])
     return main()
@@ -137,3 +139,11 @@ def test_what_cannot_be_written_is_said_before_the_search(
     place = tmp_path / "file" / "torque.csv"
     assert _run(monkeypatch, tmp_path, "--out", str(place)) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_machine_that_no_torque_moves_is_one_clear_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "torque.csv"
+    assert _run(monkeypatch, tmp_path, "--out", str(place), length=1e9) == 2
+    assert "no signal within the limits shows all of friction" in capsys.readouterr().err

@@ -92,20 +92,39 @@ def numeric_table(content: bytes, file: str) -> Table:
     >>> list(numeric_table(b"t,mode,q\n0.0,hold,1.5\n", "a.csv").columns)
     ['t', 'q']
     """
-    parquet = file.lower().endswith(".parquet")
-    lines = [] if parquet else list(_csv_lines(unzip(content, file), file))
-    names = _parquet_names(content, file) if parquet else lines[0][1]
-    _check_header(file, names, names)
-    picked: dict[str, Array] = {}
-    for k, name in enumerate(names):
-        with suppress(InputError):  # columns of words
-            one = _parquet(content, file, [name]).columns[name] if parquet else None
-            own = [_number(cells[k], row, name, file) for row, cells in lines[1:]]
-            picked[name] = np.array(own) if one is None else one
+    if file.lower().endswith(".parquet"):
+        picked = _numeric_parquet(content, file)
+    else:
+        picked = _numeric_csv(unzip(content, file), file)
     length = len(next(iter(picked.values()), ()))
     if not length:
         raise InputError(f"{file} has no rows of numbers below its header; name another table")
     return Table(file, np.arange(2, length + 2), picked)
+
+
+def _numeric_parquet(content: bytes, file: str) -> dict[str, Array]:
+    names = _parquet_names(content, file)
+    _check_header(file, names, names)
+    picked = {}
+    for name in names:
+        with suppress(InputError):  # columns of words
+            picked[name] = _parquet(content, file, [name]).columns[name]
+    return picked
+
+
+def _numeric_csv(content: bytes, file: str) -> dict[str, Array]:
+    """Columns of numbers of a CSV text, read row by row; words end those that hold any."""
+    lines = _csv_lines(content, file)
+    _, names = next(lines)
+    _check_header(file, names, names)
+    cells = {k: array("d") for k in range(len(names))}
+    for row, line in lines:
+        for k in list(cells):
+            try:
+                cells[k].append(_number(line[k], row, names[k], file))
+            except InputError:
+                del cells[k]
+    return {names[k]: np.array(column) for k, column in cells.items()}
 
 
 def table_name(file: str) -> str:

@@ -1,0 +1,74 @@
+"""A time in another unit is named as such, whatever it is, and only where it is one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.paths import DATA
+
+from frictionid import load_dataset
+from frictionid.check import check
+from frictionid.check.time_unit import in_seconds
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+
+PENDULUM = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.3}}
+
+
+def _timed(dataset: Dataset, factor: float) -> Dataset:
+    """The data set with the numbers of its times multiplied."""
+
+    def timed(signal: Signal) -> Signal:
+        return signal._replace(time=factor * signal.time)
+
+    recordings = (
+        Recording(r.name, timed(r.angle), timed(r.torque)) for r in dataset.recordings[::5]
+    )
+    return replace(dataset, recordings=tuple(recordings))
+
+
+@pytest.fixture(scope="module")
+def acrobot() -> Dataset:
+    return load_dataset(DATA / "acrobot_clean")
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1e3, "the time is in ms, not in s"),
+        (1e6, "the time is in us, not in s"),
+        (1e-3, "the time is 1000 times too short"),
+    ],
+)
+def test_a_time_in_another_unit_is_named_and_nothing_else(acrobot, factor, words):
+    verdict = check(_timed(acrobot, factor))
+    assert [f.kind for f in verdict.findings] == ["time_unit"]
+    assert verdict.findings[0].text.startswith(words) and verdict.level == "unusable"
+    right = check(_timed(acrobot, 1.0))
+    np.testing.assert_allclose(verdict.estimate.value, right.estimate.value, rtol=1e-6)
+    assert not right.findings
+
+
+@pytest.mark.parametrize("joint_noise", [0.0, 1e-3])
+@pytest.mark.parametrize("interval", [1e-4, 0.25, 2.0])
+def test_slow_and_fast_recordings_in_seconds_are_left_alone(interval, joint_noise):
+    # a pendulum so heavy or light that it really moves at this pace
+    time = interval * np.arange(300)
+    rate = 0.1 / interval
+    swing = 0.1 * np.cos(rate * time) + joint_noise * np.random.default_rng(0).normal(size=300)
+    machine = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 9.81 / rate**2}}
+    angle = Signal(time, swing[:, None])
+    data = Dataset("paced", machine, (Recording("swing", angle, Signal(time, 0 * angle.value)),))
+    assert in_seconds(data) == (data, [])
+
+
+def test_all_signals_are_on_the_corrected_clock():
+    time = np.arange(300) / 60
+    angle = Signal(1e3 * time, np.cos(5.7 * time)[:, None])
+    still = Signal(1e3 * time, np.zeros((300, 1)))
+    one = Recording("r", angle, still, velocity=still, covariates={"temperature": still})
+    corrected, found = in_seconds(Dataset("d", PENDULUM, (one,)))
+    own = corrected.recordings[0]
+    for signal in (own.angle, own.torque, own.velocity, own.covariates["temperature"]):
+        np.testing.assert_allclose(signal.time, time)
+    assert found[0].numbers["factor"] == 1e-3
