@@ -132,7 +132,13 @@ def is_installed(module: str) -> bool:
     (True, False)
     """
     top = module.partition(".")[0]
-    return top == __name__.partition(".")[0] or top in packages_distributions()
+    return top == __name__.partition(".")[0] or top in _installed()
+
+
+@cache
+def _installed() -> frozenset[str]:
+    """Modules of the installed packages; their metadata is many files to read."""
+    return frozenset(packages_distributions())
 
 
 def _is_beside(top: str, folder: Path) -> bool:
