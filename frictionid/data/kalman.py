@@ -21,13 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data import kalman_loops
 from frictionid.data.signals import Signal, relative_noise
-
-# Initial variances of position, velocity and acceleration, in units of the measurement variance:
-# practically unknown.
-_DIFFUSE = (1e6, 1e14, 1e18)
-_FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
-_FLOOR = 1e-24  # of the variance: the resolution of stored numbers
 
 
 class Series(NamedTuple):
@@ -109,61 +104,42 @@ def padded_series(angles: Sequence[Signal]) -> Series:
 
 def kalman_filter(series: Series, rho: Array) -> FilterOutput:
     """Kalman filter of all series at jerk ratios rho (..., S)."""
-    T, shape = len(series.dt), np.broadcast_shapes(np.shape(rho), series.value.shape[1:])
-    mean, gain = np.empty((T, 3, *shape)), np.empty((T, 3, *shape))
-    covariance, variance = np.empty((T, 6, *shape)), np.empty((T, *shape))
-    innovation = np.empty((T, *shape))
-    x, P = initial_state(np.broadcast_to(series.value[0], shape))
-    for t in range(T):
-        if t:
-            x, P = predict(x, P, series.dt[t], rho)
-        e, s = series.value[t] - x[0], P[0] + series.noise[t]
-        K = np.where(series.valid[t], P[:3] / s, 0)
-        x = x + K * e
-        P = _update(P, K, s / series.noise[t])
-        mean[t], covariance[t], gain[t], innovation[t], variance[t] = x, P, K, e, s
-    return FilterOutput(np.moveaxis(mean, 1, -1), covariance, gain, innovation, variance)
+    ratios = np.broadcast_to(rho, np.broadcast_shapes(np.shape(rho), series.value.shape[1:]))
+    batch = ratios.shape[:-1]
+    found = kalman_loops.filtered(*_by_series(series), _of_series(ratios))
+    mean, covariance, gain, *others = (x.reshape(*batch, *x.shape[1:]) for x in found)
+    innovation, variance = (np.moveaxis(x, -1, 0) for x in others)
+    return FilterOutput(
+        np.moveaxis(mean, -2, 0),
+        np.moveaxis(covariance, (-2, -1), (0, 1)),
+        np.moveaxis(gain, (-2, -1), (0, 1)),
+        innovation,
+        variance,
+    )
+
+
+def _by_series(series: Series) -> tuple[Array, ...]:
+    """Interval, value, noise and validity (S, T) of the samples of each series."""
+    return tuple(np.ascontiguousarray(x.T) for x in series[:4])
+
+
+def _of_series(rho: Array) -> Array:
+    """Jerk ratios (..., S) as (G, S)."""
+    return np.ascontiguousarray(rho.reshape(-1, rho.shape[-1]), dtype=float)
 
 
 def initial_state(value: Array) -> tuple[Array, Array]:
     """Mean (3, ...) and covariance (6, ...) before the first sample, next to unknown."""
     x, P = np.zeros((3, *value.shape)), np.zeros((6, *value.shape))
     x[0] = value
-    P[0], P[3], P[5] = _DIFFUSE
+    P[0], P[3], P[5] = kalman_loops.DIFFUSE
     return x, P
 
 
 def predict(x: Array, P: Array, dt: Array, rho: Array) -> tuple[Array, Array]:
-    """Mean F x and covariance F P F' + Q one sample later."""
-    half = dt * dt / 2
-    a, b, c, d, e, f = P
-    x = np.array([x[0] + dt * x[1] + half * x[2], x[1] + dt * x[2], x[2]])
-    # F P by rows, of which the last two need fewer columns, then times F'
-    r0, r1, r2 = a + dt * b + half * c, b + dt * d + half * e, c + dt * e + half * f
-    s1, s2 = d + dt * e, e + dt * f
-    moved = (r0 + dt * r1 + half * r2, r1 + dt * r2, r2, s1 + dt * s2, s2, f)
-    d3 = dt * dt * dt
-    noise = (d3 * dt * dt / 20, d3 * dt / 8, d3 / 6, d3 / 3, dt * dt / 2, dt)
-    return x, np.array([m + rho * n for m, n in zip(moved, noise, strict=True)])
-
-
-def _update(P: Array, K: Array, ratio: Array) -> Array:
-    """Covariance P - K s K' after a measurement, with ratio = s / (measurement variance).
-
-    The entries of the position are P / ratio: that form cannot cancel.
-    """
-    a, b, c, d, e, f = P
-    measured, kept = K[0] > 0, 1.0 - K[0]
-    return np.array(
-        [
-            np.where(measured, a / ratio, a),
-            np.where(measured, b / ratio, b * kept),
-            np.where(measured, c / ratio, c * kept),
-            d - K[1] * b,
-            e - K[1] * c,
-            f - K[2] * c,
-        ]
-    )
+    """Mean F x (3, ...) and covariance F P F' + Q (6, ...) one sample later."""
+    mean, covariance = kalman_loops.predicted(tuple(x), tuple(P), dt, rho)
+    return np.array(mean), np.array(covariance)
 
 
 def rts_smoother(series: Series, rho: Array) -> Array:
@@ -178,18 +154,14 @@ def smoothed_by(series: Series, forward: FilterOutput) -> Array:
 
         smoothed = mean - P l,    l <- F' (l - H' (K' l + innovation / variance))
     """
-    adjoint = np.zeros((3, series.value.shape[1]))
-    out = np.empty_like(forward.mean)
-    for t in range(len(series.dt) - 1, -1, -1):
-        a, b, c, d, e, f = forward.covariance[t]
-        x, y, z = adjoint
-        correction = (a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z)
-        out[t] = forward.mean[t] - np.array(correction).T
-        K, dt = forward.gain[t], series.dt[t]
-        scaled = np.where(series.valid[t], forward.innovation[t] / forward.variance[t], 0.0)
-        x = x - (K[0] * x + K[1] * y + K[2] * z) - scaled
-        adjoint = np.array([x, y + dt * x, z + dt * y + dt * dt / 2 * x])
-    return out
+    scaled = np.ascontiguousarray((forward.innovation / forward.variance).T)
+    dt, _, _, valid = _by_series(series)
+    mean = np.ascontiguousarray(np.moveaxis(forward.mean, 1, 0))
+    covariance, gain = (
+        np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (forward.covariance, forward.gain)
+    )
+    out = kalman_loops.smoothed(dt, valid, mean, covariance, gain, scaled)
+    return np.asarray(np.moveaxis(out, 0, 1))
 
 
 def likeliest_jerk_ratio(series: Series, decades: tuple[float, float] = (2.0, 20.0)) -> Array:
@@ -211,28 +183,13 @@ def innovation_likelihood(series: Series, rho: Array) -> Array:
 
     The measurement variance is concentrated out, that is, replaced by its likeliest value.
     """
-    f = kalman_filter(series, np.broadcast_to(rho, (*rho.shape[:-1], series.value.shape[1])))
-    use = series.valid[_FIXED:, None] if rho.ndim > 1 else series.valid[_FIXED:]
-    innovation, variance = f.innovation[_FIXED:], f.variance[_FIXED:]
-    squares = np.where(use, innovation**2 / variance, 0.0).sum(0)
-    logs = np.where(use, np.log(variance), 0.0).sum(0)
-    return _log_likelihood(np.maximum(use.sum(0), 1), squares, logs)
+    ratios = np.broadcast_to(rho, (*rho.shape[:-1], series.value.shape[1]))
+    whole, _ = kalman_loops.likelihoods(*_by_series(series), _of_series(ratios))
+    return np.asarray(whole.reshape(ratios.shape))
 
 
 def causal_states(series: Series, decades: tuple[float, float] = (2.0, 20.0)) -> Array:
     """Filtered states (T, S, 3), each at the jerk ratio that its past samples make likeliest."""
-    rho = 10.0 ** np.linspace(*decades, 19)[:, None]
-    f = kalman_filter(series, np.broadcast_to(rho, (len(rho), series.value.shape[1])))
-    use = series.valid.copy()
-    use[:_FIXED] = False
-    use = use[:, None]
-    count = np.maximum(np.cumsum(use, axis=0), 1)
-    squares = np.cumsum(np.where(use, f.innovation**2 / f.variance, 0.0), axis=0)
-    logs = np.cumsum(np.where(use, np.log(f.variance), 0.0), axis=0)
-    best = np.argmax(_log_likelihood(count, squares, logs), axis=1)[:, None, :, None]
-    return np.take_along_axis(f.mean, best, axis=1)[:, 0]
-
-
-def _log_likelihood(count: Array, squares: Array, logs: Array) -> Array:
-    """Gaussian log-likelihood of `count` innovations at their likeliest variance."""
-    return -0.5 * (count * np.log(np.maximum(squares / count, _FLOOR)) + logs)
+    rho = np.repeat(10.0 ** np.linspace(*decades, 19)[:, None], series.value.shape[1], axis=1)
+    _, means = kalman_loops.likelihoods(*_by_series(series), rho)
+    return np.asarray(means.swapaxes(0, 1))

@@ -1,0 +1,150 @@
+"""Loops over the samples of the Kalman filter and the smoother, compiled.
+
+Each sample depends on the one before, so that arrays of NumPy cannot hold the loop. Series are
+(S, T): samples of one series stand side by side. G jerk ratios of each series are tried at once.
+State and covariance are (x, v, w) and (a, b, c, d, e, f), see `kalman`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+from frictionid.arrays import Array
+
+# Initial variances of position, velocity and acceleration, in units of the measurement variance:
+# practically unknown.
+DIFFUSE = (1e6, 1e14, 1e18)
+_FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
+_FLOOR = 1e-24  # of the variance: the resolution of stored numbers
+
+
+def _compiled(function: Callable[..., Any]) -> Any:
+    """The function as machine code, which is kept where there is a folder that can be written."""
+    try:
+        return numba.njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # no such folder
+        return numba.njit(error_model="numpy")(function)
+
+
+def predicted(mean: Any, covariance: Any, dt: Any, rho: Any) -> Any:
+    """Mean F x and covariance F P F' + Q one sample later: tuples of numbers, or of arrays."""
+    x, v, w = mean
+    a, b, c, d, e, f = covariance
+    half = dt * dt / 2
+    # F P by rows, of which the last two need fewer columns, then times F'
+    r0, r1, r2 = a + dt * b + half * c, b + dt * d + half * e, c + dt * e + half * f
+    s1, s2 = d + dt * e, e + dt * f
+    d3 = dt * dt * dt
+    return (x + dt * v + half * w, v + dt * w, w), (
+        r0 + dt * r1 + half * r2 + rho * (d3 * dt * dt / 20),
+        r1 + dt * r2 + rho * (d3 * dt / 8),
+        r2 + rho * (d3 / 6),
+        s1 + dt * s2 + rho * (d3 / 3),
+        s2 + rho * (dt * dt / 2),
+        f + rho * dt,
+    )
+
+
+_predicted = _compiled(predicted)
+
+
+@_compiled
+def _initial(value: float) -> Any:
+    """Mean and covariance before the first sample, next to unknown."""
+    return (value, 0.0, 0.0), (DIFFUSE[0], 0.0, 0.0, DIFFUSE[1], 0.0, DIFFUSE[2])
+
+
+@_compiled
+def _updated(mean: Any, covariance: Any, innovation: float, variance: float, noise: float) -> Any:
+    """Mean, covariance and gain after a measurement.
+
+    The entries of the position are P / ratio: that form cannot cancel.
+    """
+    x, v, w = mean
+    a, b, c, d, e, f = covariance
+    k0, k1, k2 = a / variance, b / variance, c / variance
+    ratio = variance / noise
+    less = (a / ratio, b / ratio, c / ratio, d - k1 * b, e - k1 * c, f - k2 * c)
+    return (x + k0 * innovation, v + k1 * innovation, w + k2 * innovation), less, (k0, k1, k2)
+
+
+@_compiled
+def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
+    """Output of the filter at jerk ratios (G, S).
+
+    Means (G, S, T, 3), covariances (G, S, T, 6), gains (G, S, T, 3), innovations and variances
+    (G, S, T).
+    """
+    G, S, T = len(rho), len(dt), dt.shape[1]
+    means, covariances = np.empty((G, S, T, 3)), np.empty((G, S, T, 6))
+    gains = np.zeros((G, S, T, 3))
+    innovations, variances = np.empty((G, S, T)), np.empty((G, S, T))
+    for g, s in np.ndindex(G, S):
+        x, P = _initial(value[s, 0])
+        for t in range(T):
+            if t:
+                x, P = _predicted(x, P, dt[s, t], rho[g, s])
+            innovation, variance = value[s, t] - x[0], P[0] + noise[s, t]
+            if valid[s, t]:
+                x, P, gains[g, s, t] = _updated(x, P, innovation, variance, noise[s, t])
+            means[g, s, t], covariances[g, s, t] = x, P
+            innovations[g, s, t], variances[g, s, t] = innovation, variance
+    return means, covariances, gains, innovations, variances
+
+
+@_compiled
+def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
+    """Log-likelihoods (G, S) of the innovations at jerk ratios (G, S), and the likeliest means.
+
+    Means (S, T, 3) are at the jerk ratio of each series that its samples so far make likeliest.
+    The measurement variance is concentrated out, that is, replaced by its likeliest value.
+    """
+    G, S, T = len(rho), len(dt), dt.shape[1]
+    whole, means, best = np.empty((G, S)), np.empty((S, T, 3)), np.full((S, T), -np.inf)
+    for g, s in np.ndindex(G, S):
+        x, P = _initial(value[s, 0])
+        count, squares, logs, likelihood = 0, 0.0, 0.0, 0.0
+        for t in range(T):
+            if t:
+                x, P = _predicted(x, P, dt[s, t], rho[g, s])
+            if valid[s, t]:
+                innovation, variance = value[s, t] - x[0], P[0] + noise[s, t]
+                x, P, _ = _updated(x, P, innovation, variance, noise[s, t])
+                if t >= _FIXED:
+                    count += 1
+                    squares += innovation * innovation / variance
+                    logs += math.log(variance)
+                    usual = max(squares / count, _FLOOR)
+                    likelihood = -0.5 * (count * math.log(usual) + logs)
+            if likelihood > best[s, t]:
+                best[s, t], means[s, t] = likelihood, x
+        whole[g, s] = likelihood
+    return whole, means
+
+
+@_compiled
+def smoothed(
+    dt: Array, valid: Array, means: Array, covariances: Array, gains: Array, scaled: Array
+) -> Any:
+    """Smoothed means (S, T, 3) from the filter's output at one jerk ratio.
+
+    scaled : innovations over their variances
+    """
+    S, T = dt.shape
+    out = np.empty((S, T, 3))
+    for s in range(S):
+        x, y, z = 0.0, 0.0, 0.0
+        for t in range(T - 1, -1, -1):
+            a, b, c, d, e, f = covariances[s, t]
+            k, h = gains[s, t], dt[s, t]
+            out[s, t, 0] = means[s, t, 0] - (a * x + b * y + c * z)
+            out[s, t, 1] = means[s, t, 1] - (b * x + d * y + e * z)
+            out[s, t, 2] = means[s, t, 2] - (c * x + e * y + f * z)
+            x = x - (k[0] * x + k[1] * y + k[2] * z) - (scaled[s, t] if valid[s, t] else 0.0)
+            x, y, z = x, y + h * x, z + h * y + h * h / 2 * x
+    return out
