@@ -38,6 +38,13 @@ def fit(
     fixed: Fixed = None,
     windows: Windows = None,
     iterations: Iterations = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            help="Model file whose base parameters, delay, gain, bias and offset are held; "
+            "blocks named by --free have its standard errors as priors."
+        ),
+    ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
     ] = None,
@@ -57,9 +64,11 @@ def fit(
     from frictionid.outputs import check_outputs
     from frictionid.report.figures.fitted import check_drawable, fit_picture
 
-    check_outputs([*model_paths(out), figure], dataset_files(dataset, data), replace=replace)
+    read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
+    check_outputs([*model_paths(out), figure], read, replace=replace)
     chosen = identifier_named(identifier, settings(set_ or []))
-    method = _recipe(recipe, by, free, fixed or [], _shooting_settings(windows, iterations))
+    shooting = _shooting_settings(windows, iterations)
+    method = _recipe(recipe, by, free, fixed or [], shooting, calibration)
     method.check(chosen)
     protocol = Protocol(sample_time=sample_time)
     if figure is not None:
@@ -120,22 +129,27 @@ def _shooting_settings(windows: str | None, iterations: int | None) -> dict[str,
 
 
 def _recipe(
-    name: str, by: str | None, free: str, fixed: list[str], shooting: dict[str, Any]
+    name: str,
+    by: str | None,
+    free: str,
+    fixed: list[str],
+    shooting: dict[str, Any],
+    calibration: Path | None,
 ) -> Method:
     """Recipe that the options name."""
     from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
     from frictionid.errors import InputError
 
+    known = None if calibration is None else str(calibration)
     if by is None:
         if free or fixed or shooting:
             raise InputError("--free, --fixed, --windows and --iterations need --by shooting")
-        return recipe_named(name)
+        if known is None:
+            return recipe_named(name)
+        return recipe_of(RecipeEntry(name=f"{name} calibrated", like=name, known=known))
     if by != "shooting":
         raise InputError(f"--by {by!r} is unknown; known is shooting")
     blocks = [part.strip() for part in free.split(",")] if free else None
     start = "integral" if name == "shooting" else name
-    return recipe_of(
-        RecipeEntry(
-            name="shooting", by="shooting", free=blocks, fixed=fixed, start=start, **shooting
-        )
-    )
+    given = {"free": blocks, "fixed": fixed, "start": start, "known": known, **shooting}
+    return recipe_of(RecipeEntry(name="shooting", by="shooting", **given))

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
 from frictionid.comparison.kinds import Kind, built
 from frictionid.comparison.methods import Method
-from frictionid.comparison.registry import BLOCKS, ESTIMATORS, IDENTIFIERS, RECIPES
+from frictionid.comparison.registry import (
+    BLOCKS,
+    ESTIMATORS,
+    IDENTIFIERS,
+    RECIPES,
+    friction_of,
+)
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.shooting import CalibratedRecipe, DelayBlock, Settings, Shooting
 from frictionid.shooting.calibrated_recipe import PARTS
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
+from frictionid.shooting.known_calibration import KnownCalibration, known_calibration
 from frictionid.shooting.parameters import ParameterBlock
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
@@ -54,7 +62,9 @@ class RecipeEntry(Strict):
     other keys are those of the `Settings` of shooting.
 
     With a `calibration` the data are corrected by it, and fitted by the one-step recipe that `like`
-    names.
+    names. `known` names a model file in place of it: its base parameters, delay, gain, bias and
+    offset are held, but for the blocks that shooting frees, which have its standard errors as
+    priors.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, **STRICT)
@@ -68,6 +78,7 @@ class RecipeEntry(Strict):
     states: dict[str, Any] | None = None
     like: str | None = None
     calibration: CalibrationEntry | None = None
+    known: str | None = None
     renamed: ClassVar[Mapping[str, str]] = {
         **{"rig": "calibration"},
         **ONE_STEP.renamed,
@@ -78,9 +89,15 @@ class RecipeEntry(Strict):
     @property
     def is_one_step(self) -> bool:
         """Whether it is neither a calibrated recipe nor one of shooting."""
-        other = self.by, self.calibration, self.like
+        other = self.by, self.calibration, self.like, self.known
         own_shooting = self.name == _SHOOTING.name and self.states is None
-        return other == (None, None, None) and not own_shooting
+        return set(other) == {None} and not own_shooting
+
+    def beside(self, folder: Path) -> RecipeEntry:
+        """The table with its paths from a folder."""
+        if self.known is None:
+            return self
+        return self.model_copy(update={"known": str(folder / self.known)})
 
     @property
     def where(self) -> str:
@@ -152,19 +169,26 @@ def one_step_of(entry: RecipeEntry) -> Recipe:
 def shooting_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) -> Shooting:
     """Shooting with the blocks and settings of its table."""
     start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
-    free = entry.free or [block.name for block in DEFAULT_BLOCKS]
+    known = _known(entry.known)
+    free = entry.free or [
+        block.name for block in DEFAULT_BLOCKS if not known or block.enters == "friction"
+    ]
     blocks = blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where)
     if entry.free is None:
         blocks = tuple(
             replace(b, where_sampled=True) if isinstance(b, DelayBlock) else b for b in blocks
         )
     settings = SHOOTING.build(entry.keys(SHOOTING), entry.where)
-    return Shooting(entry.name, blocks, settings, start)
+    return Shooting(entry.name, blocks, settings, start, known)
 
 
 def _calibrated(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None) -> CalibratedRecipe:
     """The recipe that `like` names, on data corrected by the calibration of its table."""
     calibration, like, where = entry.calibration, entry.like, f"{entry.where}, calibration"
+    if calibration is None and like is not None and entry.known is not None:
+        return _held(
+            entry.name, one_step_named(like, one_step, f"{entry.where}: like"), entry.known
+        )
     if calibration is None or like is None:
         lost = "calibration" if calibration is None else "like"
         raise InputError(
@@ -175,6 +199,17 @@ def _calibrated(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None) -> Ca
     use = calibration.use or [name for name in calibration.free if name in PARTS]
     friction = built({"kind": calibration.friction}, IDENTIFIERS, where)
     return CalibratedRecipe(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
+
+
+def _held(name: str, step: Recipe, known: str) -> CalibratedRecipe:
+    """A one-step recipe on data corrected by the calibration of a model file."""
+    nothing = IDENTIFIERS["none"].build({}, name)
+    return CalibratedRecipe(name, step, Shooting(blocks=(), known=_known(known)), nothing, PARTS)
+
+
+def _known(file: str | None) -> KnownCalibration | None:
+    """The calibration of a model file."""
+    return None if file is None else known_calibration(friction_of(Path(file)), file)
 
 
 def blocks_of(

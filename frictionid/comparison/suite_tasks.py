@@ -64,7 +64,7 @@ def tasks_of(
 def _tasks(
     suite: Suite, folder: Path, data: Path | None, device: str | None, trust: bool
 ) -> list[Task]:
-    recipes = recipes_of(suite.recipes)
+    recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
     identifiers = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
     if device is not None:
         identifiers = [i._replace(identifier=on_device(i.identifier, device)) for i in identifiers]

@@ -20,7 +20,7 @@ from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.identifiers.one_step_fit import OneStepFit, checked_fit
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics.calibration import Calibration
+from frictionid.mechanics.calibration import Calibration, stack_calibrations
 from frictionid.shooting.recipe import Shooting, ShootingData, check_mechanism, refine_folds
 
 # Parts of a calibration that may correct the data, under the names of the blocks that free them.
@@ -49,7 +49,8 @@ class CalibratedRecipe:
     """A one-step recipe on data that a calibration corrects, estimated by shooting.
 
     step : what identifiers fit
-    by : shooting that estimates the calibration, beside the friction of an identifier
+    by : shooting that estimates the calibration, beside the friction of an identifier; without
+        blocks, its `known` calibration is held
     friction : that identifier
     use : parts of the calibration that correct the data, some of those that `by` frees
     """
@@ -73,9 +74,9 @@ class CalibratedRecipe:
 
     @property
     def _free(self) -> tuple[str, ...]:
-        """Parts of the calibration that `by` frees."""
+        """Parts of the calibration that `by` frees, or all where it is known."""
         free = [block.name for block in self.by.blocks]
-        return tuple(part for part in PARTS if part in free)
+        return tuple(part for part in PARTS if part in free or self.by.known is not None)
 
     @property
     def first_step(self) -> Recipe:
@@ -123,6 +124,9 @@ class CalibratedRecipe:
         """
         rows = slice(-1, None) if whole else slice(None)
         problem, weights = data.problems[self.by.start.name], data.weights[self.by.start.name]
+        if self.by.known is not None and not self.by.blocks:
+            held = self.by.known.on(data.intervals.dataset)
+            return part_of_calibration(stack_calibrations([held] * len(weights)), self.use)
         friction = self.friction.fit(problem, weights[rows], 0)
         fitted, _ = refine_folds(friction, data.intervals, self.by, data.interval_weights[rows])
         if fitted.calibration is None:

@@ -17,6 +17,7 @@ from frictionid.identifiers.formulation import INTEGRAL, Recipe, TrainingData
 from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.mechanics.calibration import stack_calibrations
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
+from frictionid.shooting.known_calibration import KnownCalibration
 from frictionid.shooting.parameters import ParameterBlock
 from frictionid.shooting.refine import Refined, fit_blocks
 from frictionid.shooting.sample_intervals import Intervals
@@ -59,12 +60,14 @@ class Shooting:
 
     blocks : what is free: friction, and the delay where a motor's torque is sampled
     settings : windows, noise, iterations; start : the recipe it begins with
+    known : calibration of another fit, held but for the blocks that are free, which it informs
     """
 
     name: str = "shooting"
     blocks: tuple[ParameterBlock, ...] = DEFAULT_BLOCKS
     settings: Settings = Settings()
     start: Recipe = INTEGRAL
+    known: KnownCalibration | None = None
     needs_intervals: ClassVar[bool] = True
     scheme: ClassVar[str] = "shooting"
     calibrator: ClassVar[None] = None
@@ -133,9 +136,14 @@ def refine_folds(
     Each fold is fitted from its own one-step fit, so that nothing of it depends on the recordings
     that it holds out: neither its optimum, nor the way there.
     """
+    blocks, starts = recipe.blocks, [friction[f] for f in range(len(training))]
+    if recipe.known is not None:
+        blocks = recipe.known.as_priors(blocks)
+        held = recipe.known.on(intervals.dataset)
+        starts = [replace(start, calibration=held) for start in starts]
     results = [
-        fit_blocks(friction[f], intervals, recipe.blocks, recipe.settings, use)
-        for f, use in enumerate(training > 0)
+        fit_blocks(start, intervals, blocks, recipe.settings, use)
+        for start, use in zip(starts, training > 0, strict=True)
     ]
     return _together([result.friction for result in results]), results[-1]
 

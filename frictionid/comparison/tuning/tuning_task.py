@@ -86,7 +86,7 @@ def _tuning_tasks(suite: Suite, folder: Path, data: Path | None, trust: bool) ->
             "no identifier has a search table: add one, e.g. "
             "search = { width = { low = 0.005, high = 0.1, log = true } }"
         )
-    recipes = recipes_of(suite.recipes)
+    recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
     for entry in entries:
         _check_space(entry, folder, recipes)
     benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]

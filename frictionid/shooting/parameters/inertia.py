@@ -15,6 +15,7 @@ from frictionid.shooting.parameters.parameter_block import (
     Values,
     check_fixed,
     relative_deviation,
+    with_known,
 )
 
 _GRID = np.linspace(-np.pi, np.pi, 13)
@@ -31,13 +32,14 @@ class InertiaBlock(ParameterBlock):
 
     fixed: tuple[str, ...] = ()
     prior: float | None = None
+    known: tuple[tuple[str, float], ...] = ()
     name, enters = "inertia", "base"
 
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         base, d = np.asarray(estimate.calibration.base), estimate.mechanism.description
         names = estimate.mechanism.base_names
         check_fixed(self.fixed, names, self.name, f"{d.kind} has no base parameter")
-        return tuple(
+        free = (
             Parameter(
                 block=self.name,
                 name=b.name,
@@ -49,6 +51,7 @@ class InertiaBlock(ParameterBlock):
             for i, b in enumerate(d.base)
             if b.name not in self.fixed
         )
+        return with_known(free, self.known)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         new = np.array(estimate.calibration.base, dtype=float)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -58,12 +58,13 @@ class ParameterBlock(ABC):
     """Some of the parameters of a fit, free but for those whose names are `fixed`.
 
     `enters` says which input of the physics they are: "friction", "base", "torque", "angle" or
-    "actuator".
+    "actuator". `known` are standard deviations of priors by the parameters' names.
     """
 
     name: ClassVar[str]
     enters: ClassVar[str]
     fixed: tuple[str, ...] = ()
+    known: tuple[tuple[str, float], ...] = ()
 
     @abstractmethod
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
@@ -131,6 +132,16 @@ def relative_deviation(prior: float | None, name: str, value: float) -> float:
     """Standard deviation of a prior that is given relative to a value, infinite for none."""
     deviation = prior_deviation(prior, name)
     return deviation * max(abs(value), 1e-12) if prior else deviation
+
+
+def with_known(
+    parameters: Iterable[Parameter], known: Sequence[tuple[str, float]]
+) -> tuple[Parameter, ...]:
+    """The parameters, those of known names with priors at least as narrow."""
+    deviations = dict(known)
+    return tuple(
+        p._replace(prior=min(p.prior, deviations.get(p.name, float("inf")))) for p in parameters
+    )
 
 
 def check_fixed(fixed: Sequence[str], known: Sequence[str], block: str, what: str) -> None:

@@ -20,6 +20,7 @@ from frictionid.shooting.parameters.parameter_block import (
     ParameterBlock,
     Values,
     prior_deviation,
+    with_known,
 )
 
 
@@ -28,6 +29,7 @@ class _JointSensor(ParameterBlock):
     """One value for each joint, kept in the calibration under the name of the block."""
 
     prior: float | None = None
+    known: tuple[tuple[str, float], ...] = ()
     label: ClassVar[str]
     low: ClassVar[float] = -float("inf")
 
@@ -35,7 +37,7 @@ class _JointSensor(ParameterBlock):
         d, deviation = estimate.mechanism.description, prior_deviation(self.prior, self.name)
         values = getattr(estimate.calibration, self.name)
         units = {"gain": "1", "bias": d.torque_unit, "offset": d.angle_unit}
-        return tuple(
+        free = (
             Parameter(
                 block=self.name,
                 name=f"{self.label} of {d.joints[j]}",
@@ -48,6 +50,7 @@ class _JointSensor(ParameterBlock):
             for j in range(estimate.mechanism.n)
             if d.driven[j] or self.enters == "angle"
         )
+        return with_known(free, self.known)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         new = np.array(getattr(estimate.calibration, self.name), dtype=float)
@@ -98,6 +101,7 @@ class DelayBlock(ParameterBlock):
     most: float = 0.2
     prior: float | None = None
     where_sampled: bool = False
+    known: tuple[tuple[str, float], ...] = ()
     name, enters = "delay", "torque"
 
     def __post_init__(self) -> None:
@@ -107,7 +111,8 @@ class DelayBlock(ParameterBlock):
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         deviation = prior_deviation(self.prior, self.name)
         value = float(estimate.calibration.delay)
-        return (Parameter(self.name, "torque delay", "s", value, -self.most, self.most, deviation),)
+        own = Parameter(self.name, "torque delay", "s", value, -self.most, self.most, deviation)
+        return with_known([own], self.known)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         delay = np.asarray(float(values[0][1]))
