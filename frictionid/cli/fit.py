@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from frictionid.cli.options import Fixed, Iterations, Json, Replace, Settings, Trust, Windows
+from frictionid.cli.options import (
+    Fixed,
+    Free,
+    Iterations,
+    Json,
+    KnownCalibration,
+    Replace,
+    Settings,
+    Trust,
+    Windows,
+)
 from frictionid.cli.paths import DatasetPath
 from frictionid.cli.settings import settings
 
@@ -28,23 +38,11 @@ def fit(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
     by: Annotated[str | None, typer.Option(help="shooting: refine the fit of the recipe.")] = None,
-    free: Annotated[
-        str,
-        typer.Option(
-            help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator "
-            "[friction, and delay where a motor's torque is sampled]."
-        ),
-    ] = "",
+    free: Free = "",
     fixed: Fixed = None,
     windows: Windows = None,
     iterations: Iterations = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            help="Model file whose base parameters, delay, gain, bias and offset are held; "
-            "blocks named by --free have its standard errors as priors."
-        ),
-    ] = None,
+    calibration: KnownCalibration = None,
     figure: Annotated[
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
     ] = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,6 +17,20 @@ Replace = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", help="A setting, e.g. symmetric=false or bounds.viscous=[0,1]."),
+]
+Free = Annotated[
+    str,
+    typer.Option(
+        help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator "
+        "[friction, and delay where a motor's torque is sampled]."
+    ),
+]
+KnownCalibration = Annotated[
+    Path | None,
+    typer.Option(
+        help="Model file whose base parameters, delay, gain, bias and offset are held; "
+        "blocks named by --free have its standard errors as priors."
+    ),
 ]
 Fixed = Annotated[
     list[str] | None,

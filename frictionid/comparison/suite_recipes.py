@@ -91,7 +91,7 @@ class RecipeEntry(Strict):
         """Whether it is neither a calibrated recipe nor one of shooting."""
         other = self.by, self.calibration, self.like, self.known
         own_shooting = self.name == _SHOOTING.name and self.states is None
-        return set(other) == {None} and not own_shooting
+        return other == (None,) * 4 and not own_shooting
 
     def beside(self, folder: Path) -> RecipeEntry:
         """The table with its paths from a folder."""
