@@ -1,7 +1,8 @@
 """Kills of commands that write, at any instant: what was finished stays, the rest resumes.
 
-python tests/kill_trial.py --comparisons 100 --others 20 [--seed 0]; each kill is SIGKILL to the
-whole process group, after a share of an undisturbed run's time drawn by chance.
+python tests/kill_trial.py --comparisons 100 --others 20 [--seed 0] [--only NAME]; each kill is
+SIGKILL to the whole process group, after a share of an undisturbed run's time drawn by chance.
+Pictures are not drawn: what counts is where and when they are written.
 """
 
 from __future__ import annotations
@@ -20,11 +21,22 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 import frictionid
 
 sys.path.insert(0, str(Path(__file__).parent))
 TASKS = 8
+# What must still be possible with what a kill leaves.
+USES = {
+    "fit over": ["evaluate", "net.json", "tiny", "--horizons", "0.1", "--out", "used.csv"],
+    "simulate over": ["fit", "set", "--identifier", "none", "--out", "used.json"],
+}
+# How a command is run again where that is not with --replace.
+QUICK = ["--set", "iterations=3"]
+MACHINE = ["--set", "mass=0.5", "--set", "length=0.3"]
+AGAIN = {"tune": ["--resume"], "init": []}
 
 
 def main() -> int:
@@ -33,13 +45,15 @@ def main() -> int:
     parser.add_argument("--comparisons", type=int, default=100)
     parser.add_argument("--others", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", action="append", help="One of the other commands; repeatable.")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     for module in pkgutil.walk_packages(frictionid.__path__, "frictionid."):
         importlib.import_module(module.name)
+    Figure.savefig = lambda _, stream, **__: stream.write(b"picture" * 5000)
     with tempfile.TemporaryDirectory() as scratch:
         faults = _comparisons(Path(scratch) / "compare", options.comparisons, rng)
-        faults += _others(Path(scratch) / "others", options.others, rng)
+        faults += _others(Path(scratch) / "others", options, rng)
     print("\n".join([*faults, f"{len(faults)} faults"]))
     return int(bool(faults))
 
@@ -86,33 +100,28 @@ def _contents(folder: Path) -> dict[str, bytes]:
 
 def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
     """Kill fresh runs, resumed runs and runs over a finished result, in turn; then resume."""
-    from fixtures.tiny_pendulums import write_suite
-
     if not count:
         return []
-    folder.mkdir()
-    identifiers = [
-        {"kind": "coulomb_viscous", "name": f"c{i}", "width": 0.01 + 0.001 * i}
-        for i in range(TASKS)
-    ]
-    write_suite(folder, [("identifiers", identifiers), ("recipes", [{"name": "integral"}])])
-    words = ["compare", "suite.toml", "--jobs", "1", "--out"]
+    words = _suite(folder)
     whole, status = _ended(folder, [*words, "whole"])
     assert status == 0
-    wanted = _timeless(folder / "whole")
-    faults, with_results, out = [], 0, folder / "out"
+    wanted, first = _timeless(folder / "whole"), _first_result(folder, words)
+    print(f"undisturbed: {whole:.1f} s, its first result after {first:.1f} s", flush=True)
+    faults, fresh, late, out = [], 0, 0, folder / "out"
     for kill in range(count):
         kind = ("fresh", "resumed", "anew")[kill % 3]
+        shutil.rmtree(out, ignore_errors=True)
         if kind == "anew":
-            shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(folder / "whole", out)
-        elif kind == "fresh":
-            shutil.rmtree(out, ignore_errors=True)
+        elif kind == "resumed":
+            _ended(folder, [*words, "out"], float(rng.uniform(first, whole)))
         before = _finished(out)
         more = ["--resume"] if kind == "resumed" else []
-        _ended(folder, [*words, "out", *more], float(rng.uniform(0.05, 1.02)) * whole)
+        earliest = 0.05 * whole if kill % 8 == 0 else first
+        _ended(folder, [*words, "out", *more], float(rng.uniform(earliest, 1.02 * whole)))
         after = _finished(out)
-        with_results += bool(after)
+        if kind == "fresh":
+            fresh, late = fresh + 1, late + bool(after)
         # a run over a finished result that comes to its end puts whole new files in its place
         ends = kind == "anew" and not (out / "unfinished").exists()
         lost = [n for n in before if not (n in after if ends else before[n] & after.get(n, set()))]
@@ -124,13 +133,40 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
                 f"kill {kill} ({kind}): not resumed as it would have been, status {status}"
             )
         kept = {content for own in _finished(out).values() for content in own}
-        print(f"kill {kill} ({kind}): {len(faults)} faults so far", flush=True)
         if kind != "anew" and done - kept:
             faults.append(
                 f"kill {kill} ({kind}): {len(done - kept)} finished tasks were made again"
             )
-    print(f"{count} kills of a comparison, {with_results} after its first result", flush=True)
+        print(f"kill {kill} ({kind}): {len(faults)} faults so far", flush=True)
+    print(f"{count} kills of a comparison; of {fresh} fresh ones {late} after the first result")
     return faults
+
+
+def _suite(folder: Path) -> list[str]:
+    """The smallest comparison with several tasks; the command without its result folder."""
+    from fixtures.damage_targets import _small
+    from fixtures.tiny_pendulums import write_suite
+
+    folder.mkdir()
+    _small(folder)
+    identifiers = [
+        {"kind": "coulomb_viscous", "name": f"c{i}", "width": 0.01 + 0.001 * i}
+        for i in range(TASKS)
+    ]
+    changes = [("identifiers", identifiers), ("recipes", [{"name": "integral"}])]
+    changes += [("folds", {"count": 2}), ("horizons", [0.1])]
+    write_suite(folder, changes)
+    return ["compare", "suite.toml", "--jobs", "1", "--out"]
+
+
+def _first_result(folder: Path, words: list[str]) -> float:
+    """Seconds until a fresh run has its first result."""
+    seconds, out = 0.1, folder / "first"
+    while not _finished(out):
+        shutil.rmtree(out, ignore_errors=True)
+        seconds *= 1.15
+        _ended(folder, [*words, out.name], seconds)
+    return seconds
 
 
 def _finished(out: Path) -> dict[str, set[bytes]]:
@@ -161,29 +197,45 @@ def _timeless(out: Path) -> dict[str, object]:
 # --- Other commands -------------------------------------------------------------------------------
 
 
-def _others(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
-    """Kill each other command that writes; what it writes is whole, old or new, or not there."""
+def _others(folder: Path, options: argparse.Namespace, rng: np.random.Generator) -> list[str]:
+    """Kill each other command that writes: what is there is whole, and it can be run again."""
+    count = options.others
     if not count:
         return []
-    faults = []
+    faults: list[str] = []
     for name, words in _prepared(folder).items():
-        case = folder / f"{name}-case"
-        whole, status = _ended(folder / "start", words)
+        if options.only and name not in options.only:
+            continue
+        case, start = folder / f"{name}-case", folder / "start"
+        shutil.copytree(start, case)
+        whole, status = _ended(case, words)
         assert status in (0, 1), (name, status)
-        new = _contents(folder / "start")
-        for path in (folder / "start").glob("out*"):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-        old = _contents(folder / "start")
+        old, new = _contents(start), _contents(case)
         for kill in range(count):
-            shutil.rmtree(case, ignore_errors=True)
-            shutil.copytree(folder / "start", case)
+            shutil.rmtree(case)
+            shutil.copytree(start, case)
             _ended(case, words, float(rng.uniform(0.05, 1.02)) * whole)
-            found = _contents(case)
-            where = f"{name}, kill {kill}"
-            faults += [f"{where}: {n} is lost" for n in old if found.get(n) != old[n]]
+            found, where = _contents(case), f"{name}, kill {kill}"
+            faults += [f"{where}: {n} is lost" for n in _lost(found, old, new)]
             faults += [f"{where}: {n} is half a file" for n in _half(found, old, new)]
-        print(f"{count} kills of {name}: {len(faults)} faults so far", flush=True)
+            if name in USES and _ended(case, USES[name])[1]:
+                faults.append(f"{where}: what it leaves cannot be used")
+            _, status = _ended(
+                case, [w for w in words if w != "--replace"] + AGAIN.get(name, ["--replace"])
+            )
+            again = _contents(case)
+            faults += [f"{where}: run again, status {status}"] if status not in (0, 1) else []
+            faults += [f"{where}: run again, {n} is missing" for n in new.keys() - again.keys()]
+        shutil.rmtree(case)
+        print(f"{count} kills of {name} ({whole:.2f} s): {len(faults)} faults so far", flush=True)
     return faults
+
+
+def _lost(
+    found: Mapping[str, bytes], old: Mapping[str, bytes], new: Mapping[str, bytes]
+) -> list[str]:
+    """Files that are neither as they were nor as the command leaves them."""
+    return [n for n in old if found.get(n) not in (old[n], new.get(n))]
 
 
 def _half(
@@ -210,20 +262,54 @@ def _prepared(folder: Path) -> dict[str, list[str]]:
         ["simulate", "sim.toml", "--out", "set"],
         ["render", "set", "--camera", "camera.toml", "--out", "films"],
         ["fit", "tiny", "--identifier", "none", "--out", "model.json"],
+        ["fit", "tiny", "--identifier", "mlp", *QUICK, "--out", "net.json"],
         ["track", "films/run.mov", "--out", "angles.csv"],
         ["compare", "suite.toml", "--out", "result", "--jobs", "1"],
     ):
         assert _ended(start, words)[1] == 0, words
+    for path in start.glob("result/*"):  # what a report makes
+        if path.name in ("figures", "models", "tables"):
+            shutil.rmtree(path)
+        elif path.name in ("summary.md", "scores.csv", "timings.csv", "SHA256SUMS"):
+            path.unlink()
+    _with_tables_and_log(start)
     film = ["--overlay", "out/over.mp4", "--sheet", "out/sheet.png"]
+    fit = ["fit", "tiny", "--identifier", "mlp", *QUICK]
+    limits = ["--limits", "torque=1,velocity=20", "--effort", "2", "--length", "1"]
+    motor = ["--kt", "0.025", "--gear", "20"]
     return {
         "simulate": ["simulate", "sim.toml", "--out", "out"],
+        "simulate over": ["simulate", "sim.toml", "--seed", "9", "--out", "set", "--replace"],
         "render": ["render", "set", "--camera", "camera.toml", "--out", "out"],
         "track": ["track", "films/run.mov", "--out", "out/angles.csv", *film],
-        "fit": ["fit", "tiny", "--identifier", "mlp", "--out", "out/m.json"],
+        "fit": [*fit, "--out", "out/m.json"],
+        "fit over": [*fit, "--seed", "3", "--out", "net.json", "--replace"],
         "evaluate": ["evaluate", "model.json", "tiny", "--horizons", "0.1", "--out", "out/s.csv"],
+        "predict": ["predict", "model.json", "tiny", "--horizon", "0.1", "--out", "out/p.csv"],
         "check": ["check", "tiny", "--out", "out"],
+        "quick": ["quick", "tiny", "--figure", "out/q.png"],
+        "init": ["init", "arm", "--mechanism", "pendulum", *MACHINE, *motor],
+        "suggest": ["suggest", "--mechanism", "rig.toml", *limits, "--out", "out/u.csv"],
+        "align": ["align", "seen.csv", "log.csv", "--out", "out", "--name", "run"],
+        "report": ["report", "result"],
         "tune": ["tune", "suite.toml", "--out", "out", "--jobs", "1"],
     }
+
+
+def _with_tables_and_log(start: Path) -> None:
+    """Tables for init, and angles and a log for align."""
+    from fixtures.damage_own_data import swing
+
+    (start / "arm").mkdir()
+    for i in range(4):
+        swing(i).to_csv(start / "arm" / f"run{i}.csv", index=False)
+    time = np.arange(300) / 60.0
+    q = np.sin(3.0 * time) + 0.3 * np.sin(7.0 * time)
+    u = 0.5 * 0.09 * np.gradient(np.gradient(q, time), time) + 0.5 * 9.81 * 0.3 * np.sin(q)
+    seen = {"time": time, "q1": q, "sigma1": np.full(300, 1e-3)}
+    log = {"host": time, "time": time, "command": u / 0.5, "current": u / 0.5, "torque": u}
+    for name, table in (("seen", seen), ("log", log)):
+        pd.DataFrame(table).to_csv(start / f"{name}.csv", index=False)
 
 
 if __name__ == "__main__":

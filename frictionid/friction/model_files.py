@@ -8,6 +8,7 @@ name. It never names code: a law outside this package needs its class at hand.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, fields
 from difflib import get_close_matches
 from hashlib import sha256
@@ -18,7 +19,7 @@ import numpy as np
 
 from frictionid.config import imported, unknown
 from frictionid.errors import InputError
-from frictionid.files import read_json, write_bytes, write_json
+from frictionid.files import TEMPORARY, read_json, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
 from frictionid.mechanics.calibration import Calibration
 
@@ -84,6 +85,9 @@ def model_paths(path: Path) -> tuple[Path, Path]:
 def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) -> None:
     """Write a friction as a JSON model file, the weights of a network beside it.
 
+    Where it is interrupted, the model that was there before, if any, can still be read: its weights
+    stay in a hidden file beside it until the model file names the new ones.
+
     Raises
     ------
     InputError
@@ -95,9 +99,24 @@ def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) ->
         from safetensors.numpy import save
 
         content = save({"theta": np.ascontiguousarray(document["theta"])})
+        _keep_named(path, beside)
         write_bytes(beside, content)
         document["theta"] = {"file": beside.name, "sha256": sha256(content).hexdigest()}
     write_json(path, document)
+    _earlier(beside).unlink(missing_ok=True)
+
+
+def _earlier(weights: Path) -> Path:
+    """Where weights are kept while others take their place."""
+    return weights.with_name(f"{TEMPORARY}earlier-{weights.name}")
+
+
+def _keep_named(path: Path, beside: Path) -> None:
+    """Keep the weights that a model file names, if there are any, until it names others."""
+    with suppress(InputError, OSError):
+        table = read_json(path).get("theta")
+        if isinstance(table, Mapping) and table.get("file") == beside.name:
+            write_bytes(_earlier(beside), _named(table, beside))
 
 
 def own_law(reference: str) -> type[Law]:
@@ -123,7 +142,7 @@ def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
     if Path(name).name != name or Path(name).suffix != _WEIGHTS:
         raise InputError(f"{path}: theta.file = {name!r} must be a {_WEIGHTS} file beside it")
     try:
-        content = (path.parent / name).read_bytes()
+        content = _named(table, path.parent / name)
         theta = load(content)["theta"]
     except OSError as error:
         raise InputError(
@@ -134,6 +153,16 @@ def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
     if sha256(content).hexdigest() != table.get("sha256"):
         raise InputError(f"{path}: {name} holds other weights than were saved with it: fit again")
     return np.asarray(theta, dtype=float)
+
+
+def _named(table: Mapping[str, Any], weights: Path) -> bytes:
+    """Content of the weights that a model file names: the file, or what was kept of it."""
+    for file in (weights, _earlier(weights)):
+        if file.is_file() and sha256(content := file.read_bytes()).hexdigest() == table.get(
+            "sha256"
+        ):
+            return content
+    return weights.read_bytes()
 
 
 def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:

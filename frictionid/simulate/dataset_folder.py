@@ -26,7 +26,7 @@ from frictionid.data.two_clock_table import (
     two_clock_csv,
 )
 from frictionid.errors import InputError
-from frictionid.files import read_bytes
+from frictionid.files import exchange, read_bytes
 from frictionid.mechanics import mechanism_of
 from frictionid.outputs import check_writable
 from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
@@ -200,6 +200,8 @@ def _swap(new: Path, target: Path) -> None:
     kept = target / "rig.toml"
     if kept.exists() and not (new / kept.name).exists():
         shutil.copy2(kept, new)
+    if exchange(new, target):  # one of the two is there at any instant
+        return
     old = target.with_name(f".{target.name}.old-{os.getpid()}")
     os.replace(target, old)
     try:

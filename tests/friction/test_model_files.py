@@ -1,7 +1,9 @@
 """Files of models: what is written comes back, and every mistake in one is one line."""
 
 import json
+import os
 import stat
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +16,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json, write_text
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.friction.laws import MLP, AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
 from frictionid.friction.model_files import load_model, model_document, read_model, save_model
 
 FRICTION = Friction(
@@ -274,3 +276,35 @@ def test_laws_need_no_settings(tmp_path):
     save_model(Friction(Plain(), np.ones((1, 1))), tmp_path / "m.json", {"plain": Plain})
     assert load_model(tmp_path / "m.json", {"plain": Plain}).law == Plain()
     assert read_json(tmp_path / "m.json")["law"] == {"kind": "plain"}
+
+
+class Killed(BaseException):
+    """The end of the process, at some instant."""
+
+
+@pytest.mark.parametrize("moment", range(1, 5))
+def test_a_replaced_network_is_the_old_or_the_new_one_at_any_instant(moment, tmp_path, monkeypatch):
+    law, path = MLP((3,)), tmp_path / "m.json"
+    size, rng = (2, len(law.names)), np.random.default_rng(0)
+    models = [Friction(law, rng.normal(size=size)) for _ in range(4)]
+    save_model(models[0], path, LAWS)
+    last = models[0]
+    for model in models[1:]:  # killed again and again
+        moves = []
+
+        def replaced(source, target, moves=moves):
+            moves.append(target)
+            if len(moves) == moment:
+                raise Killed
+            os.rename(source, target)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "replace", replaced)
+            with suppress(Killed):
+                save_model(model, path, LAWS)
+        found = load_model(path, LAWS).theta
+        assert any(np.array_equal(found, m.theta) for m in (last, model))
+        last = load_model(path, LAWS)
+    save_model(models[1], path, LAWS)
+    np.testing.assert_array_equal(load_model(path, LAWS).theta, models[1].theta)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["m.json", "m.safetensors"]

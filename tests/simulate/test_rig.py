@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -225,6 +226,19 @@ def test_a_failed_write_leaves_the_old_set(tmp_path: Path, monkeypatch: Any) -> 
         with pytest.raises(InputError, match="No space left on device"):
             write_dataset(simulate(RIG, seed=9), tmp_path / folder)
     assert {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()} == before
+    assert list(tmp_path.iterdir()) == [tmp_path / "set"]
+
+
+def test_an_old_or_the_new_set_is_there_at_any_instant(tmp_path: Path, monkeypatch: Any) -> None:
+    write_dataset(simulate(RIG), tmp_path / "set")
+
+    def watched(source: Path, target: Path) -> None:
+        assert (tmp_path / "set" / "dataset.toml").exists()
+        os.rename(source, target)
+        assert (tmp_path / "set" / "dataset.toml").exists()
+
+    monkeypatch.setattr(os, "replace", watched)
+    write_dataset(simulate(RIG, seed=9), tmp_path / "set")
     assert list(tmp_path.iterdir()) == [tmp_path / "set"]
 
 

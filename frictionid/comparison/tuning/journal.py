@@ -8,6 +8,7 @@ baseline, "random".
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from typing import Any, NamedTuple
 
 from frictionid.comparison.search_space import Space, text_of
 from frictionid.errors import InputError
+from frictionid.files import write_bytes
 
 JOURNAL = "journal.log"
 AT_RANDOM = 5  # trials before a sampler follows earlier ones
@@ -115,6 +117,8 @@ def open_journal(folder: Path, *, resume: bool = False, replace: bool = False) -
         folder.mkdir(parents=True, exist_ok=True)
         if replace and not resume:
             path.unlink(missing_ok=True)
+        elif path.exists():
+            _drop_half_line(path)
         storage = JournalStorage(JournalFileBackend(str(path)))
         names = optuna.get_all_study_names(storage)
         if not resume and any(
@@ -128,6 +132,25 @@ def open_journal(folder: Path, *, resume: bool = False, replace: bool = False) -
         raise InputError(
             f"{folder}: cannot be written ({error.strerror}): choose another --out"
         ) from None
+
+
+def _drop_half_line(path: Path) -> None:
+    """Remove the half line that a killed search left at the end: the next one would follow in it.
+
+    Raises
+    ------
+    InputError
+        Where another line is none of a journal.
+    """
+    content = path.read_bytes()
+    whole = content[: content.rfind(b"\n") + 1]
+    try:
+        for line in whole.splitlines():
+            json.loads(line)
+    except (ValueError, RecursionError):
+        raise InputError(f"{path}: is no journal: tune anew with --replace") from None
+    if whole != content:
+        write_bytes(path, whole)
 
 
 @contextmanager

@@ -1,0 +1,40 @@
+"""The journal of a search: what a killed one left is gone on from, other damage is refused."""
+
+import optuna
+import pytest
+
+from frictionid.comparison.tuning.journal import JOURNAL, open_journal
+from frictionid.errors import InputError
+
+
+def _trials(storage):
+    study = optuna.create_study(study_name="s", storage=storage, load_if_exists=True)
+    study.enqueue_trial({"x": 0.5})
+    trial = study.ask({"x": optuna.distributions.FloatDistribution(0.0, 1.0)})
+    study.tell(trial, trial.params["x"])
+    return len(study.trials)
+
+
+@pytest.mark.parametrize("left", [1, 7, 0.5, -1])
+def test_a_line_that_was_cut_off_is_dropped(tmp_path, left):
+    assert _trials(open_journal(tmp_path)) == 1
+    before = (tmp_path / JOURNAL).read_bytes()
+    assert _trials(open_journal(tmp_path, resume=True)) == 2
+    whole = (tmp_path / JOURNAL).read_bytes()
+    last = whole.splitlines(keepends=True)[-1]
+    kept = int(len(last) * left) if isinstance(left, float) else left % len(last)
+    (tmp_path / JOURNAL).write_bytes(whole[: len(whole) - len(last) + kept])
+    for _ in range(2):
+        assert _trials(open_journal(tmp_path, resume=True)) >= 2
+    assert (tmp_path / JOURNAL).read_bytes().startswith(before)
+
+
+@pytest.mark.parametrize("place", [0, -1])
+def test_other_damage_is_one_line(tmp_path, place):
+    _trials(open_journal(tmp_path))
+    lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
+    lines[place] = lines[place][:9] + lines[place]
+    (tmp_path / JOURNAL).write_bytes(b"".join(lines))
+    with pytest.raises(InputError, match="is no journal: tune anew with --replace"):
+        open_journal(tmp_path, resume=True)
+    assert (tmp_path / JOURNAL).read_bytes() == b"".join(lines)
