@@ -16,7 +16,7 @@ from frictionid.data.kalman import padded_series
 from frictionid.data.outliers import Smoothed, smoothed
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.data.state_estimators import States
+from frictionid.data.state_estimators import States, noise_left
 from frictionid.mechanics import Mechanism, Plant, plant_of
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.
@@ -31,7 +31,8 @@ class Motion(NamedTuple):
     states : time (T,) [s], q (T, n) [rad], w (T, n) [rad/s]
     angle_noise : (n,) [rad] standard deviation of the measured angle about the smooth motion
     velocity_noise : (n,) [rad/s] standard deviation of w
-    blur : (n,) [s] over which the smoother spreads a sudden change of acceleration, 1/w0 below
+    blur : (n,) [s] over which the smoother spreads a sudden change of acceleration, one over
+        its bandwidth
     """
 
     states: States
@@ -43,12 +44,8 @@ class Motion(NamedTuple):
 def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     """Motion of each recording, by the smoother of `states.RTS` with its own uncertainty.
 
-    In steady state the white-jerk smoother has the bandwidth w0 = (rho/dt)^(1/6) [rad/s] and leaves
-
-    var q = s^2 dt w0 / 3,    var w = s^2 dt w0^3 / 6
-
-    of the measurement variance s^2, from the integrals of its frequency response; s is at least
-    that of rounding to the angle's quantisation step.
+    The angle noise follows from what the smoother took off, see `noise_left`, and is at least that
+    of rounding to the angle's quantisation step.
 
     Examples
     --------
@@ -79,14 +76,13 @@ def _rounding(angle: Signal, averaged: Signal) -> Array:
 
 
 def _motion(angle: Signal, found: Smoothed, rounding: Array) -> Motion:
-    dt = float(np.median(np.diff(angle.time)))
-    bandwidth = np.minimum((found.rho / dt) ** (1 / 6), np.pi / dt)
+    left = noise_left(found.rho, float(np.median(np.diff(angle.time))))
     mean, left_out = found.mean, found.left_out
     scatter = (angle.value - mean[..., 0]).var(axis=0, where=~left_out)
-    variance = np.maximum(scatter / np.maximum(1.0 - dt * bandwidth / 3, 0.05), rounding)
+    variance = np.maximum(scatter / np.maximum(1.0 - left.share, 0.05), rounding)
     states = States(angle.time, mean[..., 0], mean[..., 1], left_out)
-    velocity = np.sqrt(variance * dt * bandwidth**3 / 6)
-    return Motion(states, np.sqrt(variance), velocity, 1.0 / bandwidth)
+    noise = np.sqrt(variance)
+    return Motion(states, noise, noise * left.velocity, 1.0 / left.bandwidth)
 
 
 class Speeds(NamedTuple):

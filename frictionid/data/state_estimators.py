@@ -220,23 +220,44 @@ def _states(
     return tuple(out)
 
 
+class NoiseLeft(NamedTuple):
+    """What the smoother leaves of angle noise, for each series: bandwidth w0 (S,) [rad/s].
+
+    The Wiener smoother of white jerk at a jerk ratio rho has the bandwidth w0 = (rho/dt)^(1/6) and
+    leaves of the measurement variance s^2, from the integrals of its frequency response,
+
+        var q = s^2 dt w0 / 3,    var w = s^2 dt w0^3 / 6
+
+    share : (S,) of the variance that stays in q; velocity : (S,) [1/s] standard deviation of w over
+    that of the angles, no more than that of differences between neighbours, 2^(1/2)/dt
+    """
+
+    bandwidth: Array
+    share: Array
+    velocity: Array
+
+
+def noise_left(rho: Array, dt: float) -> NoiseLeft:
+    """What smoothers at jerk ratios rho (S,) and a sample time dt [s] leave of angle noise.
+
+    >>> noise_left(np.array([1e-3]), 0.01).share.round(4)
+    array([0.0023])
+    """
+    w0 = np.minimum((rho / dt) ** (1 / 6), np.pi / dt)
+    velocity = np.minimum(np.sqrt(dt * w0**3 / 6), np.sqrt(2) / dt)
+    return NoiseLeft(w0, dt * w0 / 3, velocity)
+
+
 def _velocity_noise(angle: Signal, states: States, rho: Array) -> Array:
     """Standard deviation (n,) [rad/s] of smoothed velocities at jerk ratios rho (n,).
 
-    The Wiener smoother of white jerk passes angle noise up to the frequency (rho/dt)^(1/6); with
-    the noise's standard deviation s
-
-        sd(w) = s (rho dt)^(1/4) / 6^(1/2),
-
-    no more than that of differences between neighbours, 2^(1/2) s/dt. s follows from what the
-    smoother took off, a share h = (rho/dt)^(1/6) dt/3 of the variance having stayed, and is no less
-    than that of rounding to the resolution of the angles.
+    The angle noise follows from what the smoother took off, and is no less than that of rounding to
+    the resolution of the angles.
     """
-    dt = float(np.median(np.diff(angle.time)))
-    passed = np.minimum((rho / dt) ** (1 / 6) * dt / 3, 0.9)
+    left = noise_left(rho, float(np.median(np.diff(angle.time))))
     off = _MAD * np.median(np.abs(angle.value - states.q), axis=0)
-    noise = np.maximum(off / np.sqrt(1.0 - passed), resolution(angle.value) / np.sqrt(12))
-    return np.asarray(noise * np.minimum((rho * dt) ** 0.25 / np.sqrt(6), np.sqrt(2) / dt))
+    noise = off / np.sqrt(1.0 - np.minimum(left.share, 0.9))
+    return np.asarray(np.maximum(noise, resolution(angle.value) / np.sqrt(12)) * left.velocity)
 
 
 def resolution(value: Array) -> Array:

@@ -13,12 +13,18 @@ from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.meaningless_parameters import meaningless
 from frictionid.shooting.parameters.parameter_block import Parameter, values_of
 from frictionid.shooting.problem import ShootingProblem
+from frictionid.shooting.sandwich import (
+    SINGULAR,
+    clusters_of,
+    sandwich,
+    shown_once,
+    solve_scaled,
+)
 
-_FEW = 4  # recordings: of fewer, stretches of time are the clusters
-_SOME = 3  # recordings whose own scatter counts as well, where it is larger
-_STRETCHES = 24
-_SINGULAR = 1e-9  # of the largest singular value of the scaled normal equations
 _DRAWS = 2000
+# A peak that is not there is searched for at any velocity: over two decades of it, in which
+# velocities a factor of three apart find about independent peaks [Davies1987].
+_TRIALS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +38,7 @@ class Covariance:
     undetermined : combinations of parameters that the data do not determine, in words
     bound : (D,) true where a parameter lies at a bound
     clusters : number of recordings, or stretches of time, whose scatter was taken
-    meaningless : (D,) true for parameters that mean nothing where others, not identified, are zero
+    meaningless : (D,) true for parameters that mean nothing where others may be zero, and for these
     """
 
     parameters: tuple[Parameter, ...]
@@ -70,7 +76,8 @@ class Covariance:
 
         Not at a bound, and with a 95 % interval no wider, to either side, than the value: of a
         delay, a bias or an offset, whose value may well be zero, the interval must only be finite.
-        Nor does a parameter count that means nothing where others may be zero.
+        Nor does a parameter count that means nothing where others may be zero, such as a Stribeck
+        velocity, nor these others: a peak that is not there is found at some velocity by chance.
         """
         return _known(self) & ~self.meaningless
 
@@ -88,23 +95,29 @@ class Covariance:
         return out
 
 
-def covariance_of(problem: ShootingProblem, solution: Solution) -> Covariance:
+def covariance_of(
+    problem: ShootingProblem, solution: Solution, model_error: Array | float = 0.0
+) -> Covariance:
     """Covariance of a fit, from what each recording alone would change in it.
 
     The sandwich estimate with the leverage of each recording taken into account: parameters are
     solved for with every recording left out in turn, to first order [BellMcCaffrey2002]; so noise,
     the model's errors, and what differs between recordings all count. Fewer than four recordings
     are divided into 24 stretches of time; of three recordings the larger of both errors counts.
+
+    model_error : covariance (D, D) of errors that all recordings share, see `omitted_blocks`
     """
     parameters, free = problem.parameters, solution.free
     H = solution.curvature + np.diag(problem.prior_precision)
     singular, lost, words = _undetermined(H, free, parameters)
-    owner, clusters = (own[solution.closed] for own in _clusters(problem, solution))
-    once = free & _shown_once(H, solution, clusters)
+    owner, clusters = (own[solution.closed] for own in clusters_of(problem, solution))
+    once = free & shown_once(H, solution, clusters)
     keep = np.flatnonzero(free & ~once)
     D, count = len(parameters), len(np.unique(clusters))
     matrix = np.zeros((D, D))
-    matrix[np.ix_(keep, keep)] = _sandwich(H, solution._replace(free=free & ~once), owner, clusters)
+    matrix[np.ix_(keep, keep)] = sandwich(H, solution._replace(free=free & ~once), owner, clusters)
+    left = _left_over(problem, solution, H)
+    matrix += np.outer(left, left) + model_error
     unknown = ~free | lost | once
     words += tuple(
         f"only one recording or stretch of it shows {parameters[k].name}"
@@ -117,7 +130,8 @@ def covariance_of(problem: ShootingProblem, solution: Solution) -> Covariance:
         meaningless=np.zeros(D, dtype=bool),
     )
     friction = solution.estimate.friction
-    needs = meaningless(friction, parameters, ~_known(out))
+    weak = ~_known(out), ~_known(out, _TRIALS)
+    needs = meaningless(friction, parameters, *weak)
     words += tuple(_needs(parameters, k, others) for k, others in needs.items())
     ends = [
         k for k in map(int, np.flatnonzero(~free)) if k not in needs and _at_limit(out, k, friction)
@@ -125,7 +139,8 @@ def covariance_of(problem: ShootingProblem, solution: Solution) -> Covariance:
     words += tuple(_ends(parameters[k], float(values[k])) for k in ends)
     for k in ends:
         _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
-    return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(needs)))
+    idle = {k for own in needs.items() for k in (own[0], *own[1])}
+    return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(idle)))
 
 
 def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:
@@ -158,20 +173,13 @@ def _ends(p: Parameter, value: float) -> str:
     )
 
 
-def _sandwich(H: Array, solution: Solution, owner: Array, clusters: Array) -> Array:
-    """Covariance of the free parameters by clusters (W,); of three recordings (W,) the larger."""
-    inner = _scatter(H, solution, clusters)
-    if _SOME <= len(np.unique(owner)) < _FEW:
-        between = np.diag(_scatter(H, solution, owner))
-        wider = np.sqrt(np.maximum(1.0, between / np.maximum(np.diag(inner), 1e-300)))
-        inner = inner * np.outer(wider, wider)
-    return inner
+def _known(covariance: Covariance, trials: int = 1) -> Array:
+    """True (D,) for parameters with an interval that tells them from zero, where that matters.
 
-
-def _known(covariance: Covariance) -> Array:
-    """True (D,) for parameters with an interval that tells them from zero, where that matters."""
+    trials : in so many independent ones together chance exceeds the interval in 5 % of all cases
+    """
     c = covariance
-    half = stdtrit(c.freedom, 0.975) * c.error
+    half = stdtrit(c.freedom, 1.0 - 0.025 / trials) * c.error
     zero = np.array([p.block in ("delay", "bias", "offset") for p in c.parameters], dtype=bool)
     small = half <= np.abs(c.values)
     return np.asarray(np.isfinite(half) & ~c.bound & (small | zero), dtype=bool)
@@ -183,46 +191,17 @@ def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -
     return f"{parameters[k].name} means nothing where {names} may be zero"
 
 
-def _scatter(H: Array, solution: Solution, groups: Array) -> Array:
-    """Covariance of the free parameters from what each group of windows would change in them.
+def _left_over(problem: ShootingProblem, solution: Solution, H: Array) -> Array:
+    """What one more Gauss-Newton step would change in the parameters (D,), H^-1 g.
 
-    C = (G - 1)/G sum_g (m_g - m)(m_g - m)',  m_g = -(H - H_g)^-1 s_g,  s = g - H move per window
+    Next to nothing where a fit has settled; where it has not, an error as good as any other.
     """
-    keep, use = np.flatnonzero(solution.free), solution.closed
-    parts = solution.normal.H[use]
-    score = solution.normal.g[use] - parts @ solution.move
-    names = np.unique(groups)
-    moves = np.zeros((len(names), len(keep)))
-    for c, name in enumerate(names):
-        own = groups == name
-        rest = (H - parts[own].sum(axis=0))[np.ix_(keep, keep)]
-        moves[c] = -_solve(rest, score[own].sum(axis=0)[keep])
-    off = moves - moves.mean(axis=0)
-    return np.asarray((len(names) - 1) / len(names) * off.T @ off)
-
-
-def _shown_once(H: Array, solution: Solution, groups: Array) -> Array:
-    """Parameters (D,) of which nothing is left to know without one of the groups of windows.
-
-    What scatters between the groups says nothing of these, and they would spoil the others.
-    """
-    parts, most = solution.normal.H[solution.closed], _SINGULAR * np.diag(H)
-    left = [np.diag(H - parts[groups == name].sum(axis=0)) for name in np.unique(groups)]
-    return np.asarray(np.min(left, axis=0) <= most)
-
-
-def _solve(H: Array, g: Array) -> Array:
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=_SINGULAR, hermitian=True)
-    return np.asarray(inverse @ (g / scale) / scale)
-
-
-def _clusters(problem: ShootingProblem, solution: Solution) -> tuple[Array, Array]:
-    """Recording (W,) and cluster (W,) of each window."""
-    owner = problem.intervals.recording[solution.windows[:, 0]]
-    if len(np.unique(owner)) >= _FEW:
-        return owner, owner
-    return owner, np.arange(len(owner)) * min(_STRETCHES, len(owner)) // len(owner)
+    keep, left = np.flatnonzero(solution.free), np.zeros(len(solution.free))
+    before = values_of(solution.estimate, problem.blocks) - solution.move
+    pull = problem.prior_precision * (problem.prior_mean - before)
+    g = solution.normal.g[solution.closed].sum(axis=0) + pull
+    left[keep] = solve_scaled(H[np.ix_(keep, keep)], g[keep])
+    return left
 
 
 def _undetermined(
@@ -238,7 +217,7 @@ def _undetermined(
     scale = np.where(blind, 1.0, np.sqrt(np.maximum(np.diag(own), 1e-300)))
     value, vector = np.linalg.eigh(own / np.outer(scale, scale))
     words = []
-    for k in np.flatnonzero(value < _SINGULAR * value.max()):
+    for k in np.flatnonzero(value < SINGULAR * value.max()):
         share = vector[:, k] ** 2
         main = np.argsort(-share)[: max(1, int((share > 0.02).sum()))]
         lost[keep[share > 1e-3]] = True

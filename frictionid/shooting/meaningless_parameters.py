@@ -16,12 +16,14 @@ _NOTHING = 1e-9  # of the largest torque
 
 
 def meaningless(
-    friction: Friction, parameters: Sequence[Parameter], weak: Array
+    friction: Friction, parameters: Sequence[Parameter], weak: Array, doubtful: Array | None = None
 ) -> dict[int, tuple[int, ...]]:
     """Entries that do nothing where weak ones (D,), known no better than to be zero, are zero.
 
-    Each with the weak ones that it hangs on.
+    Each with the weak ones that it hangs on. The doubtful ones (D,), all weak ones and maybe more,
+    count as weak where others hang on them.
     """
+    doubtful = weak if doubtful is None else doubtful
     own = [k for k, e in enumerate(parameters) if e.block == "friction"]
 
     def _is_velocity(i: int) -> bool:  # of which zero is no absence
@@ -33,7 +35,7 @@ def meaningless(
         others = [
             i
             for i in own
-            if weak[i] and parameters[i].place[0] == joint and i != k and not _is_velocity(i)
+            if doubtful[i] and parameters[i].place[0] == joint and i != k and not _is_velocity(i)
         ]
         if (
             weak[k]

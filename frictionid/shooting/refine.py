@@ -22,6 +22,12 @@ from frictionid.shooting.data_checks import check_blocks, check_data, warnings_o
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
 from frictionid.shooting.gauss_newton import Solution, solve
 from frictionid.shooting.networks import as_given, on_arrays, with_combinations
+from frictionid.shooting.omitted_blocks import (
+    Omitted,
+    model_error,
+    omitted_blocks,
+    sentences,
+)
 from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock
 from frictionid.shooting.problem import ShootingProblem, shooting_problem
@@ -229,16 +235,19 @@ def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) ->
     """The result of a fit that began with a given friction."""
     estimate = solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
+    omitted = omitted_blocks(problem, solution)
     return Refined(
         as_given(fitted, given),
         fitted,
-        covariance_of(problem, solution),
-        _diagnostics(problem, solution),
+        covariance_of(problem, solution, model_error(omitted)),
+        _diagnostics(problem, solution, omitted),
         estimate.mechanism,
     )
 
 
-def _diagnostics(problem: ShootingProblem, solution: Solution) -> Diagnostics:
+def _diagnostics(
+    problem: ShootingProblem, solution: Solution, omitted: Omitted | None
+) -> Diagnostics:
     share = solution.share[..., None] * np.ones_like(solution.residual)
     square = (solution.residual / solution.sigma) ** 2 * share
     size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
@@ -250,7 +259,7 @@ def _diagnostics(problem: ShootingProblem, solution: Solution) -> Diagnostics:
         _segments(problem, solution, odd, size),
         solution.converged,
         solution.iterations,
-        tuple(warnings_of(problem, solution)),
+        (*warnings_of(problem, solution), *sentences(omitted)),
     )
 
 

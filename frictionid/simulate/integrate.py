@@ -101,7 +101,7 @@ def derivative(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     """d/dt of angles, velocities and friction memory in a mode, shape (3, R, n)."""
     q, w, z = y
     M, h = system.mechanism.dynamics(system.p, q, w)
-    Tf = system.friction.torque(w, z, mode)
+    Tf = system.torque(y, u, mode)
     a = accelerations(M, h + u, Tf, mode != 0)
     return np.stack([w, a, system.friction.rate(w, z, mode)])
 

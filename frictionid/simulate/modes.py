@@ -8,7 +8,8 @@ recordings, shape (R, n).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 
@@ -18,22 +19,41 @@ from numpy.typing import NDArray
 from frictionid.arrays import solve
 from frictionid.data.signals import Array
 from frictionid.mechanics import Mechanism
+from frictionid.simulate.load_friction import Load, LoadFriction
 from frictionid.simulate.true_friction import TrueFriction
 
 
 @dataclass(frozen=True)
 class TrueSystem:
-    """A mechanism with its true base parameters p, shape (nb,), and its true friction."""
+    """A mechanism with its true base parameters p, shape (nb,), and its true friction.
+
+    parameters : the true physical ones, which bearing forces need
+    """
 
     mechanism: Mechanism
     p: Array
     friction: TrueFriction
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def combinations(self) -> Array:
         """All modes, shape (3^n, n), or (2^n, n) without stick; sticking first: it wins ties."""
         each = (0.0, 1.0, -1.0) if self.friction.sticks else (1.0, -1.0)
         return np.array(list(product(each, repeat=self.mechanism.n)))
+
+    def torque(self, y: Array, u: Array, mode: Array, w: Array | None = None) -> Array:
+        """Friction torque (..., n) [N m] in a mode at states y (3, R, n) under motor torques u.
+
+        w : (..., n), velocities of the joints in place of those of y, under the same load
+        """
+        w = y[1] if w is None else w
+        Tf = self.friction.torque(w, y[2], mode)
+        if not isinstance(self.friction, LoadFriction):
+            return Tf
+        bearing = self.mechanism.load(self.parameters, y[0], y[1], u)
+        load = Load(bearing, u, -self.friction.moment * np.sin(y[0]))
+        loaded: Array = Tf + mode * self.friction.loaded_level(w, load)
+        return loaded
 
 
 def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Array:
@@ -73,11 +93,10 @@ def margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     u : array, shape (R, n) [N m]
     mode : array, shape (R, n)
     """
-    q, w, z = y
-    margin: Array = mode * w
+    margin: Array = mode * y[1]
     sticks = (mode == 0).any(axis=-1)
     if sticks.any():
-        held = _hold_margins(system, q[sticks], w[sticks], z[sticks], u[sticks], mode[sticks])
+        held = _hold_margins(system, y[:, sticks], u[sticks], mode[sticks])
         margin[sticks] = np.where(mode[sticks] == 0, held, margin[sticks])
     return margin
 
@@ -96,14 +115,14 @@ def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     y : array, shape (3, R, n)
     u : array, shape (R, n) [N m]
     """
-    q, w, z = y
+    q, w, _ = y
     M, h = system.mechanism.dynamics(system.p, q, w)
     f = h + u
     rests = w == 0
     mode = np.where(rests, system.combinations[:, None, :], np.sign(w))
-    a = accelerations(M, f, system.friction.torque(w, z, mode), mode != 0)
+    a = accelerations(M, f, system.torque(y, u, mode), mode != 0)
     hold = f - (M * a[..., None, :]).sum(-1)
-    sticking = -_within(system, z, hold)
+    sticking = -_within(system, y, u, hold)
     # both violations as torques
     slipping = -mode * a * np.diagonal(M, axis1=-2, axis2=-1)
     wrong = np.where(rests, np.where(mode == 0, sticking, slipping), 0.0)
@@ -112,17 +131,17 @@ def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     return chosen
 
 
-def _hold_margins(system: TrueSystem, q: Array, w: Array, z: Array, u: Array, mode: Array) -> Array:
-    M, h = system.mechanism.dynamics(system.p, q, w)
+def _hold_margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
+    M, h = system.mechanism.dynamics(system.p, y[0], y[1])
     f = h + u
-    a = accelerations(M, f, system.friction.torque(w, z, mode), mode != 0)
-    return _within(system, z, f - (M * a[..., None, :]).sum(-1))
+    a = accelerations(M, f, system.torque(y, u, mode), mode != 0)
+    return _within(system, y, u, f - (M * a[..., None, :]).sum(-1))
 
 
-def _within(system: TrueSystem, z: Array, hold: Array) -> Array:
+def _within(system: TrueSystem, y: Array, u: Array, hold: Array) -> Array:
     """Distance of a holding torque to the nearer end of the break-away band, negative outside."""
-    rest, one = np.zeros_like(z), np.ones_like(z)
-    upper = system.friction.torque(rest, z, one)
-    lower = system.friction.torque(rest, z, -one)
+    rest, one = np.zeros_like(y[1]), np.ones_like(y[1])
+    upper = system.torque(y, u, one, rest)
+    lower = system.torque(y, u, -one, rest)
     within: Array = np.minimum(upper - hold, hold - lower)
     return within

@@ -11,11 +11,12 @@ from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, mechanism_of, parameters_of, with_defaults
+from frictionid.simulate.load_friction import LoadFriction
 from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.torques import AnyCommand
 from frictionid.simulate.true_friction import FilmLag, LuGre, Stribeck
 
-AnyFriction = Annotated[Stribeck | FilmLag | LuGre, Field(discriminator="kind")]
+AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discriminator="kind")]
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Rig:
     name : str
     mechanism : dict
         Nominal [mechanism] table; what it does not give has the default, see `nominal_table`.
-    friction : Stribeck, FilmLag or LuGre
+    friction : Stribeck, FilmLag, LuGre or LoadFriction
     camera : Camera
     recordings : tuple of Run
     true_parameters : dict
@@ -128,8 +129,9 @@ def nominal_mechanism(rig: Rig) -> Mechanism:
 def true_system(rig: Rig) -> TrueSystem:
     """Mechanism with its true parameters and true friction."""
     mechanism = nominal_mechanism(rig)
-    p: Array = mechanism.base(parameters_of(nominal_table(rig), rig.true_parameters))
-    return TrueSystem(mechanism, p, rig.friction)
+    parameters = parameters_of(nominal_table(rig), rig.true_parameters)
+    p: Array = mechanism.base(parameters)
+    return TrueSystem(mechanism, p, rig.friction, parameters)
 
 
 def noise_free(rig: Rig) -> Rig:

@@ -102,7 +102,7 @@ class Curve:
         ):
             if not getattr(self, name):
                 object.__setattr__(self, name, (default,) * n)
-        _check(self, n, [field.name for field in fields(self)])
+        check_joints(self, n, [field.name for field in fields(self)])
 
     @property
     def n(self) -> int:
@@ -181,7 +181,7 @@ class FilmLag:
     sticks: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        _check(self, self.curve.n, ["lag"])
+        check_joints(self, self.curve.n, ["lag"])
 
     @cached_property
     def _lag(self) -> Array:
@@ -241,7 +241,9 @@ class LuGre:
     sticks: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        _check(self, self.curve.n, ["bristle_stiffness", "bristle_damping", "damping_velocity"])
+        check_joints(
+            self, self.curve.n, ["bristle_stiffness", "bristle_damping", "damping_velocity"]
+        )
         for joint in range(self.curve.n):
             most = (
                 self.bristle_damping[joint] * self.damping_velocity[joint] / math.sqrt(2 * math.e)
@@ -280,8 +282,14 @@ class LuGre:
         return {"kind": self.kind, **self.curve.table(), **lists}
 
 
-def _check(settings: Any, n: int, names: list[str]) -> None:
-    """Check the settings, and that each of some fields has one number for each of n joints."""
+def check_joints(settings: Any, n: int, names: list[str]) -> None:
+    """Check the settings, and that each of some fields has one number for each of n joints.
+
+    Raises
+    ------
+    InputError
+        Naming the field.
+    """
     check_settings(settings)
     for name in names:
         values = getattr(settings, name)

@@ -39,6 +39,13 @@ def test_a_velocity_hangs_on_its_peak_and_nothing_hangs_on_it():
     assert hanging(friction) == {}
 
 
+def test_a_doubtful_peak_leaves_no_velocity():
+    friction = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.01]]))
+    none, peak = np.zeros(4, dtype=bool), np.array([False, True, False, False])
+    assert meaningless(friction, entries_of(friction), none, peak) == {2: (1,)}
+    assert meaningless(friction, entries_of(friction), none, none) == {}
+
+
 def test_stiffness_of_a_bristle_shows_before_it_slides():
     friction = Friction(LuGre(), np.array([[0.1, 0.03, 1.5, 0.01, 0.01, 0.1, 0.5]]))
     assert LuGre().names[4:] == ("presliding", "damping", "damping_velocity")

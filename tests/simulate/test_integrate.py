@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, acrobot, pendulum
-from frictionid.simulate import Curve, FilmLag, LuGre, Stribeck, TrueFriction
+from frictionid.simulate import Curve, FilmLag, LoadFriction, LuGre, Stribeck, TrueFriction
 from frictionid.simulate import integrate as engine
 from frictionid.simulate.integrate import derivative, integrate_motion
 from frictionid.simulate.modes import TrueSystem, next_modes
@@ -132,7 +132,7 @@ def _least_constraint(here: TrueSystem, y: Array, u: Array) -> Array:
     """Accelerations with the friction Tf in its band that minimises (f - Tf)' M^-1 (f - Tf)."""
     q, w, z = y
     M, h = here.mechanism.dynamics(here.p, q, w)
-    ends = [here.friction.torque(w, z, np.where(w == 0, s, np.sign(w))) for s in (-1.0, 1.0)]
+    ends = [here.torque(y, u, np.where(w == 0, s, np.sign(w))) for s in (-1.0, 1.0)]
     root = np.linalg.cholesky(np.linalg.inv(M)).T
     bounds = (ends[0] - 1e-12, ends[1] + 1e-12)
     Tf = lsq_linear(root, root @ (h + u), bounds, method="bvls", tol=1e-15).x
@@ -156,6 +156,37 @@ def test_a_slip_phase_agrees_with_scipy(truth: TrueFriction) -> None:
     end = integrate_motion(here, q, w, u[None], np.array([0.0, 0.03]), 1e-4)[-1]
     assert np.array_equal(np.sign(end[1]), mode)
     assert end.ravel() == pytest.approx(expected.y[:, -1], abs=1e-9)
+
+
+def test_a_loaded_joint_slips_at_the_level_of_its_load() -> None:
+    """One joint against the formula, term by term, in all cases of its square."""
+    truth = LoadFriction(
+        *(Curve((0.1,), (0.1,), (0.01,), (0.05,), (0.05,), (2.0,)), (0.02,), (0.2,), (0.1,)),
+        *((0.05,), (0.04,), (0.03,), (0.02,), 1.5),
+    )
+    machine, own = pendulum(), {"mass": 0.5, "length": 0.3}
+    here = TrueSystem(machine, machine.base(own), truth, own)
+    rng = np.random.default_rng(2)
+    q, w, u = rng.uniform(-2, 2, (3, 200, 1))
+    inertia, gravity = here.p
+    a = (u - gravity * np.sin(q)) / inertia  # free of friction: what presses the bearing
+    N = 0.5 * np.hypot(0.3 * a + 9.81 * np.sin(q), 0.3 * w**2 + 9.81 * np.cos(q))
+    te = -1.5 * np.sin(q)
+    square = np.where(u * te < 0, np.where(abs(u) > abs(te), 0.02 * te**2, 0.03 * u**2), 0.0)
+    peaks = 0.05 + abs(0.05 * u - 0.04 * te) + square
+    level = 0.1 + 0.02 * N + abs(0.2 * u - 0.1 * te) + np.exp(-((w / 2.0) ** 2)) * peaks
+    found = derivative(here, np.stack([q, w, 0 * w]), u, np.sign(w))[1]
+    Tf = level * np.sign(w) + 0.01 * w
+    assert found == pytest.approx((u - gravity * np.sin(q) - Tf) / inertia, abs=1e-9)
+
+
+def test_a_loaded_joint_sticks_up_to_the_level_of_its_load() -> None:
+    """The motor that would move a joint presses it, too: it breaks away at coulomb/(1 - motor)."""
+    machine = pendulum()
+    truth = LoadFriction(Curve((0.1,), (0.1,), (0.0,)), motor=(0.2,))
+    here = TrueSystem(machine, machine.base({"g": 0.0}), truth, {"g": 0.0})
+    u, y = np.array([[0.12], [0.126], [-0.124], [-0.13]]), np.zeros((3, 4, 1))
+    assert next_modes(here, y, u).ravel().tolist() == [0.0, 1.0, 0.0, -1.0]
 
 
 # Energy and symmetry

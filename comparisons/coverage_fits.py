@@ -1,0 +1,87 @@
+"""What intervals of one set show, for `coverage.py`: fits by one step and by shooting."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from coverage_cases import DELAY, Case, rig_of
+
+from frictionid.data.recordings import Dataset
+from frictionid.friction import Inputs
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.formulation import INTEGRAL, training_problem
+from frictionid.identifiers.ols_covariance import half_widths
+from frictionid.mechanics import plant_of
+from frictionid.shooting import Settings, refine
+from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.simulate.rig import true_system
+
+BLOCKS = (FrictionBlock(), InertiaBlock(), DelayBlock())
+SETTINGS = Settings(significance=1.0)  # a delay that does not show stays free, not identified
+
+
+class Estimated(NamedTuple):
+    """A parameter of a set: estimate less truth, half of its 95 % interval, and whether it counts.
+
+    held : whether the interval holds the truth
+    """
+
+    name: str
+    error: float
+    half: float
+    identified: bool
+    held: bool
+
+
+def true_values(case: Case, dataset: Dataset) -> np.ndarray:
+    """True parameters (n, P) of the law; of a spline, those nearest to the true curve."""
+    if case.values is not None:
+        return case.values
+    rows = []
+    for j in range(case.truth.curve.n):
+        w = np.concatenate([r.truth.velocity.value[:, j] for r in dataset.recordings])
+        w = np.abs(w[np.abs(w) > 0.1])
+        x = Inputs(0.0 * w, w, 0.0 * w, 0.0 * w)
+        A = case.law.gradient(np.full(len(case.law.names), 1e-3), x)
+        level = case.truth.curve.level(np.repeat(w[:, None], case.truth.curve.n, 1), 1.0)[:, j]
+        rows.append(np.linalg.lstsq(A, level, rcond=None)[0])
+    return np.array(rows)
+
+
+def by_integral(case: Case, dataset: Dataset) -> list[Estimated]:
+    """What a one-step fit finds."""
+    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+    weights = np.ones(len(problem.r))
+    friction = LeastSquares(case.law).fit(problem, weights[None], seed=0)[0]
+    half = half_widths(friction, problem, weights)
+    out = []
+    true = true_values(case, dataset)
+    for (j, i), value in np.ndenumerate(friction.theta):
+        error, wide = float(value - true[j, i]), float(half[j, i])
+        name = f"{case.law.names[i]} of joint {j + 1}"
+        out.append(Estimated(name, error, wide, bool(np.isfinite(wide)), abs(error) <= wide))
+    return out
+
+
+def by_shooting(case: Case, dataset: Dataset) -> list[Estimated]:
+    """What shooting finds, beginning with the one-step fit."""
+    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
+    first = LeastSquares(case.law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
+    found = refine(first, dataset, BLOCKS, SETTINGS)
+    c, true = found.covariance, true_values(case, dataset)
+    base = true_system(rig_of(case, [0], 2, late=True)).p
+    out = []
+    intervals = c.interval(0.95)
+    known = c.identified
+    for k, p in enumerate(c.parameters):
+        at = {"friction": lambda p=p: true[p.place], "delay": lambda: DELAY}
+        value = at.get(p.block, lambda p=p: base[p.place[0]])()
+        low, high = intervals[k]
+        out.append(
+            Estimated(
+                *(p.name, float(c.values[k] - value), float(high - low) / 2, bool(known[k])),
+                bool(low <= value <= high),
+            )
+        )
+    return out
