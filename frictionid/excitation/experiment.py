@@ -16,6 +16,8 @@ from frictionid.excitation.limits import Limits
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
+_RESTING = 0.01  # of the velocity limit: slower motion is what a smoother makes of a reversal
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -66,6 +68,11 @@ class Experiment:
                 f"quarter of the drive rate of {self.drive_rate:g} Hz"
             )
         _check_start(self.start, self.limits, self.plant.n)
+
+    @property
+    def velocity_threshold(self) -> Array:
+        """Speeds (n,) [rad/s] below which a joint counts as at rest: 1 % of its limit."""
+        return _RESTING * self.limits.velocity
 
     @property
     def images(self) -> Array:

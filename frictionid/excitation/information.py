@@ -39,7 +39,6 @@ from frictionid.identifiers.residual import (
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import momentum_balance
 
-VELOCITY_THRESHOLD = 0.2  # [rad/s] of the stiction mask: what a fit of 60 Hz angles resolves
 _SINGULAR = 1e-9  # smallest eigenvalue of a correlation matrix that differs from zero
 _STEP = 1e-6  # [rad], [rad/s]
 
@@ -94,7 +93,7 @@ def expected_information(experiment: Experiment, motions: Motions, seed: int) ->
     V = np.zeros_like(H)
     decades = decades.reshape(L * N, n)
     speed = np.abs(np.moveaxis(w, 0, 2).reshape(L * N, images, n))
-    margin = speed - VELOCITY_THRESHOLD
+    margin = speed - experiment.velocity_threshold
     for j in range(n):
         for decade in np.unique(decades[:, j]):
             own = decades[:, j] == decade
@@ -133,6 +132,7 @@ class Concatenated:
     """Motions of N signals at one friction scale as one recording, so that one call serves all.
 
     friction ; plant : with one batch entry ; recording : N (T + 1) samples ; count : N
+    velocity_threshold (n,) [rad/s] : of the stiction mask
     """
 
     friction: Friction
@@ -140,6 +140,7 @@ class Concatenated:
     recording: Recording
     w: Array
     count: int
+    velocity_threshold: Array
 
     @staticmethod
     def of(experiment: Experiment, motions: Motions, level: int) -> Concatenated:
@@ -157,7 +158,8 @@ class Concatenated:
         one = Plant(plant.mechanism, parameters, plant.p[None])
         friction = experiment.friction
         scaled = Friction(friction.law, experiment.friction_scales[level] * friction.theta)
-        return Concatenated(scaled, one, recording, w, motions.q.shape[2])
+        count, threshold = motions.q.shape[2], experiment.velocity_threshold
+        return Concatenated(scaled, one, recording, w, count, threshold)
 
     @property
     def q(self) -> Array:
@@ -177,7 +179,7 @@ class Concatenated:
     @cached_property
     def mask(self) -> Array:
         """Stiction mask (K, n) of a fit."""
-        return stiction_mask(self.problem, VELOCITY_THRESHOLD)
+        return stiction_mask(self.problem, self.velocity_threshold)
 
     @cached_property
     def projector(self) -> Array:
@@ -266,7 +268,7 @@ def _mask_changes(motions: Concatenated, gradient: Array) -> Array:
     """
     w, n = motions.w, motions.w.shape[1]
     direction = np.sign(w)
-    moving = np.where(np.abs(w) >= VELOCITY_THRESHOLD, direction, 0.0)
+    moving = np.where(np.abs(w) >= motions.velocity_threshold, direction, 0.0)
     start = (moving[1:] != 0) & (moving[1:] == direction[:-1])
     end = (moving[:-1] != 0) & (moving[:-1] == direction[1:])
     out = np.zeros((2, *gradient.shape, n))

@@ -123,7 +123,7 @@ def speed_range(problem: Problem, weights: Array) -> SpeedRange:
     return SpeedRange(np.maximum(np.stack(slowest), 1e-6 * fastest), fastest)
 
 
-def mask_stiction(problem: Problem, velocity_threshold: float | None) -> Problem:
+def mask_stiction(problem: Problem, velocity_threshold: float | Array | None) -> Problem:
     """The same problem with the rows of joints at rest projected out.
 
     There friction is whatever holds the joint, or switches between the nodes: no law can be read
@@ -152,15 +152,16 @@ def mask_stiction(problem: Problem, velocity_threshold: float | None) -> Problem
     return replace(problem, r=times(P, problem.r), G=G, masked=True)
 
 
-def stiction_mask(problem: Problem, velocity_threshold: float | None) -> Array:
+def stiction_mask(problem: Problem, velocity_threshold: float | Array | None) -> Array:
     """Whether each joint may stick in each row, (K, n) of bool.
 
-    It may where it is slower than the threshold [rad/s] at a node of the row, or reverses in it.
+    It may where it is slower than the threshold [rad/s], one or one for each joint, at a node of
+    the row, or reverses in it.
     None: the slowest speed that the row's recording resolves, and no less than 2 % of the speeds in
     it: slower joints give way before they slip, in play and presliding that no law here describes.
     """
     w = problem.nodes.inputs.w[problem.stencil]  # (K, m, n)
-    threshold: Array | float = velocity_threshold or 0.0
+    threshold = 0.0 if velocity_threshold is None else velocity_threshold
     if velocity_threshold is None:
         first = problem.nodes.first
         each = [np.abs(problem.nodes.inputs.w[a:b]) for a, b in pairwise(first)]

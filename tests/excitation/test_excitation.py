@@ -32,7 +32,6 @@ from frictionid.excitation import (
     standard_errors,
 )
 from frictionid.excitation.information import (
-    VELOCITY_THRESHOLD,
     Concatenated,
     base_jacobian,
     friction_jacobian,
@@ -44,7 +43,7 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import Problem, integral_problem, mask_stiction
-from frictionid.mechanics import Plant, acrobot
+from frictionid.mechanics import Plant, acrobot, linear_axis
 from frictionid.report.experiment_design import command_csv, described
 from frictionid.report.figures.experiment_design import picture
 from frictionid.simulate import Curve, Stribeck
@@ -113,7 +112,7 @@ def measured(experiment: Experiment, torque: Array, start: Array) -> tuple[Probl
         {k: np.repeat(v, len(recordings)) for k, v in plant.parameters.items()},
         np.repeat(plant.p[None], len(recordings), axis=0),
     )
-    recipe = replace(INTEGRAL, velocity_threshold=VELOCITY_THRESHOLD)
+    recipe = replace(INTEGRAL, velocity_threshold=float(experiment.velocity_threshold[0]))
     problem = training_problem(repeated, many, recipe)
     return problem, problem.recording // q.shape[1]
 
@@ -195,9 +194,25 @@ def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig: str, frequenc
 def test_the_stiction_mask_is_that_of_a_fit() -> None:
     design = on_acrobot()
     motions = Concatenated.of(design.experiment, design.motions, 0)
-    fitted = mask_stiction(motions.problem, VELOCITY_THRESHOLD).G
+    fitted = mask_stiction(motions.problem, design.experiment.velocity_threshold).G
     assert np.allclose(motions.projector @ motions.problem.G, fitted, atol=1e-9)
     assert motions.mask.any(0).all() and not motions.mask.all(0).any()
+
+
+def test_a_slow_linear_axis_can_be_planned_too():
+    """At up to 0.1 m/s; a threshold in rad/s would take all of that for rest."""
+    machine = linear_axis()
+    limits = limits_of("torque=60, velocity=0.1", machine)
+    friction = prior_friction_of("coulomb=12, viscous=30", limits)
+    plant = Plant.from_parameters(machine, {"mass": 20.0})
+    e = Experiment(plant, friction, limits, length=3.0, recordings=1, angle_noise=2e-5)
+    time = e.commands
+    torque = (12 + 20 * 0.05 * 9) * np.sin(9 * time)[:, None, None]
+    motions = predict_motions(e, torque, np.zeros((1, 1)))
+    assert 0.01 < np.abs(motions.w).max() < 0.2
+    error = standard_errors(expected_information(e, motions, 0))
+    assert np.isfinite(error).all()
+    assert (error < 0.5 * np.array([12.0, 30.0, 20.0])).all()
 
 
 def test_without_noise_repetitions_differ_by_nothing() -> None:
