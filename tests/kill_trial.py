@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +70,9 @@ def _ended(folder: Path, words: list[str], after: float | None = None) -> tuple[
         ended, code, _ = os.wait4(child, os.WNOHANG)
         status = code if ended else None
         if status is None and after is not None and time.monotonic() - begin > after:
-            os.killpg(child, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # its group is not made yet
+                os.killpg(child, signal.SIGKILL)
+            os.kill(child, signal.SIGKILL)
             status = os.waitpid(child, 0)[1]
         time.sleep(0.001)
     return time.monotonic() - begin, os.waitstatus_to_exitcode(status)
@@ -144,11 +147,11 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
 
 def _suite(folder: Path) -> list[str]:
     """The smallest comparison with several tasks; the command without its result folder."""
-    from fixtures.damage_targets import _small
+    from fixtures.damage_targets import small
     from fixtures.tiny_pendulums import write_suite
 
     folder.mkdir()
-    _small(folder)
+    small(folder)
     identifiers = [
         {"kind": "coulomb_viscous", "name": f"c{i}", "width": 0.01 + 0.001 * i}
         for i in range(TASKS)
@@ -249,11 +252,11 @@ def _half(
 
 def _prepared(folder: Path) -> dict[str, list[str]]:
     """Inputs of all commands in folder/start, and the commands."""
-    from fixtures.damage_targets import TUTORIAL, _small
+    from fixtures.damage_targets import TUTORIAL, small
 
     start = folder / "start"
     start.mkdir(parents=True)
-    _small(start)
+    small(start)
     text = (TUTORIAL / "simulated.toml").read_text().replace("samples = 720", "samples = 240")
     (start / "sim.toml").write_text(text)
     shutil.copy(TUTORIAL / "camera.toml", start)

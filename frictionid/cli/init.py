@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from frictionid.cli.options import Json
 from frictionid.cli.paths import present
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def init(
     time: Annotated[str, typer.Option(help="Column of the time.")] = "",
     angle: Annotated[str, typer.Option(help=f"Columns of the angles, {NAMES}.")] = "",
     torque: Annotated[str, typer.Option(help=f"Columns of torques or currents, {NAMES}.")] = "",
+    json: Json = False,
 ) -> None:
     """Guess what the columns of tables are, and write dataset.toml and a first suite.toml.
 
@@ -52,7 +54,7 @@ def init(
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
     known = _motor(found, machine, Known(columns, kt, 1.0 if gear is None else gear), gear is None)
     described = describe_tables(found, machine, known)
-    _write(found, described)
+    _write(found, described, json)
 
 
 def _check_free(files: Sequence[Path]) -> None:
@@ -69,14 +71,22 @@ def _check_free(files: Sequence[Path]) -> None:
             )
 
 
-def _write(found: Tables, described: Described) -> None:
-    from frictionid.files import write_text
+def _write(found: Tables, described: Described, json: bool) -> None:
+    import tomllib
+
+    from frictionid.files import json_text, write_text
 
     for name, text in (
         ("dataset.toml", described.dataset_toml),
         ("suite.toml", described.suite_toml),
     ):
         write_text(found.folder / name, text)
+    if json:
+        texts = {"dataset": described.dataset_toml, "suite": described.suite_toml}
+        read: dict[str, Any] = {name: tomllib.loads(text) for name, text in texts.items()}
+        read["written"] = [found.folder / f"{name}.toml" for name in texts]
+        print(json_text(read), end="")
+        return
     print(described.dataset_toml)
     print(f"written to {found.folder / 'dataset.toml'} and {found.folder / 'suite.toml'}")
     print(f"next: frictionid quick {found.folder}")

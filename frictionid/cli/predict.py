@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace, Trust
+from frictionid.cli.options import Json, Replace, Trust
 from frictionid.cli.paths import DataFolder, DatasetPath, ModelPath
 
 
@@ -27,6 +27,7 @@ def predict(
         typer.Option(help="Class of a law that is not built in, module:Class; repeatable."),
     ] = None,
     data: DataFolder = None,
+    json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:
@@ -34,7 +35,7 @@ def predict(
     from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.evaluation.predicted_motion import predicted_motion
-    from frictionid.files import write_bytes
+    from frictionid.files import json_text, write_bytes
     from frictionid.outputs import check_outputs
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
@@ -47,4 +48,7 @@ def predict(
     else:
         write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
     starts = len(table[["recording", "start_s"]].drop_duplicates())
+    if json:
+        print(json_text({"predictions": starts, "lines": len(table), "written": [out]}), end="")
+        return
     print(f"{starts} predictions, {len(table)} lines\nwritten to {out}")

@@ -7,14 +7,16 @@ from typing import Annotated, Any
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Json, Replace
 from frictionid.cli.paths import present
+
+MechanismFile = Annotated[
+    Path, typer.Option(help="Any TOML file with a [mechanism] table.", callback=present)
+]
 
 
 def suggest(
-    mechanism: Annotated[
-        Path, typer.Option(help="Any TOML file with a [mechanism] table.", callback=present)
-    ],
+    mechanism: MechanismFile,
     limits: Annotated[
         str, typer.Option(help='E.g. "torque=0.14,velocity=[10,20],angle=3.1"; SI units.')
     ],
@@ -42,6 +44,7 @@ def suggest(
     ] = 600,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
+    json: Json = False,
     replace: Replace = False,
 ) -> None:
     """Suggest torque signals, and say how well friction will be known from them."""
@@ -72,18 +75,22 @@ def suggest(
     search = excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
     with counted(search.generations + 1, "searching") as done:
         design = excitation.design_signals(space, search, done)
-    _write(design, places, figure)
+    _write(design, places, figure, json)
 
 
-def _write(design: Any, places: list[Path], figure: Path | None) -> None:
-    from frictionid.files import write_bytes, write_text
-    from frictionid.report.experiment_design import command_csv, described
+def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> None:
+    from frictionid.files import json_text, write_bytes, write_text
+    from frictionid.report.experiment_design import command_csv, described, design_document
     from frictionid.report.figures.experiment_design import picture
 
     for number, path in enumerate(places):
         write_text(path, command_csv(design, number))
     if figure is not None:
         write_bytes(figure, picture(design))
+    if json:
+        written = [*places, *([figure] if figure is not None else [])]
+        print(json_text(design_document(design) | {"written": written}), end="")
+        return
     print(described(design))
     print(f"written to {', '.join(map(str, places))}")
 

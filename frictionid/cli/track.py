@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictionid.cli.options import Replace
+from frictionid.cli.options import Json, Replace
 
 if TYPE_CHECKING:
     from frictionid.acquire.camera.angles import Angles
@@ -38,13 +38,14 @@ def track(
         Path | None, typer.Option(help="Video with markers and angles drawn over it (.mp4).")
     ] = None,
     sheet: Annotated[Path | None, typer.Option(help="Contact sheet of it (.png).")] = None,
+    json: Json = False,
     replace: Replace = False,
 ) -> None:
     """Track coloured dots in a video; write joint angles with their standard deviations."""
     from frictionid.errors import InputError
 
     if setup:
-        return _propose(video, rig, replace)
+        return _propose(video, rig, replace, json)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
     from frictionid.acquire.camera.angles import angles_csv
@@ -63,22 +64,29 @@ def track(
     with counted(source.count or 0, source.name) as count:
         angles = tracked(source, markers, method.value, lambda _: count(""))
     write_text(out, angles_csv(angles))
+    if sheet is not None:
+        _write_sheet(source, angles, sheet)
+    if overlay is not None:
+        _write_overlay(source, angles, overlay)
+    if json:
+        print(_as_json(angles, [p for p in (out, sheet, overlay) if p is not None]), end="")
+        return None
     _print_summary(angles)
     print(f"written to {out}")
     if sheet is not None:
-        _write_sheet(source, angles, sheet)
         print(f"contact sheet in {sheet}")
     if overlay is not None:
-        _write_overlay(source, angles, overlay)
         print(f"overlay in {overlay}")
     return None
 
 
-def _propose(video: str, rig: Path, replace: bool) -> None:
+def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
+    import tomllib
+
     from frictionid.acquire.camera.marker_setup import marker_setup_text
     from frictionid.acquire.camera.propose import propose
     from frictionid.acquire.camera.source import open_source
-    from frictionid.files import write_text
+    from frictionid.files import json_text, write_text
     from frictionid.outputs import check_outputs
 
     check_outputs([rig], [Path(video)], replace=replace)
@@ -87,7 +95,11 @@ def _propose(video: str, rig: Path, replace: bool) -> None:
         f"proposed from {Path(video).name}; check it with frictionid track ... --sheet",
         "give links.lengths [m] where you know them: they check the order and calibrate the view",
     ]
-    write_text(rig, marker_setup_text(markers, notes))
+    text = marker_setup_text(markers, notes)
+    write_text(rig, text)
+    if json:
+        print(json_text(tomllib.loads(text) | {"written": [rig]}), end="")
+        return
     for marker in markers.markers:
         dot = f"hue {marker.hue or 0:.0f} deg, radius {marker.radius:.1f} px"
         place = f"at {marker.at[0]:.1f}, {marker.at[1]:.1f}" if marker.at else ""
@@ -110,6 +122,23 @@ def _write_overlay(source: Source, angles: Angles, overlay: Path) -> None:
     from frictionid.acquire.camera.overlay import write_overlay
 
     write_overlay(source, angles, overlay)
+
+
+def _as_json(angles: Angles, written: list[Path]) -> str:
+    """Number of frames by state, median standard deviation [rad] of each joint, and the camera."""
+    import numpy as np
+
+    from frictionid.files import json_text
+
+    return json_text(
+        {
+            "frames": len(angles.state),
+            "states": {s: angles.state.count(s) for s in ("found", "predicted", "lost")},
+            "sigma": np.nanmedian(angles.sigma, axis=0),
+            "plane": list(angles.calibration.plane.shape),
+            "written": written,
+        }
+    )
 
 
 def _print_summary(angles: Angles) -> None:

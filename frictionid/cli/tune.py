@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Replace, Trust
+from frictionid.cli.options import Json, Replace, Trust
 from frictionid.cli.paths import SuitePath
 
 
@@ -24,6 +24,7 @@ def tune(
         int, typer.Option(min=0, help="Number of parallel trials; 0: one per core.")
     ] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Keep finished trials.")] = False,
+    json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:
@@ -37,7 +38,7 @@ def tune(
     from frictionid.comparison.tuning import tune as search
     from frictionid.outputs import check_unchanged, check_writable
     from frictionid.report.terminal import show_table
-    from frictionid.report.tuning import score_table, settings_tables, write_outcome
+    from frictionid.report.tuning import outcome_json, score_table, settings_tables, write_outcome
 
     table = load_suite(suite)
     tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
@@ -67,6 +68,9 @@ def tune(
             err=True,
         )
         raise typer.Exit(130) from None
+    if json:
+        print(outcome_json(results, page), end="")
+        return
     for shown in (score_table(results, tuning.objective), *settings_tables(results)):
         show_table(shown)
     print(f"written to {page.resolve()}")

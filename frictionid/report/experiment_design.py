@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -76,23 +77,60 @@ def limit_table(design: Design) -> Table:
 
 def error_table(design: Design) -> Table:
     """Expected standard error and bias of each parameter, with the inertia known and free."""
-    e, many = design.experiment, design.monte_carlo
-    law, mechanism = e.friction.law, e.plant.mechanism
-    d = mechanism.description
-    names = [f"joint {j + 1} {name}" for j in range(e.plant.n) for name in law.names]
-    units = [d.torque_unit, f"{d.torque_unit} / ({d.angle_unit}/s)"] * e.plant.n
-    units += [base.unit for base in d.base]
-    values = [*e.friction.theta.ravel(), *e.plant.p]
+    many = design.monte_carlo
+    names, units, values = _parameters(design)
     columns = [*text_columns("parameter"), Column("prior")]
     results: list[Array] = []
     for inertia, group in ((False, "friction alone"), (True, "inertia free")):
         columns += [Column("std error", group), Column("bias", group)]
         results += [many.errors(inertia=inertia), many.bias(inertia=inertia)]
     lines = []
-    for i, name in enumerate([*names, *mechanism.base_names]):
+    for i, name in enumerate(names):
         cells = [f"{own[i]:.2g}" if i < len(own) else NOTHING for own in results]
         lines.append(line([name, f"{values[i]:.4g}", *cells, units[i]]))
     return Table("", "errors", (*columns, *text_columns("unit")), tuple(lines))
+
+
+def design_document(design: Design) -> dict[str, Any]:
+    """The signals and the expected errors of each parameter, for scripts; SI units.
+
+    Errors are null for parameters of the mechanism where it is taken as known.
+    """
+    names, units, values = _parameters(design)
+    families = design.space.family(design.x)
+    many, parameters = design.monte_carlo, []
+    for i, name in enumerate(names):
+        entry: dict[str, Any] = {"name": name, "unit": units[i], "prior": values[i]}
+        for inertia, group in ((False, "friction_alone"), (True, "inertia_free")):
+            error, bias = many.errors(inertia=inertia), many.bias(inertia=inertia)
+            known = i < len(error)
+            entry[group] = {"error": error[i], "bias": bias[i]} if known else None
+        parameters.append(entry)
+    return {
+        "recordings": [
+            {"family": family, "start": start}
+            for family, start in zip(families, design.start.tolist(), strict=True)
+        ],
+        "length": design.experiment.length,
+        "parameters": parameters,
+        "exceeded": [
+            {"friction_scale": level, "limit": name, "joint": joint, "value": value}
+            for level, own in exceeded(design)
+            for name, joint, value in own
+        ],
+    }
+
+
+def _parameters(design: Design) -> tuple[list[str], list[str], list[float]]:
+    """Names, units and prior values of friction and base parameters."""
+    e = design.experiment
+    law, mechanism = e.friction.law, e.plant.mechanism
+    d = mechanism.description
+    names = [f"joint {j + 1} {name}" for j in range(e.plant.n) for name in law.names]
+    units = [d.torque_unit, f"{d.torque_unit} / ({d.angle_unit}/s)"] * e.plant.n
+    units += [base.unit for base in d.base]
+    values = [*e.friction.theta.ravel(), *e.plant.p]
+    return [*names, *mechanism.base_names], units, [float(value) for value in values]
 
 
 def exceeded(design: Design) -> Iterator[tuple[float, list[tuple[str, int, float]]]]:

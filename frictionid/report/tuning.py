@@ -14,7 +14,7 @@ import pandas as pd
 from frictionid.comparison.search_space import Objective, text_of
 from frictionid.comparison.tuning.studies import StudyResult
 from frictionid.comparison.tuning.tuned_suite import best_of, by_task, chosen_suite, own_modules
-from frictionid.files import file_names
+from frictionid.files import file_names, json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.figures.tuning import progress
@@ -70,6 +70,27 @@ def trials(studies: Sequence[StudyResult]) -> pd.DataFrame:
         for number, trial in enumerate(study.trials)
     ]
     return pd.DataFrame(lines)
+
+
+def outcome_json(studies: Sequence[StudyResult], page: Path) -> str:
+    """Scores and chosen settings of each study as JSON; its trials stand in trials.csv."""
+    found = [
+        {
+            "dataset": study.task.benchmark.dataset.name,
+            "identifier": study.task.name,
+            "recipe": study.task.recipe.name,
+            "sampler": study.sampler,
+            "fold": study.fold,
+            "trials": len(study.trials),
+            "settings": dict(study.best.settings),
+            "value": study.best.value,
+            "suite_value": study.suite_value,
+            "held_out": study.held_out,
+            "held_out_suite": study.held_out_suite,
+        }
+        for study in studies
+    ]
+    return json_text({"studies": found, "written": [page, page.with_name("trials.csv")]})
 
 
 def _by_dataset(studies: Sequence[StudyResult]) -> list[tuple[str, list[StudyResult]]]:

@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from frictionid.config import Positive, check_settings
 from frictionid.data.signals import Array
+from frictionid.errors import InputError
 
 Pixels = Annotated[int, Field(ge=1, le=8192)]  # a picture of 8192 x 8192 takes 0.2 GB
+_FAR = 10.0  # sizes of the picture
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,12 @@ class View:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        for at, size in zip(self.pivot, self.size, strict=True):
+            if abs(at) > _FAR * size:
+                raise InputError(
+                    f"pivot = {list(self.pivot)} is far outside of a picture of {list(self.size)} "
+                    "pixels: it is the pixel of the fixed joint"
+                )
 
     def pixels(self, points: Array) -> Array:
         """Pixels (..., 2), x to the right and y downwards, of points (..., 2) [m] from the pivot.

@@ -1,10 +1,15 @@
 """--json: one JSON document on the standard output, and nothing else there."""
 
 import json
+import shutil
 
 import pytest
 from fixtures.command_line import run_command
+from fixtures.damage_own_data import TUTORIAL, swing
+from fixtures.damage_targets import small
 from fixtures.tiny_pendulums import write_dataset, write_suite
+
+from frictionid.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -38,3 +43,73 @@ def test_a_script_reads_what_a_command_prints(monkeypatch, capsys, place, argume
         run_command(monkeypatch, capsys, place, *FIT, "--replace")
     code, out, _ = run_command(monkeypatch, capsys, place, *arguments, "--json")
     assert code in (0, 1) and holds(json.loads(out))
+
+
+# --- Commands that make files -----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """Own tables, a mechanism file, a film, a model, and a suite with a search."""
+    folder = tmp_path_factory.mktemp("inputs")
+    small(folder)
+    (folder / "arm").mkdir()
+    for i in range(2):
+        swing(i).to_csv(folder / "arm" / f"run{i}.csv", index=False)
+    text = (TUTORIAL / "simulated.toml").read_text().replace("samples = 720", "samples = 40")
+    (folder / "sim.toml").write_text(text)
+    for name in ("camera.toml", "rig.toml"):
+        shutil.copy(TUTORIAL / name, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for words in (
+            ["simulate", "sim.toml", "--out", "set"],
+            ["render", "set", "--camera", "camera.toml", "--out", "films"],
+            ["fit", "tiny", "--identifier", "none", "--out", "model.json"],
+        ):
+            patch.setattr("sys.argv", ["frictionid", "-q", *words])
+            assert main() == 0
+    return folder
+
+
+MACHINE = ("--mechanism", "pendulum", "--set", "mass=0.5", "--set", "length=0.3", "--kt", 0.5)
+LIMITS = ("--limits", "torque=1,velocity=20", "--effort", 6, "--length", 1, "--recordings", 1)
+MADE = {
+    "simulate": (
+        ("simulate", "sim.toml", "--out", "made"),
+        lambda d: d["samples"] == 40 and d["recordings"] == ["run"],
+    ),
+    "predict": (
+        ("predict", "model.json", "tiny", "--horizon", 0.1, "--out", "p.csv"),
+        lambda d: 0 < d["predictions"] < d["lines"],
+    ),
+    "init": (
+        ("init", "arm", *MACHINE),
+        lambda d: d["dataset"]["mechanism"]["kind"] == "pendulum" and d["suite"]["identifiers"],
+    ),
+    "suggest": (
+        ("suggest", "--mechanism", "rig.toml", *LIMITS, "--out", "u.csv"),
+        lambda d: d["parameters"][0]["friction_alone"]["error"] > 0 and len(d["recordings"]) == 1,
+    ),
+    "track": (
+        ("track", "films/run.mov", "--out", "q.csv"),
+        lambda d: d["frames"] == d["states"]["found"] == 40 and 0 < d["sigma"][0] < 0.01,
+    ),
+    "track --setup": (
+        ("track", "films/run.mov", "--setup", "--rig", "proposed.toml"),
+        lambda d: {m["name"] for m in d["markers"]} and d["written"] == ["proposed.toml"],
+    ),
+    "tune": (
+        ("tune", "suite.toml", "--out", "tuned", "--jobs", 1),
+        lambda d: 0.01 <= d["studies"][0]["settings"]["width"] <= 0.1,
+    ),
+}
+
+
+@pytest.mark.parametrize(("arguments", "holds"), MADE.values(), ids=MADE)
+def test_a_script_reads_what_a_command_makes(monkeypatch, capsys, inputs, arguments, holds):
+    code, out, err = run_command(monkeypatch, capsys, inputs, *arguments, "--json")
+    assert code == 0, err
+    document = json.loads(out)
+    assert holds(document), document
+    assert document["written"] and all((inputs / name).exists() for name in document["written"])
