@@ -106,10 +106,19 @@ def adaptive_rows(mechanism: Mechanism, motions: Sequence[Motion]) -> Rows:
     at reversals, where the acceleration jumps: at 60 Hz with 3 mrad, short windows and reversals
     cost 1 to 2 % of the inertias and 15 % of viscous friction (simulated), and are left out.
     """
-    blur = float(np.median([m.blur.max() for m in motions]))
-    if blur > SHARP * WIDTH:
+    if is_blurred(motions):
         return unit_rows(mechanism, motions)
-    return unit_rows(mechanism, motions, width=max(blur / SHARP, SHORTEST), reversals=True)
+    width = max(_blur(motions) / SHARP, SHORTEST)
+    return unit_rows(mechanism, motions, width=width, reversals=True)
+
+
+def is_blurred(motions: Sequence[Motion]) -> bool:
+    """Whether the smoother blurs the motions too much for shorter windows."""
+    return _blur(motions) > SHARP * WIDTH
+
+
+def _blur(motions: Sequence[Motion]) -> float:
+    return float(np.median([m.blur.max() for m in motions]))
 
 
 def rows_of(
@@ -183,11 +192,12 @@ def _windows(motions: Sequence[Motion], width: float) -> _Windows:
     parts, first = [], 0
     for i, motion in enumerate(motions):
         time = motion.states.time
-        half = max(round(width / 2 / float(np.median(np.diff(time)))), 1)
+        interval = float(np.median(np.diff(time)))
+        half = max(round(width / 2 / interval), 1)
         start = np.arange(0, len(time) - 2 * half, half)
         # a gap makes a window longer: Simpson's rule would guess what happened there
         kept = time[start + 2 * half] - time[start] < 2 * width + 1e-9
-        kept |= np.median(np.diff(time)) * 2 * half > width
+        kept |= interval * 2 * half > width
         start = first + start[kept]
         parts.append((np.full(len(start), i), start, start + 2 * half))
         first += len(time)

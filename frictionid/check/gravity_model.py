@@ -52,9 +52,10 @@ def gravity_share(recording: Recording, mechanism: Mechanism, j: int) -> float |
     """
     keep = slice(None, None, max(len(recording.torque.time) // _SAMPLES, 1))
     time, torque = recording.torque.time[keep], recording.torque.value[keep, j]
-    size = float(np.quantile(np.abs(torque), MOST))
-    varies = float(np.quantile(np.abs(torque - np.median(torque)), MOST))
-    if size < 1e-9 or len(time) < 30 or varies < 0.05 * size:
+    if len(time) < 30:
+        return None
+    size, varies = _most(np.abs(torque)), _most(np.abs(torque - np.median(torque)))
+    if size < 1e-9 or varies < 0.05 * size:
         return None
     dt = float(np.median(np.diff(recording.torque.time)))
     # a controller computes from the sample before or from this one
@@ -75,5 +76,11 @@ def _residual(
     for _ in range(4):  # trimmed least squares: the samples that fit best decide
         x = np.linalg.lstsq(columns[use], torque[use], rcond=1e-10)[0]
         left = np.abs(torque - columns @ x)
-        use = left <= np.quantile(left, MOST)
-    return float(np.quantile(left, MOST))
+        use = left <= _most(left)
+    return _most(left)
+
+
+def _most(sizes: Array) -> float:
+    """Size that most samples do not exceed."""
+    place = int(MOST * (len(sizes) - 1))
+    return float(np.partition(sizes, place)[place])

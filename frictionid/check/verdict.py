@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import adaptive_rows
+from frictionid.check.balance_windows import adaptive_rows, is_blurred
 from frictionid.check.conventions import Scored
 from frictionid.check.coverage import advice, still_joints
 from frictionid.check.delay import Delay
@@ -191,7 +191,9 @@ def screened(measured: Measured) -> Screening:
 
 def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
     measured = tests.measured
-    rows = adaptive_rows(measured.mechanism, measured.motions)
+    rows = tests.rows
+    if not is_blurred(measured.motions):
+        rows = adaptive_rows(measured.mechanism, measured.motions)
     torque = rows.means(measured.torque, tests.shift)
     names, nominal = measured.mechanism.base_names, measured.nominal
     estimate = regress(rows, torque, names, nominal)

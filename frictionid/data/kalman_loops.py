@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import numba
@@ -23,12 +24,24 @@ _FIXED = 3  # samples that determine the state; their innovations do not depend 
 _FLOOR = 1e-24  # of the variance: the resolution of stored numbers
 
 
-def _compiled(function: Callable[..., Any]) -> Any:
+_inlined = numba.njit(error_model="numpy")
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function as machine code, which is kept where there is a folder that can be written."""
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        fast = numba.njit(cache=True, error_model="numpy")(function)
     except RuntimeError:  # no such folder
-        return numba.njit(error_model="numpy")(function)
+        fast = _inlined(function)
+
+    @wraps(function)
+    def call(*arguments: Array) -> Any:
+        try:
+            return fast(*arguments)
+        except OSError:  # a full disk: it is compiled by now, but could not be kept
+            return fast(*arguments)
+
+    return call
 
 
 def predicted(mean: Any, covariance: Any, dt: Any, rho: Any) -> Any:
@@ -50,16 +63,16 @@ def predicted(mean: Any, covariance: Any, dt: Any, rho: Any) -> Any:
     )
 
 
-_predicted = _compiled(predicted)
+_predicted = _inlined(predicted)
 
 
-@_compiled
+@_inlined
 def _initial(value: float) -> Any:
     """Mean and covariance before the first sample, next to unknown."""
     return (value, 0.0, 0.0), (DIFFUSE[0], 0.0, 0.0, DIFFUSE[1], 0.0, DIFFUSE[2])
 
 
-@_compiled
+@_inlined
 def _updated(mean: Any, covariance: Any, innovation: float, variance: float, noise: float) -> Any:
     """Mean, covariance and gain after a measurement.
 

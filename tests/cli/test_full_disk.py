@@ -2,11 +2,15 @@
 
 import os
 import resource
+import shutil
+import subprocess
 import sys
 import traceback
+from contextlib import suppress
 
 import pytest
 from fixtures.damage_targets import TUTORIAL, Target, _acquisition, _results, _simulation
+from fixtures.paths import ROOT
 
 from frictionid.cli import main
 
@@ -43,7 +47,8 @@ def on_a_full_disk(folder, words, said):
         except BaseException:
             traceback.print_exc()
         finally:
-            sys.stdout.flush()
+            with suppress(OSError):  # what was said may not fit either
+                sys.stdout.flush()
             os._exit(status)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said.read_text()
 
@@ -73,3 +78,18 @@ def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(places, tmp_pat
     new = {n: c for n, c in after.items() if n not in before and "journal" not in n}
     assert all(len(content) < ROOM for content in new.values()), {n: len(c) for n, c in new.items()}
     assert not any(".frictionid-" in n or n.endswith((".mp4", ".mov")) for n in new)
+
+
+def test_loops_that_cannot_be_kept_compiled_are_used_all_the_same(tmp_path):
+    """The first use of the smoother where nothing can be written, not even beside its code."""
+    copy = tmp_path / "frictionid"
+    shutil.copytree(ROOT / "frictionid", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    code = (
+        "import resource, numpy as np; resource.setrlimit(resource.RLIMIT_FSIZE, (9, 9)); "
+        "from frictionid.data.kalman import even_series, likeliest_jerk_ratio; "
+        "print(likeliest_jerk_ratio(even_series(np.cumsum(np.ones((9, 1)), axis=0), 0.1)).shape)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0 and done.stdout == "(1,)\n", done.stderr
