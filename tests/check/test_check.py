@@ -9,14 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool
+from fixtures import tiny_pendulums as tiny
 from fixtures.paths import DATA
 
-from frictionid.check import check
+from frictionid.check import LEVELS, Finding, check
 from frictionid.check.balance_windows import adaptive_rows, unit_rows
 from frictionid.check.delay import delay_of
 from frictionid.check.facts import clock_of, joints_of
 from frictionid.check.motion import motions_of
 from frictionid.check.regression import regress
+from frictionid.check.verdict import judge
 from frictionid.cli import main
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.integrals import integrals_of
@@ -328,3 +330,17 @@ def test_a_hanging_joint_without_torque_does_not_test_gravity_at_rest():
     rest = [q for q in verdict.questions if q.question.startswith("gravity at rest")]
     assert [q.passed for q in rest] == [None, None]
     assert all("no load that friction could not hold" in q.words for q in rest)
+
+
+def test_a_verdict_is_as_bad_as_its_worst_finding():
+    """Whatever their order; findings that are only worth knowing leave the data good."""
+    data = tiny.dataset(recordings=tiny.recordings()[:4])
+    motions = motions_of(data.recordings)
+    own = judge(data, motions)
+    assert {finding.level for finding in own.findings} <= {"good"} and own.level == "good"
+    made = [Finding(f"made {level}", level, f"made up to be {level}") for level in LEVELS]
+    for some in (made[:1], made[:2], made[1::-1], made, made[::-1], made[1:], made[2:]):
+        verdict = judge(data, motions, some)
+        assert verdict.level == max((f.level for f in some), key=LEVELS.index)
+        ranks = [LEVELS.index(finding.level) for finding in verdict.findings]
+        assert ranks == sorted(ranks, reverse=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from fixtures.memory_laws import Sampled
+from fixtures.memory_laws import Sampled, SampledFollower
 from scipy.integrate import solve_ivp
 
 from frictionid.data.signals import Signal
@@ -257,6 +257,22 @@ def test_the_memory_of_a_predicted_motion_is_that_along_it(method):
         begin = State(motion.q[k], motion.w[k], tuple(entry[0] for entry in memory))
         rest = rollout(PLANT, SAMPLED, begin, u[k:], EVEN[k:], method=method)
         np.testing.assert_allclose(rest.q[-1], motion.q[-1], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_memory_of_samples_advances_by_the_whole_interval(method):
+    """With dz/dt = (w - z)/0.1 s at w = 1, z = 1 - exp(-t/0.1) at each sample, held until the next.
+
+    So weak a friction takes gain/J sum z dt of the velocity.
+    """
+    gain, inertia = 1e-6, 0.01
+    rotor = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0})
+    dt = np.random.default_rng(20).uniform(0.01, 0.03, T)
+    start = State(np.zeros(1), np.ones(1))
+    friction = Friction(SampledFollower(), np.array([[gain]]))
+    w = rollout(rotor, friction, start, np.zeros((T, 1)), dt, method=method).w
+    z = 1.0 - np.exp(-np.concatenate([[0.0], np.cumsum(dt)[:-1]]) / 0.1)
+    assert (1.0 - w[-1, 0]) * inertia / gain == pytest.approx((z * dt).sum(), rel=1e-3)
 
 
 def test_a_continuous_memory_along_a_motion_comes_near_that_of_the_prediction():

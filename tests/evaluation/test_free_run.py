@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.memory_laws import Sampled
+from fixtures.memory_laws import Sampled, SampledFollower
 from fixtures.score_frames import lines
 from fixtures.tiny_pendulums import dataset as torque_driven
 from fixtures.tiny_pendulums import recordings as torque_driven_recordings
@@ -205,7 +205,13 @@ def test_together_is_as_alone(logs):
 
 
 @pytest.mark.parametrize(
-    "friction", [TRUTH, Friction(Sampled(), np.array([[0.01]]))], ids=["static", "samples"]
+    "friction",
+    [
+        TRUTH,
+        Friction(Sampled(), np.array([[0.01]])),
+        Friction(SampledFollower(), np.array([[0.01]])),
+    ],
+    ids=["static", "samples", "follower"],
 )
 def test_without_a_connected_motor_it_is_a_rollout_without_torque(logs, friction):
     """Also for a law that remembers samples: its memory advances once a sample."""

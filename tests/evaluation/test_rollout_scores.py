@@ -173,6 +173,15 @@ def test_no_horizon_ends_behind_a_recording_or_in_a_gap():
     assert 0.1 < near.mean() < 1.0
 
 
+def test_no_rollout_spans_a_gap_even_where_its_horizon_ends_right_behind_it():
+    """The first sample behind the gap is 0.12 s after the last one before it."""
+    time = np.concatenate([np.arange(50) * 0.02, 1.1 + np.arange(50) * 0.02])
+    starts = starts_of(still(time), horizons=(0.12,), begin=0.0, every=0.02)
+    assert 49 not in starts.index and 50 in starts.index
+    for first, count in zip(starts.index, starts.last[0], strict=True):
+        assert np.diff(time[first : first + count + 1]).max() < 0.021
+
+
 def test_torques_and_angles_of_a_start_are_those_that_follow_it():
     data = dataset()
     starts = starts_of(data)

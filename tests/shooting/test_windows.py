@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fixtures import tiny_pendulums as tiny
 
 from frictionid.shooting.problem import Linearisation
+from frictionid.shooting.sample_intervals import cut_windows, intervals_of
 from frictionid.shooting.windows import WindowPrediction, eliminate_states, predict_windows
 
 W, N, JOINTS, SHARED = 5, 7, 2, 3
@@ -89,3 +92,30 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
         assert np.isfinite(whole).all()
     assert not held.slope[1].any() and not held.moved[1].any()
     assert (np.abs(held.error[1]) > 100.0).all()
+
+
+def test_each_angle_of_a_window_counts_by_its_own_noise():
+    """The last one, too: it is that behind the window's last interval."""
+    rng = np.random.default_rng(3)
+    some = tiny.dataset(recordings=tiny.recordings()[:2])
+    plain = intervals_of(some)
+    K, n = plain.q.shape
+    before, after = rng.uniform(0.1, 1.0, (2, K, n))
+    nodes = np.concatenate([plain.q, plain.w], axis=1)
+    linear = Linearisation(
+        rng.normal(size=(K, 2 * n)),
+        rng.normal(size=(K, 2 * n, 2 * n)),
+        np.zeros((K, 2 * n, 0)),
+        np.zeros((0, n)),
+    )
+    windows = cut_windows(plain, np.ones(K, dtype=bool), 0.1)
+    own = replace(plain, weight_before=before, weight_after=after)
+    one = replace(plain, weight_before=np.ones((K, n)), weight_after=np.ones((K, n)))
+    weighted, alike = (
+        predict_windows(i, linear, nodes, windows, np.zeros(n)).error for i in (own, one)
+    )
+    for w, window in enumerate(windows):
+        inside = window[window >= 0]
+        expected = np.concatenate([before[inside], after[inside[-1:]]])
+        found = weighted[w, : len(inside) + 1] / alike[w, : len(inside) + 1]
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
