@@ -355,22 +355,21 @@ def test_without_input_energy_falls_until_all_joints_rest_within_the_band_for_go
     np.testing.assert_array_equal(rests[1:][rests[:-1]], below[:-1][rests[:-1]])
 
 
-# ---------------------------------------------------------------- two joints that stick at once
+# ---------------------------------------------------------------- joints that stick at once
 
 
 def held_by_cases(one):
-    """Friction (2,) that holds two joints as far as its levels allow, by trying all cases.
+    """Friction (n,) that holds n joints as far as its levels allow, by trying all cases.
 
     Each joint is held, a = 0, or its friction is at a level and it accelerates against it.
     """
     A = np.linalg.inv(one.M)
-    for sides in product((0, -1, 1), repeat=2):
+    for sides in product((0, -1, 1), repeat=len(A)):
         held = np.array(sides) == 0
         Tf = np.where(np.array(sides) > 0, one.high, -one.low)
         if held.any():
-            rest = A[np.ix_(held, held)]
             known = A[held] @ one.f - A[np.ix_(held, ~held)] @ Tf[~held]
-            Tf[held] = np.linalg.solve(rest, known)
+            Tf[held] = np.linalg.solve(A[np.ix_(held, held)], known)
         a = A @ (one.f - Tf)
         within = (Tf >= -one.low - 1e-12) & (Tf <= one.high + 1e-12)
         if within.all() and (a[~held] * np.array(sides)[~held] >= -1e-12).all():
@@ -378,16 +377,18 @@ def held_by_cases(one):
     raise AssertionError("no case fits")
 
 
-def test_two_joints_that_stick_at_once_are_held_as_all_cases_tried_say():
+@pytest.mark.parametrize("n", [2, 3])
+def test_joints_that_stick_at_once_are_held_as_all_cases_tried_say(n):
     rng = np.random.default_rng(21)
     kinds = set()
     for _ in range(300):
-        a, c = rng.uniform(0.5, 2.0, 2)
-        b = rng.uniform(-0.8, 0.8) * np.sqrt(a * c)
-        low, high = rng.uniform(0.2, 1.0, (2, 2))
-        one = Balance(np.array([[a, b], [b, c]]), rng.normal(size=2), np.zeros(2), low, high)
+        low, high = rng.uniform(0.2, 1.0, (2, n))
+        M = np.eye(n) * rng.uniform(1.0, 2.0, n)
+        M = M + np.triu(rng.uniform(-0.45, 0.45, (n, n)), 1)
+        M = np.triu(M) + np.triu(M, 1).T
+        one = Balance(M, rng.normal(size=n), np.zeros(n), low, high)
         expected, held = held_by_cases(one)
-        found = sticking_torque(one, np.ones(2, dtype=bool))
+        found = sticking_torque(one, np.ones(n, dtype=bool))
         np.testing.assert_allclose(found, expected, atol=1e-7)
         kinds.add(tuple(held))
-    assert kinds == set(product((True, False), repeat=2))
+    assert kinds == set(product((True, False), repeat=n))
