@@ -93,12 +93,12 @@ def _refined(
 
 
 def _profile(rows: Rows, torque: SignalIntegrals, nominal: Array, lags: Array) -> Array:
-    """Sums of squares (D,) with each of the delays."""
-    delayed = rows.means(torque, lags)
-    fit = partial_regression(rows, delayed[len(lags) // 2], nominal, uncertain_mechanism=True)
-    residual = fit.residual(delayed - rows.required(nominal))
-    out: Array = (residual**2).sum(-1)
-    return out
+    """Sums of squares (D,) with each of the delays, one after the other: few rows are kept."""
+    middle = rows.means(torque, lags[len(lags) // 2])
+    fit = partial_regression(rows, middle, nominal, uncertain_mechanism=True)
+    required = rows.required(nominal)
+    left = (fit.residual(rows.means(torque, lag) - required) for lag in lags)
+    return np.array([residual @ residual for residual in left])
 
 
 def _shortest(rows: Rows) -> float:
