@@ -53,7 +53,10 @@ def omitted_blocks(problem: ShootingProblem, solution: Solution) -> Omitted | No
         return None
     blocks = (*given, *more)
     wider = shooting_problem(problem.intervals, solution.estimate, blocks, problem.settings)
-    step = _Step(problem, wider, solution, _normal_equations(wider, solution))
+    normal = _normal_equations(wider, solution)
+    if not np.isfinite(normal.H[solution.closed]).all():
+        return None
+    step = _Step(problem, wider, solution, normal)
     names = tuple(b.name for b in more)
     while names:
         p = step.p_values(names)
@@ -86,7 +89,7 @@ def _that_may_be_free(
     out: tuple[ParameterBlock, ...] = ()
     for block in OFFERED:
         try:
-            if block.name not in names:
+            if block.name not in names and block.parameters(solution.estimate):
                 check_blocks((*given, *out, block), solution.estimate, problem.intervals)
                 out = (*out, block)
         except InputError:  # these data do not tell it

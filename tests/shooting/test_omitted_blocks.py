@@ -47,3 +47,10 @@ def test_blocks_that_show_nothing_change_nothing():
     (low, high), warnings = coulomb_of(dataset)
     assert low < LEVEL < high and high - low < 0.1 * LEVEL
     assert not warnings
+
+
+def test_a_machine_without_a_motor_has_no_delay_to_omit():
+    dataset = sets_of(CASE, [4], 2, late=False)[0]  # two free decays
+    (low, high), warnings = coulomb_of(dataset)
+    assert low < LEVEL < high
+    assert not any("'delay'" in w for w in warnings)
