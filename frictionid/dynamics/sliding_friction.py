@@ -7,11 +7,10 @@ which the smoothing does not show.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.friction.law import SHARP_WIDTH
 
 SLOW = 0.1  # [rad/s]: slower joints may come to rest
@@ -50,7 +49,8 @@ def friction_torque(
     if stiction is None:
         return friction.torque(x, memory)
     w = sliding_velocity(friction, x.w, stiction)
-    return braked(sharpened(friction, stiction).torque(x._replace(w=w), memory), stiction)
+    law = sharpened(friction, stiction)
+    return braked(law.torque(friction.theta, x._replace(w=w), memory), stiction)
 
 
 def sliding_velocity(friction: Friction, w: Array, stiction: Stiction) -> Array:
@@ -77,11 +77,11 @@ def is_sharp(friction: Friction) -> bool:
     return friction.law.shape == "tanh" and _smoothing(friction) > 0.0
 
 
-def sharpened(friction: Friction, stiction: Stiction) -> Friction:
-    """Friction without smoothing, for joints that slide in a direction."""
+def sharpened(friction: Friction, stiction: Stiction) -> Law:
+    """The law without smoothing, for joints that slide in a direction."""
     if stiction.direction is None or not is_sharp(friction):
-        return friction
-    return replace(friction, law=friction.law.with_width(SHARP_WIDTH))
+        return friction.law
+    return friction.law.with_width(SHARP_WIDTH)
 
 
 def braked(Tf: Array, stiction: Stiction) -> Array:

@@ -10,6 +10,7 @@ comes near rest. Around w = 0 friction is set-valued: `stiction` says which join
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace, solve
 from frictionid.dynamics.break_away import after_break_away, break_away
@@ -62,9 +63,9 @@ def adaptive_step(
     """State after dt in some pieces, refined only for the rows that come near rest in a piece."""
     part = dt / step_size.pieces
     for _ in range(step_size.pieces):
-        near = near_rest(plant, friction, state, u, part)
+        near, begin = _approach(plant, friction, state, u, part)
         if not bool(near.any()):
-            state = substep(plant, friction, state, u, part)[0]
+            state = substep(plant, friction, state, u, part, begin)[0]
         elif bool(near.all()):
             state = step(plant, friction, state, u, part, step_size.fine)
         else:
@@ -89,26 +90,47 @@ def _joined(which: Array, yes: State, no: State, like: State) -> State:
 
 def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
     """Rows (...) in which a joint is slow, or will be within dt, unless it sticks all the time."""
+    return _approach(plant, friction, state, u, dt)[0]
+
+
+class Begin(NamedTuple):
+    """What is known where a substep begins: its stiction, and accelerations (..., n)."""
+
+    stiction: Stiction
+    acceleration: Array
+
+
+def _approach(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array
+) -> tuple[Array, Begin]:
+    """Rows (...) near rest, see `near_rest`, and what a substep begins with."""
     xp = namespace(state.w)
     held = stiction(Instant(plant, friction, state, u))
     a = acceleration(plant, friction, state, u, held)
     speed = xp.abs(state.w)
     braked = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + SLOW)
     near = braked | (speed <= SLOW)
-    return (near if held.firm is None else near & ~held.firm).any(-1)
+    return (near if held.firm is None else near & ~held.firm).any(-1), Begin(held, a)
 
 
 def substep(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array
+    plant: Plant,
+    friction: Friction,
+    state: State,
+    u: Array,
+    dt: Array,
+    begin: Begin | None = None,
 ) -> tuple[State, Stiction, Crossing | None]:
     """State after one substep, the stiction in it, and what joints crossed w = 0."""
-    held = stiction(Instant(plant, friction, state, u))
+    held = stiction(Instant(plant, friction, state, u)) if begin is None else begin.stiction
     memory = advanced(plant, friction, state, u, dt / 2)
+    # accelerations are those of the begin where the memory does not advance in it
+    first = begin.acceleration if begin is not None and memory is state.memory else None
 
     def accelerate(q: Array, w: Array) -> Array:
         return acceleration(plant, friction, State(q, w, memory), u, held)
 
-    q, w = rk4(accelerate, state.q, state.w, dt)
+    q, w = rk4(accelerate, state.q, state.w, dt, first)
     memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
     after = State(q, w, memory)
     part = Substep(state, Instant(plant, friction, after, u), held, dt)
@@ -121,10 +143,17 @@ def substep(
 
 
 def rk4(
-    accelerate: Callable[[Array, Array], Array], q: Array, w: Array, dt: Array
+    accelerate: Callable[[Array, Array], Array],
+    q: Array,
+    w: Array,
+    dt: Array,
+    first: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Angles and velocities after dt by the Runge-Kutta method of order 4, dw/dt = accelerate."""
-    a1 = accelerate(q, w)
+    """Angles and velocities after dt by the Runge-Kutta method of order 4, dw/dt = accelerate.
+
+    first : accelerations at q and w, where they are known
+    """
+    a1 = accelerate(q, w) if first is None else first
     w2 = w + dt / 2 * a1
     a2 = accelerate(q + dt / 2 * w, w2)
     w3 = w + dt / 2 * a2

@@ -97,10 +97,15 @@ class Mechanism:
         """Names of the base parameters, in the order of `p`."""
         return tuple(b.name for b in self.description.base)
 
+    @cached_property
+    def driven(self) -> Array:
+        """One for each joint (n,) that a motor drives, else zero."""
+        return np.array(self.description.driven, dtype=float)
+
     @property
     def B(self) -> Array:
         """Input matrix, shape (n, n): one on the diagonal where a motor drives the joint."""
-        return np.diag(np.array(self.description.driven, dtype=float))
+        return np.diag(self.driven)
 
     def base(self, parameters: Mapping[str, Any]) -> Array:
         """Base parameters p of physical ones (numbers or arrays of one batch shape); SI units.
@@ -121,7 +126,8 @@ class Mechanism:
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
         """M (..., n, n) and h (..., n), the terms that a step needs."""
         xp, flat = self._evaluate(self._dynamics_code, p, q, w)
-        return self._symmetric(xp, flat[: -self.n]), xp.stack(flat[-self.n :], axis=-1)
+        h = flat[-1][..., None] if self.n == 1 else xp.stack(flat[-self.n :], axis=-1)
+        return self._symmetric(xp, flat[: -self.n]), h
 
     def inertia(self, p: Array, q: Array) -> Array:
         """Mass matrix M (..., n, n) [kg m^2]."""
@@ -194,6 +200,8 @@ class Mechanism:
 
     def _symmetric(self, xp: Any, upper: Sequence[Array]) -> Array:
         n = self.n
+        if n == 1:  # a sixth of a prediction's time
+            return upper[0][..., None, None]
         entries = full_matrix(upper, n)
         flat = xp.stack([entries[i, j] for i in range(n) for j in range(n)], axis=-1)
         return xp.reshape(flat, (*flat.shape[:-1], n, n))

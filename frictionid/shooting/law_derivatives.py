@@ -87,7 +87,7 @@ def slopes(
     theta, memory = friction.theta, state.memory
     x = inputs(plant, friction, state, u)
     w = sliding_velocity(friction, x.w, stiction)
-    law = sharpened(friction, stiction).law
+    law = sharpened(friction, stiction)
     x, moves = x._replace(w=w), (w == x.w)[..., None]
     by_q: Array | None
     by_u: Array | None
