@@ -46,25 +46,29 @@ def init(
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
     found = tables_at(tables)
-    files = [found.folder / name for name in ("dataset.toml", "suite.toml")]
-    _check_free(files)
-    check_outputs(files)
+    dataset_file, suite_file = (found.folder / f"{name}.toml" for name in ("dataset", "suite"))
+    _check_free([dataset_file])
+    check_outputs([dataset_file])
     machine = _mechanism(mechanism, set_ or [])
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
     known = _motor(found, machine, Known(columns, kt, 1.0 if gear is None else gear), gear is None)
     described = describe_tables(found, machine, known)
+    _check_free([suite_file], left=described.suite_toml.encode())
     _write(found, described, json)
 
 
-def _check_free(files: Sequence[Path]) -> None:
-    """What somebody has written is never overwritten here, so that there is no --replace."""
+def _check_free(files: Sequence[Path], left: bytes | None = None) -> None:
+    """What somebody has written is never overwritten here, so that there is no --replace.
+
+    left : what an interrupted call leaves, which may stay
+    """
     import os
 
     from frictionid.errors import InputError
 
     for file in files:
-        if os.path.lexists(file):
+        if os.path.lexists(file) and not (left and file.is_file() and file.read_bytes() == left):
             raise InputError(
                 f"{file} is there already and is not overwritten; "
                 "edit it, or rename it and start again"
@@ -76,11 +80,9 @@ def _write(found: Tables, described: Described, json: bool) -> None:
 
     from frictionid.files import json_text, write_text
 
-    for name, text in (
-        ("dataset.toml", described.dataset_toml),
-        ("suite.toml", described.suite_toml),
-    ):
-        write_text(found.folder / name, text)
+    # the suite first: a folder with a dataset.toml is done
+    write_text(found.folder / "suite.toml", described.suite_toml)
+    write_text(found.folder / "dataset.toml", described.dataset_toml)
     if json:
         texts = {"dataset": described.dataset_toml, "suite": described.suite_toml}
         read: dict[str, Any] = {name: tomllib.loads(text) for name, text in texts.items()}

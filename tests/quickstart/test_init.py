@@ -245,3 +245,16 @@ def test_given_columns_count(lab):
     known = Known({"torque": ["vel"]})
     described = describe_tables(tables_at([lab / "arm" / "run1.csv"]), MACHINE, known)
     assert described.draft.guesses.torque.unit == "N m" and not described.draft.motor
+
+
+def test_an_interrupted_call_can_be_made_again(call, tmp_path):
+    command = ("init", "arm", *INIT, *MOTOR)
+    code, _, err = call(*command)
+    assert code == 0, err
+    (tmp_path / "arm" / "dataset.toml").unlink()  # written last
+    assert call(*command)[0] == 0
+    (tmp_path / "arm" / "dataset.toml").unlink()
+    (tmp_path / "arm" / "suite.toml").write_text("mine")
+    code, _, err = call(*command)
+    assert code == 2 and "suite.toml is there already" in err
+    assert not (tmp_path / "arm" / "dataset.toml").exists()
