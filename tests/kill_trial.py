@@ -227,7 +227,9 @@ def _others(folder: Path, options: argparse.Namespace, rng: np.random.Generator)
                 case, [w for w in words if w != "--replace"] + AGAIN.get(name, ["--replace"])
             )
             again = _contents(case)
-            faults += [f"{where}: run again, status {status}"] if status not in (0, 1) else []
+            # init refuses to run again where it has come to its end
+            right = (2,) if name == "init" and "arm/dataset.toml" in found else (0, 1)
+            faults += [f"{where}: run again, status {status}"] if status not in right else []
             faults += [f"{where}: run again, {n} is missing" for n in new.keys() - again.keys()]
         shutil.rmtree(case)
         print(f"{count} kills of {name} ({whole:.2f} s): {len(faults)} faults so far", flush=True)
