@@ -71,7 +71,7 @@ def motor_torque(volts: Array, w: Array, kt: float | Array, R: float | Array) ->
 def terminal_voltage(servo: Servo, angle: Signal) -> Signal:
     """Voltage [V] along recorded angles, zero while disconnected."""
     time = angle.time
-    return Signal(time, servo.voltage(time, angle.value) * servo.connected(time))
+    return Signal(time, servo.voltage(time, angle.value) * servo.connected(time), "linear")
 
 
 def servo_torque(servo: Servo, angle: Signal, delay: float = 0.0) -> Signal:
@@ -95,6 +95,5 @@ def applied_voltage(servo: Servo, angle: Signal) -> Signal:
     volts = servo.voltage(time, angle.value)
     at = 1 + np.flatnonzero((np.diff(on, axis=0) != 0).any(axis=1))
     just = time[at] - 1e-6 * np.diff(time)[at - 1]
-    return Signal(
-        np.insert(time, at, just), np.insert(volts * on, at, volts[at] * on[at - 1], axis=0)
-    )
+    volts_on = np.insert(volts * on, at, volts[at] * on[at - 1], axis=0)
+    return Signal(np.insert(time, at, just), volts_on, "linear")
