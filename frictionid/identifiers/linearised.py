@@ -121,7 +121,7 @@ class Linearised(NamedTuple):
         for first in range(0, F, folds_at_once):
             part = slice(first, first + folds_at_once)
             for rows, own in self.stretches():
-                J = own.jacobian(theta[part]).reshape(len(theta[part]), -1, N)
+                J = own.jacobian(theta[part]).reshape(len(theta[part]), own.problem.r.size, N)
                 weight = np.repeat(weights[part, rows], self.joints, 1)
                 weighted = np.swapaxes(J * weight[..., None], 1, 2)
                 e = residual[part, rows].reshape(len(J), -1, 1)
