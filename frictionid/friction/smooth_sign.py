@@ -11,7 +11,7 @@ SHAPES = ("tanh", "arctan")
 
 
 def smooth_sign(w: Array, width: float, shape: str = "tanh") -> Array:
-    """sgn(w) smoothed over `width` [rad/s]: tanh(w/width), or (2/pi) arctan(w/width).
+    """sgn(w) smoothed over `width`: tanh(w/width), or (2/pi) arctan(w/width).
 
     Published models often write cf arctan(100 w): their Coulomb level is cf pi/2, not cf.
 

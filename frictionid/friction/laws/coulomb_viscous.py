@@ -14,7 +14,7 @@ from frictionid.friction.laws.linear_law import LinearLaw
 
 @dataclass(frozen=True)
 class CoulombViscous(LinearLaw):
-    """Tf = coulomb sgn(w) + viscous w, with sgn smoothed over `width` [rad/s].
+    """Tf = coulomb sgn(w) + viscous w, with sgn smoothed over `width`.
 
     The physics step holds a joint at rest by itself; the width only has to be well below the
     velocities of interest [Olsson1998].

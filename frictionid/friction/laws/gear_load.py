@@ -35,7 +35,7 @@ class GearLoad(Law):
     with te = -moment sin q, `moment` = m g l [N m] of the pendulum that the joint carries, in all
     recordings the same; 0 is a gear that nothing but its motor loads. Without squares this is M5;
     with equal coefficients of u and te, M4; without peaks M3, or M1 without any load. sgn is
-    smoothed over `width` [rad/s].
+    smoothed over `width`.
     """
 
     moment: NotNegative

@@ -22,7 +22,7 @@ _STRIBECK = StribeckLevel()
 
 @dataclass(frozen=True)
 class LoadDependent(LinearLaw):
-    """Tf = (coulomb + load_coefficient load) sgn(w) + viscous w, sgn smoothed over `width` [rad/s].
+    """Tf = (coulomb + load_coefficient load) sgn(w) + viscous w, sgn smoothed over `width`.
 
     `load_coefficient` is the coefficient of friction times the radius at which the bearing rubs.
     """

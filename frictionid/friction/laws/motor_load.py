@@ -16,7 +16,7 @@ SHARE: Range = (0.0, 1.0)
 
 @dataclass(frozen=True)
 class MotorLoad(LinearLaw):
-    """Tf = (coulomb + loss |u|) sgn(w) + viscous w, with sgn smoothed over `width` [rad/s].
+    """Tf = (coulomb + loss |u|) sgn(w) + viscous w, with sgn smoothed over `width`.
 
     `loss` is the share of the motor torque u that the gear swallows: it passes on 1 - loss of it
     while the motor drives, and holds back 1 + loss of it while it brakes. Without motor torque this
@@ -39,7 +39,7 @@ class MotorLoad(LinearLaw):
 
 @dataclass(frozen=True)
 class MotorLoadQuadratic(LinearLaw):
-    """Tf = (coulomb + loss |u| + rise u^2) sgn(w) + viscous w, sgn smoothed over `width` [rad/s].
+    """Tf = (coulomb + loss |u| + rise u^2) sgn(w) + viscous w, sgn smoothed over `width`.
 
     Beyond the share `loss` of the motor torque u that a gear swallows (see `MotorLoad`), more of it
     is lost the harder the motor pulls. `rise` may stand for the gear, and for what weakens the

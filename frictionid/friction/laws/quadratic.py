@@ -14,7 +14,7 @@ from frictionid.friction.laws.linear_law import LinearLaw
 
 @dataclass(frozen=True)
 class Quadratic(LinearLaw):
-    """Tf = coulomb sgn(w) + viscous w + drag w |w|, with sgn smoothed over `width` [rad/s].
+    """Tf = coulomb sgn(w) + viscous w + drag w |w|, with sgn smoothed over `width`.
 
     The drag is that of the air, or of oil that is churned; it may also stand for what the torque
     constant of a motor loses with its speed.

@@ -51,7 +51,7 @@ class StribeckLaw(Law):
 class Stribeck(StribeckLaw):
     """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2)) sgn(w) + viscous w.
 
-    `peak` is the break-away minus the Coulomb level; sgn is smoothed over `width` [rad/s].
+    `peak` is the break-away minus the Coulomb level; sgn is smoothed over `width`.
     """
 
     width: float = 0.02
