@@ -342,7 +342,7 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
     assert document["clock"]["offset"] == pytest.approx(0.412, abs=3e-3)
 
 
-@pytest.mark.parametrize("spans", [(20.0, 30e3 * 60), (12e6, 12.0), (1e9, 1e300)])
+@pytest.mark.parametrize("spans", [(20.0, 30e3 * 60), (12e6, 12.0), (1e9, 1e300), (50.0, 5e4)])
 def test_spans_in_another_unit_are_named_before_they_fill_the_memory(spans):
     with pytest.raises(InputError, match=r"the angles span .* s and the log .*: correct the unit"):
         check_spans(*spans)

@@ -22,6 +22,7 @@ from frictionid.mechanics import Mechanism
 
 STEP = 0.01  # [s] between offsets
 LONGEST = 1e5  # [s] of motion and log: more than a day
+UNEQUAL = 500.0  # times as long as the other: in ms, where the other is in s
 _OVERLAP, _NEARLY = 0.5, 0.9  # shares of the motion that the log must cover
 _CANDIDATES, _SEPARATION = 8, 0.1  # best offsets that are refined, [s] between them
 _NEAR = np.arange(-0.06, 0.0601, STEP)  # [s] around a candidate
@@ -143,7 +144,7 @@ def _check(found: CoarseOffset) -> None:
 
 
 def check_spans(motion: float, log: float) -> None:
-    """Check that a motion and a log [s] are short enough to be correlated in memory.
+    """Check that a motion and a log [s] can belong together, and fit into memory.
 
     Raises
     ------
@@ -154,6 +155,11 @@ def check_spans(motion: float, log: float) -> None:
         raise InputError(
             f"the angles span {motion:.3g} s and the log {log:.3g} s, together more than "
             f"{LONGEST:.0f} s: correct the unit of the time (ms, us), or cut the log to the motion"
+        )
+    if max(motion, log) > UNEQUAL * max(min(motion, log), STEP):
+        raise InputError(
+            f"the angles span {motion:.3g} s and the log {log:.3g} s, more than {UNEQUAL:.0f} "
+            "times as long or as short: correct the unit of the time (ms, us), or cut one of them"
         )
 
 
