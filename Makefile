@@ -16,7 +16,7 @@ help: ## this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /|/' | while IFS='|' read -r name text; do \
 	  printf '  make %-12s %s\n' "$$name" "$$text"; done
 
-compare: $(CORE) ## set up .venv, then compare friction models on the simulated acrobot (2 to 3 minutes)
+compare: $(CORE) ## set up .venv, then compare friction models on the simulated acrobot (5 minutes)
 	@$(BIN)/frictionid compare comparisons/acrobot.toml $(ARGS)
 
 compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on two cores); goes on where it stopped
@@ -75,7 +75,7 @@ define create
 $(eval INTERPRETER := $(FOUND))
 $(if $(filter ok:%,$(firstword $(INTERPRETER))),,$(error $(INTERPRETER)))
 @echo "Setting up .venv with $(subst ok:,,$(INTERPRETER)): NumPy, SciPy, pandas, scikit-learn, PySINDy, OpenCV, PyTorch ..."
-@echo "0.4 GB to download, 1.7 GB on disk, one minute or a few; PyTorch with CUDA (the README says how to do without) is several GB more."
+@echo "0.5 GB to download, 2.0 GB on disk, one minute or a few; PyTorch with CUDA (the README says how to do without) is several GB more."
 @"$(subst ok:,,$(INTERPRETER))" -m venv --clear .venv
 endef
 
