@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -163,12 +164,25 @@ def _did_not_act(footprint: csr_array, left: Array, noise: float, time: Array) -
     K = len(left)
     mean = diags_array([1.0 / len(band)] * len(band), offsets=list(band), shape=(K, K))
     F, p = mean @ footprint, mean @ left
-    normal = (F.T @ F).toarray()
+    normal = csr_array(F.T @ F)
     size = np.sqrt(normal.diagonal())
     unit = np.where(size > 0, size, 1.0)
-    inverse = np.linalg.pinv(normal / np.outer(unit, unit), rcond=1e-6, hermitian=True)
-    share = -(inverse @ ((F.T @ p) / unit)) / unit
-    # the means are correlated: about as much as makes this right
-    error = noise * np.sqrt(np.maximum(inverse.diagonal(), 0.0)) / unit
+    scaled: Any = csr_array(diags_array(1 / unit) @ normal @ diags_array(1 / unit))
+    target = (F.T @ p) / unit
+    share, error = np.empty(len(size)), np.empty(len(size))
+    for part in _apart(scaled):
+        inverse = np.linalg.pinv(scaled[part, part].toarray(), rcond=1e-6, hermitian=True)
+        share[part] = -(inverse @ target[part]) / unit[part]
+        # the means are correlated: about as much as makes this right
+        error[part] = noise * np.sqrt(np.maximum(inverse.diagonal(), 0.0)) / unit[part]
     low, high = _SHARE
     return np.asarray((size > 0) & (share > low) & (share < high) & (share > _CLEAR * error))
+
+
+def _apart(normal: csr_array) -> list[slice]:
+    """Candidates, in the order of time, in groups whose means have no interval in common."""
+    entries = normal.tocoo()
+    last = np.arange(normal.shape[0])
+    np.maximum.at(last, entries.row, entries.col)
+    ends = 1 + np.flatnonzero(np.maximum.accumulate(last) == np.arange(len(last)))
+    return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
