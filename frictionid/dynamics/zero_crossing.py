@@ -144,13 +144,19 @@ def after_crossing(crossing: Crossing, substep: Substep) -> State:
     """
     at, before, after = crossing.rows, substep.before, substep.end.state
     xp = namespace(after.w)
+    whole = bool(at.all()) and crossing.w.ndim >= after.w.ndim  # with its batch axes as they are
+    if whole:
+        at = ...  # type: ignore[assignment]
     dt = xp.broadcast_to(substep.dt, after.w.shape)[at]
     w, since = _velocity_after(crossing, dt)
     stopped = before.q[at] + crossing.share * dt / 2 * before.w[at]
     stopped = stopped + crossing.jump * since**2 / 2
     slid = after.q[at] + (w - crossing.w) * since / 2
+    q = xp.where(crossing.stops, stopped, slid)
+    if whole:
+        return State(q, w, after.memory)
     q_all, w_all = (1.0 * x for x in (after.q, after.w))
-    q_all[at] = xp.where(crossing.stops, stopped, slid)
+    q_all[at] = q
     w_all[at] = w
     return State(q_all, w_all, after.memory)
 

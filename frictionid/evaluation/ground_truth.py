@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.recordings import Dataset
+from frictionid.data.recordings import LARGEST, Dataset
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricLuGre, AsymmetricStribeck
@@ -53,7 +53,8 @@ def _columns(truth: Mapping[str, Any], names: Sequence[str], joints: int) -> Arr
 def _numbers(values: Any) -> bool:
     if not isinstance(values, list | tuple) or not values:
         return False
-    return {type(value) for value in values} <= {int, float} and bool(np.isfinite(values).all())
+    plain = {type(value) for value in values} <= {int, float}
+    return plain and all(abs(value) < LARGEST for value in values)
 
 
 def true_friction(truth: Mapping[str, Any]) -> Friction | None:

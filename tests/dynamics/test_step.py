@@ -195,6 +195,17 @@ def test_frictions_plants_and_durations_may_each_have_a_batch():
             np.testing.assert_array_equal(together.w[f, k], alone.w)
 
 
+def test_all_joints_of_a_batch_with_two_axes_may_stop_within_one_substep():
+    plant = CASES["pendulum"].plant
+    frictions = Friction(CoulombViscous(), np.array([0.5, 0.0]) * np.ones((2, 1, 1, 2)))
+    state = State(np.full((2, 2, 1), 0.1), np.full((2, 2, 1), 0.01))
+    u, dt = np.zeros((2, 2, 1)), np.array([0.02])
+    together = step(plant, frictions, state, u, dt, 1)
+    alone = step(plant, frictions[0, 0], State(state.q[0, 0], state.w[0, 0]), u[0, 0], dt, 1)
+    np.testing.assert_array_equal(together.q, np.broadcast_to(alone.q, (2, 2, 1)))
+    np.testing.assert_array_equal(together.w, np.zeros((2, 2, 1)))
+
+
 def tensors(plant):
     return Plant(plant.mechanism, {}, torch.as_tensor(plant.p))
 

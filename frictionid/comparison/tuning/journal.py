@@ -21,6 +21,7 @@ from frictionid.errors import InputError
 from frictionid.files import write_bytes
 
 JOURNAL = "journal.log"
+_LARGEST = 1e20  # of a score
 AT_RANDOM = 5  # trials before a sampler follows earlier ones
 
 
@@ -52,6 +53,8 @@ class Study:
         out = []
         for t in self._finished():
             value = math.nan if t.value is None else float(t.value)
+            if abs(value) >= _LARGEST:
+                raise ValueError(f"no trial has the score {value}")
             error = str(t.user_attrs.get("error", ""))
             of_suite = bool(t.user_attrs.get("suite"))
             out.append(Trial(self._settings(t.params), value, error, of_suite))
@@ -67,7 +70,7 @@ class Study:
 
     def tell(self, trial: Any, value: float, error: str) -> None:
         """Write a trial's score or, where it has none, why."""
-        if math.isfinite(value):
+        if abs(value) < _LARGEST:
             self.optuna_study.tell(trial, value)
             return
         trial.set_user_attr("error", error or f"its score is {value}")
