@@ -189,8 +189,8 @@ def _contradicted(intervals: Sequence[Frozen], rows: Rows, friction: Array, leve
     left = _rms(inside, fitted, end - begin)
     elsewhere = np.where(few, 0.0, _rms(apart, fitted, others))
     worse = left > np.maximum(WORSE * elsewhere, LARGE * level)
-    told = np.array([interval.value != 0.0 for interval in intervals]) | ~few
-    return np.asarray((end > begin) & worse & told & (elsewhere < FITS * level))
+    testable = np.array([interval.value != 0.0 for interval in intervals]) | ~few
+    return np.asarray((end > begin) & worse & testable & (elsewhere < FITS * level))
 
 
 def _places(intervals: Sequence[Frozen], rows: Rows) -> tuple[Array, Array, Array, Array]:

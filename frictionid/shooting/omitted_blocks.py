@@ -120,11 +120,11 @@ class _Step:
         with_them = self.solution._replace(normal=self.normal, move=move, free=free)
         owner, groups = clusters_of(self.problem, self.solution)
         closed = self.solution.closed
-        told = free & ~shown_once(self._H, with_them, groups[closed])
+        shown = free & ~shown_once(self._H, with_them, groups[closed])
         error = np.full(len(free), np.inf)
-        with_them = with_them._replace(free=told)
+        with_them = with_them._replace(free=shown)
         inner = sandwich(self._H, with_them, owner[closed], groups[closed])
-        error[told] = np.sqrt(np.diag(inner))
+        error[shown] = np.sqrt(np.diag(inner))
         freedom = max(len(np.unique(groups[closed])) - 1, 1)
         p = []
         for name in names:
@@ -172,5 +172,5 @@ def _shared(H: Array, free: Array, own: Array) -> float:
     """Largest share of the information on a parameter of a block that others account for."""
     rest, keep = np.flatnonzero(free & ~own), np.flatnonzero(own)
     cross = H[np.ix_(rest, keep)]
-    told = np.diag(cross.T @ solve_scaled(H[np.ix_(rest, rest)], cross))
-    return float((told / np.maximum(np.diag(H)[keep], 1e-300)).max())
+    explained = np.diag(cross.T @ solve_scaled(H[np.ix_(rest, rest)], cross))
+    return float((explained / np.maximum(np.diag(H)[keep], 1e-300)).max())

@@ -257,7 +257,7 @@ def test_few_recordings_are_left_out_one_by_one(recordings_, folds):
 
 
 def test_a_single_recording_is_split_in_blocks():
-    """Without being told; whoever asks for whole recordings is told that there is one only."""
+    """Without a stated kind; whole recordings are refused, as there is only one."""
     made, asked = (make_folds(of_sizes([50]), Split(kind=kind)) for kind in (None, "blocks"))
     assert made.count == 10 and made.gap == Split().gap
     assert made.hash == asked.hash
