@@ -20,7 +20,7 @@ from frictionid.acquire.protocol import Cells
 from frictionid.acquire.rig_settings import RigSettings
 from frictionid.config import Positive, check_settings
 from frictionid.data.readers.table import read_table
-from frictionid.data.recordings import first_fault
+from frictionid.data.sample_faults import first_fault
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes

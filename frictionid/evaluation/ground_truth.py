@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.recordings import LARGEST, Dataset
+from frictionid.data.recordings import Dataset
+from frictionid.data.sample_faults import LARGEST
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricLuGre, AsymmetricStribeck

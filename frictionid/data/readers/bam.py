@@ -21,7 +21,8 @@ from pydantic import Field
 from frictionid.config import Strict, checked
 from frictionid.data.readers.table import table_name
 from frictionid.data.readers.unpacking import unzip
-from frictionid.data.recordings import Recording, first_fault
+from frictionid.data.recordings import Recording
+from frictionid.data.sample_faults import first_fault
 from frictionid.data.servo import Servo, servo_torque, terminal_voltage
 from frictionid.data.signals import Array, Signal, taken
 from frictionid.errors import InputError

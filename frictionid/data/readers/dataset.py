@@ -13,11 +13,11 @@ import numpy as np
 
 from frictionid.config import nearest, read_toml
 from frictionid.data.readers.dataset_path import dataset_path
-from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml, check_dataset_toml
+from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
-from frictionid.data.readers.table import Table, read_table, table_name
-from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.readers.table import read_table, table_name
+from frictionid.data.readers.table_recording import recorded
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
@@ -171,47 +171,19 @@ def _recording(
 
 
 def _from_table(content: bytes, folder: Path, name: str, toml: DatasetToml) -> Recording:
-    columns = toml.columns
-    assert columns is not None
-    table = read_table(content, str(folder / name), columns.names())
-    whole = table
-    if columns.missing == "drop":
-        table = _seen(table, columns)
-    signals = partial(_signal, table, toml, columns)
-    truth = None
-    if columns.truth:
-        truth = TrueMotion(
-            signals("angle", columns.truth.angle)._replace(sigma=None),
-            signals("velocity", columns.truth.velocity)._replace(sigma=None),
-        )
+    assert toml.columns is not None
+    table = read_table(content, str(folder / name), toml.columns.names())
+    signals = recorded(table, toml)
+    truth = None if signals.truth is None else TrueMotion(*signals.truth)
     return Recording(
         name=table_name(name),
-        angle=_with_deviations(signals("angle", columns.angle), table, toml, columns),
-        torque=_signal(whole, toml, columns, "torque", columns.torque),
-        velocity=signals("velocity", columns.velocity) if columns.velocity else None,
+        angle=signals.angle,
+        torque=signals.torque,
+        velocity=signals.velocity,
         parameters=toml.recordings.parameters.get(name, {}),
-        covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
+        covariates=signals.covariates,
         truth=truth,
     )
-
-
-def _seen(table: Table, columns: ColumnNames) -> Table:
-    """The rows that have all angles."""
-    cells = np.stack([table.columns[name] for name in columns.angle])
-    keep = ~np.isnan(cells).any(axis=0)
-    if not keep.any():
-        raise InputError(f"{table.file}: no row has all angles; name other columns")
-    return Table(table.file, table.rows[keep], {k: v[keep] for k, v in table.columns.items()})
-
-
-def _with_deviations(
-    angle: Signal, table: Table, toml: DatasetToml, columns: ColumnNames
-) -> Signal:
-    """The angles with the standard deviation of each sample, where the table has columns for it."""
-    if columns.sigma is None:
-        return angle
-    sigma = _signal(table, toml, columns, "angle", columns.sigma).value
-    return angle._replace(sigma=sigma * toml.signs.of("angle"))
 
 
 def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
@@ -228,29 +200,6 @@ def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
                 )
             signals[quantity] = signal._replace(sigma=np.broadcast_to(deviations, joints).copy())
     return replace(recording, **signals)
-
-
-def _signal(
-    table: Table, toml: DatasetToml, columns: ColumnNames, quantity: str, names: list[str]
-) -> Signal:
-    """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
-    torque = quantity == "torque"
-    clock = columns.time.torque if torque and any(names) else columns.time.angle
-    sigma = getattr(toml.sigma, quantity) if quantity else None
-    unit: Any = UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0
-    unit = unit * np.array(toml.signs.of(quantity), float)
-    if torque and toml.motor is not None:
-        unit = unit * np.multiply(toml.motor.kt, toml.motor.gear)
-    return signal_of(
-        table,
-        clock,
-        names,
-        second=UNITS["time"][toml.units.time],
-        unit=unit,
-        hold=toml.hold.torque if torque else "linear",
-        sparse=columns.two_clocks,
-        sigma=None if sigma is None else np.full(len(names), sigma),
-    )
 
 
 def within(recording: Recording, start: float, stop: float) -> Recording:

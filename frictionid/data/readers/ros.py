@@ -10,7 +10,8 @@ import numpy as np
 
 from frictionid.config import Strict, checked, nearest
 from frictionid.data.readers.table import table_name
-from frictionid.data.recordings import Recording, first_fault
+from frictionid.data.recordings import Recording
+from frictionid.data.sample_faults import first_fault
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
 

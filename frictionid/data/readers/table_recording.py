@@ -1,0 +1,94 @@
+"""All signals of a recording from the columns of one table, as a dataset.toml describes them."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml
+from frictionid.data.readers.table import Table
+from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.signals import Signal
+from frictionid.errors import InputError
+
+
+class Recorded(NamedTuple):
+    """Signals of a recording in SI units, each on its clock; truth: noise-free angle, velocity."""
+
+    angle: Signal
+    torque: Signal
+    velocity: Signal | None
+    covariates: Mapping[str, Signal]
+    truth: tuple[Signal, Signal] | None
+
+
+def recorded(table: Table, toml: DatasetToml) -> Recorded:
+    """Signals of a table in SI units.
+
+    Raises
+    ------
+    InputError
+        At the first row whose time does not increase or where a cell is empty or not finite.
+    """
+    columns = toml.columns
+    assert columns is not None
+    whole = table
+    if columns.missing == "drop":
+        table = _seen(table, columns)
+    signals = partial(_signal, table, toml, columns)
+    truth = None
+    if columns.truth:
+        truth = (
+            signals("angle", columns.truth.angle)._replace(sigma=None),
+            signals("velocity", columns.truth.velocity)._replace(sigma=None),
+        )
+    return Recorded(
+        angle=_with_deviations(signals("angle", columns.angle), table, toml, columns),
+        torque=_signal(whole, toml, columns, "torque", columns.torque),
+        velocity=signals("velocity", columns.velocity) if columns.velocity else None,
+        covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
+        truth=truth,
+    )
+
+
+def _seen(table: Table, columns: ColumnNames) -> Table:
+    """The rows that have all angles."""
+    cells = np.stack([table.columns[name] for name in columns.angle])
+    keep = ~np.isnan(cells).any(axis=0)
+    if not keep.any():
+        raise InputError(f"{table.file}: no row has all angles; name other columns")
+    return Table(table.file, table.rows[keep], {k: v[keep] for k, v in table.columns.items()})
+
+
+def _with_deviations(
+    angle: Signal, table: Table, toml: DatasetToml, columns: ColumnNames
+) -> Signal:
+    """The angles with the standard deviation of each sample, where the table has columns for it."""
+    if columns.sigma is None:
+        return angle
+    sigma = _signal(table, toml, columns, "angle", columns.sigma).value
+    return angle._replace(sigma=sigma * toml.signs.of("angle"))
+
+
+def _signal(
+    table: Table, toml: DatasetToml, columns: ColumnNames, quantity: str, names: list[str]
+) -> Signal:
+    """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
+    torque = quantity == "torque"
+    clock = columns.time.torque if torque and any(names) else columns.time.angle
+    sigma = getattr(toml.sigma, quantity) if quantity else None
+    unit: Any = UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0
+    unit = unit * np.array(toml.signs.of(quantity), float)
+    if torque and toml.motor is not None:
+        unit = unit * np.multiply(toml.motor.kt, toml.motor.gear)
+    return signal_of(
+        table,
+        clock,
+        names,
+        second=UNITS["time"][toml.units.time],
+        unit=unit,
+        hold=toml.hold.torque if torque else "linear",
+        sparse=columns.two_clocks,
+        sigma=None if sigma is None else np.full(len(names), sigma),
+    )
