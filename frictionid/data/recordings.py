@@ -1,14 +1,20 @@
 """Recordings and data sets, checked when they are made."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from frictionid.data.sample_faults import first_fault
+from frictionid.config import nearest
+from frictionid.data.frames import FrameColumns, Names, Numbers, Units, columns_of_arrays
+from frictionid.data.readers.table_recording import Recorded
 from frictionid.data.servo import Servo
-from frictionid.data.signals import TORQUE_HOLD, Array, Signal
+from frictionid.data.signal_checks import check_clocks, check_signal, column_count
+from frictionid.data.signals import TORQUE_HOLD, Signal
 from frictionid.errors import InputError
 
 
@@ -79,17 +85,17 @@ class Recording:
         if self.torque.hold is None:
             object.__setattr__(self, "torque", self.torque._replace(hold=TORQUE_HOLD))
         for label, signal in self._motions():
-            _check_signal(f"{where}, {label}", signal)
-            if _columns(signal) != _columns(self.angle):
+            check_signal(f"{where}, {label}", signal)
+            if column_count(signal) != column_count(self.angle):
                 raise InputError(
-                    f"{where}: {label} has {_columns(signal)} columns and angle has "
-                    f"{_columns(self.angle)}; give one column per joint"
+                    f"{where}: {label} has {column_count(signal)} columns and angle has "
+                    f"{column_count(self.angle)}; give one column per joint"
                 )
         for name, signal in self.covariates.items():
-            _check_signal(f"{where}, covariate {name!r}", signal)
+            check_signal(f"{where}, covariate {name!r}", signal)
         if len(self.angle.time) < 2:
             raise InputError(f"{where}: angle needs at least 2 samples, it has 1")
-        _check_clocks(where, self.angle, self.torque)
+        check_clocks(where, self.angle, self.torque)
         for name, value in self.parameters.items():
             if not math.isfinite(value):
                 raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
@@ -130,6 +136,8 @@ class Dataset:
         Description, origin, licence and citation.
     truth : mapping or None
         The [truth] table, for simulated recordings.
+    columns : FrameColumns or None
+        What the columns of its frames were, so that further frames are read alike.
     """
 
     name: str
@@ -138,6 +146,7 @@ class Dataset:
     hashes: Mapping[str, str] = field(default_factory=dict)
     origin: Mapping[str, str] = field(default_factory=dict)
     truth: Mapping[str, object] | None = None
+    columns: FrameColumns | None = None
 
     def __post_init__(self) -> None:
         if not self.recordings:
@@ -149,7 +158,7 @@ class Dataset:
                     "shown: rename it"
                 )
         seen: set[str] = set()
-        joints = _columns(self.recordings[0].angle)
+        joints = column_count(self.recordings[0].angle)
         for recording in self.recordings:
             if recording.name in seen:
                 raise InputError(
@@ -157,70 +166,192 @@ class Dataset:
                     "rename one, or let the patterns match one of them"
                 )
             seen.add(recording.name)
-            if _columns(recording.angle) != joints:
+            if column_count(recording.angle) != joints:
                 raise InputError(
                     f"data set {self.name!r}: recording {recording.name!r} has "
-                    f"{_columns(recording.angle)} joints, the first one has {joints}"
+                    f"{column_count(recording.angle)} joints, the first one has {joints}"
                 )
 
-
-def _check_signal(where: str, signal: Signal) -> None:
-    time, value = np.asarray(signal.time), np.asarray(signal.value)
-    if time.ndim != 1 or value.ndim != 2 or len(time) != len(value) or value.size == 0:
-        raise InputError(
-            f"{where}: time must have shape (T,) and value (T, n) with T, n > 0, "
-            f"not {time.shape} and {value.shape}"
-        )
-    if signal.hold not in (None, "linear", "previous"):
-        raise InputError(f'{where}: hold must be "linear" or "previous", not {signal.hold!r}')
-    fault = first_fault(time, value, ("time", *(f"column {k}" for k in range(value.shape[1]))))
-    if fault:
-        raise InputError(f"{where}, sample {fault[0]} (the first is 0): {fault[1]}")
-    if signal.sigma is not None:
-        _check_sigma(where, np.asarray(signal.sigma, float), value.shape)
-
-
-def _check_sigma(where: str, sigma: Array, shape: tuple[int, ...]) -> None:
-    if sigma.shape not in (shape, shape[1:]):
-        raise InputError(
-            f"{where}: sigma must have one entry per column, shape {shape[1:]}, or per sample, "
-            f"shape {shape}, not {sigma.shape}"
-        )
-    wrong = ~(np.isfinite(sigma) & (sigma > 0))
-    if wrong.any():
-        at = f", sample {np.argwhere(wrong)[0][0]} (the first is 0)" if sigma.ndim == 2 else ""
-        raise InputError(f"{where}{at}: sigma must be positive and finite, not {sigma[wrong][0]:g}")
-
-
-# A torque may begin late or end early by some of its own gaps, or by this share of the motion; the
-# checks find a clock that is off by less.
-_GAPS, _SHARE = 5.0, 0.2
-
-
-def _check_clocks(where: str, angle: Signal, torque: Signal) -> None:
-    """The torque must cover the motion; it is not extrapolated.
-
-    A held torque may be logged only where it changes: its own gaps are the measure.
-    """
-    late = torque.time[0] > angle.time[-1]
-    early = torque.hold == "linear" and torque.time[-1] < angle.time[0]
-    if late or early:
-        raise InputError(
-            f"{where}: torque ({torque.time[0]:g} to {torque.time[-1]:g} s) and angle "
-            f"({angle.time[0]:g} to {angle.time[-1]:g} s) share no moment; both clocks must count "
-            "from the same instant"
-        )
-    if len(torque.time) < 2 or not np.any(torque.value):
-        return
-    usual = np.max(np.diff(torque.time)) + np.median(np.diff(angle.time))
-    missing = max(torque.time[0] - angle.time[0], angle.time[-1] - torque.time[-1])
-    if missing > max(_GAPS * usual, _SHARE * (angle.time[-1] - angle.time[0])):
-        raise InputError(
-            f"{where}: torque is known from {torque.time[0]:g} to {torque.time[-1]:g} s only, the "
-            f"angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start "
-            "and stop in [recordings]"
+    def __repr__(self) -> str:
+        recordings = self.recordings
+        joints = column_count(recordings[0].angle)
+        span = sum(float(r.angle.time[-1] - r.angle.time[0]) for r in recordings)
+        return (
+            f"Dataset({self.name!r}: {len(recordings)} recording{'s' * (len(recordings) > 1)}, "
+            f"{joints} joint{'s' * (joints > 1)}, {span:g} s)"
         )
 
+    def __getitem__(self, name: str) -> Recording:
+        """The recording of a name."""
+        for recording in self.recordings:
+            if recording.name == name:
+                return recording
+        known = ", ".join(repr(r.name) for r in self.recordings[:20])
+        raise InputError(f"data set {self.name!r} has no recording {name!r}; it has {known}")
 
-def _columns(signal: Signal) -> int:
-    return int(np.shape(signal.value)[1])
+    @classmethod
+    def from_frames(
+        cls,
+        frames: Any,
+        mechanism: Any,
+        *,
+        angle: Names,
+        torque: Names = None,
+        time: str | Mapping[str, str] | None = None,
+        velocity: Names = None,
+        units: Units = None,
+        signs: Mapping[str, Numbers] | None = None,
+        motor: Mapping[str, Numbers] | None = None,
+        hold: str | None = None,
+        sigma: Numbers | Mapping[str, Numbers] | None = None,
+        parameters: Mapping[str, Mapping[str, float]] | None = None,
+        covariates: Mapping[str, str] | None = None,
+        missing: str = "refuse",
+        name: str = "data",
+    ) -> Dataset:
+        """Data set of pandas DataFrames, one for each recording; the frames stay as they are.
+
+        Whatever a dataset.toml can say of the columns of its tables is an argument here.
+
+        Parameters
+        ----------
+        frames : mapping of str to DataFrame, or one DataFrame
+            By the names of the recordings.
+        mechanism : Mechanism
+            Such as `frictionid.mechanisms.pendulum(mass=0.4, length=0.25)`.
+        angle, velocity : str or list of str
+            Columns, one for each joint.
+        torque : str, list of str or None, or None
+            The same; None for a joint without motor, or where there is none at all.
+        time : str, or mapping of "angle" and "torque" to str, where these have clocks of their own
+            None: the index of the frames. Moments and durations count in seconds.
+        units : str, list of str, or mapping of "time", "angle", "velocity", "torque" to these
+            A single one is that of the angles ("deg", "mm"), and per second of the velocities; a
+            list has one for each joint. Default: s, rad, rad/s, N m.
+        signs : mapping of "angle", "torque" to 1 or -1, or one for each joint
+        motor : mapping of "kt" [N m/A] and "gear" to a number, or one for each joint
+            Where the columns of `torque` hold currents, in units of "A" or "mA".
+        hold : "previous" or "linear"
+            What the torque does between two samples; see `Signal`.
+        sigma : float, one for each joint, or mapping of "angle", "velocity", "torque" to these
+            Standard deviation of the noise, in the unit of the columns; without a name the angles'.
+        parameters : mapping of str to mapping of str to float
+            Parameters of the mechanism that differ in some recordings.
+        covariates : mapping of str to str
+            Columns of other quantities, such as a temperature, by their names.
+        missing : "refuse" or "drop"
+            What happens with rows without angles.
+        name : str
+            Name of the data set.
+
+        Raises
+        ------
+        InputError
+            Where a column is missing, holds no numbers, or its time does not increase.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> frame = pd.DataFrame({"t": [0.0, 0.1, 0.2], "q": [0.0, 5.0, 9.0], "u": [1.0, 1.0, 0.0]})
+        >>> rig = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.3}}
+        >>> Dataset.from_frames({"run1": frame}, rig, time="t", angle="q", torque="u", units="deg")
+        Dataset('data': 1 recording, 1 joint, 0.2 s)
+        """
+        columns = FrameColumns(
+            time,
+            angle,
+            torque,
+            velocity,
+            units,
+            signs or {},
+            motor,
+            hold,
+            sigma,
+            covariates or {},
+            missing,
+        )
+        given = frames if isinstance(frames, Mapping) else {"recording": frames}
+        reads = {str(key): columns.read(frame, str(key)) for key, frame in given.items()}
+        data = _of_reads(name, mechanism, reads, parameters or {})
+        return replace(data, columns=columns)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        arrays: Mapping[str, Any],
+        mechanism: Any,
+        *,
+        units: Units = None,
+        hold: str | None = None,
+        sigma: Numbers | Mapping[str, Numbers] | None = None,
+        parameters: Mapping[str, Mapping[str, float]] | None = None,
+        name: str = "data",
+    ) -> Dataset:
+        """Data set of arrays, for each recording a mapping with "time", "angle" and "torque".
+
+        "velocity" may stand beside, and "torque_time" where the torque has a clock of its own. Time
+        has shape (T,), all else (T, n) or, of one joint, (T,); a torque has one column for each
+        joint, of zeros where there is no motor, and is missing where there is none at all. For the
+        rest see `from_frames`.
+
+        Raises
+        ------
+        InputError
+            Where an array is missing, lengths differ, or values are no finite numbers.
+
+        Examples
+        --------
+        >>> time = np.linspace(0.0, 1.0, 11)
+        >>> rig = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.3}}
+        >>> Dataset.from_arrays({"decay": {"time": time, "angle": np.cos(5.0 * time)}}, rig)
+        Dataset('data': 1 recording, 1 joint, 1 s)
+        """
+        reads = {}
+        for key, own in arrays.items():
+            frame, columns = columns_of_arrays(own, str(key))
+            columns = replace(columns, units=units, hold=hold, sigma=sigma)
+            reads[str(key)] = columns.read(frame, str(key))
+        return _of_reads(name, mechanism, reads, parameters or {})
+
+    def with_frames(self, frames: Any, name: str | None = None) -> Dataset:
+        """Data set of further frames of this rig, their columns read as those of this data set.
+
+        Raises
+        ------
+        InputError
+            Where this data set is not of frames, and as from `from_frames`.
+        """
+        if self.columns is None:
+            raise InputError(
+                f"data set {self.name!r} was not read from frames, so that the columns of a frame "
+                "are not known: make a data set of it by Dataset.from_frames"
+            )
+        given = frames if isinstance(frames, Mapping) else {"recording": frames}
+        reads = {str(key): self.columns.read(frame, str(key)) for key, frame in given.items()}
+        data = _of_reads(name or self.name, self.mechanism, reads, {})
+        return replace(data, columns=self.columns)
+
+
+def _of_reads(
+    name: str,
+    mechanism: Any,
+    reads: Mapping[str, tuple[Recorded, str]],
+    parameters: Mapping[str, Mapping[str, float]],
+) -> Dataset:
+    """Data set of signals by the names of the recordings."""
+    for key in parameters:
+        if key not in reads:
+            raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
+    recordings = tuple(
+        Recording(
+            name=key,
+            angle=signals.angle,
+            torque=signals.torque,
+            velocity=signals.velocity,
+            parameters=dict(parameters.get(key, {})),
+            covariates=signals.covariates,
+        )
+        for key, (signals, _) in reads.items()
+    )
+    hashes = {key: digest for key, (_, digest) in reads.items()}
+    return Dataset(name, mechanism, recordings, hashes)

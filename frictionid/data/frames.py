@@ -1,0 +1,267 @@
+"""Recordings from data frames and arrays: columns as in dataset.toml, read by the same code."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Number
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from frictionid.config import nearest
+from frictionid.data.readers.dataset_toml import UNITS, DatasetToml, check_dataset_toml, unit_named
+from frictionid.data.readers.table import Table
+from frictionid.data.readers.table_recording import Recorded, recorded
+from frictionid.data.signals import Array
+from frictionid.errors import InputError
+
+Names = str | Sequence[str | None] | None
+Units = str | Sequence[str] | Mapping[str, str | Sequence[str]] | None
+Numbers = float | Sequence[float]
+
+_SI = {"time": "s", "angle": "rad", "velocity": "rad/s", "torque": "N m"}
+_RATES = {"deg": "deg/s", "m": "m/s", "mm": "mm/s"}  # of velocities, where the angles are in these
+INDEX = "index"  # the time, where no column is named
+_KEYS = ("time", "angle", "torque", "velocity", "torque_time")  # of arrays
+
+
+@dataclass(frozen=True)
+class FrameColumns:
+    """Which columns of frames are what, and in which units; see `Dataset.from_frames`."""
+
+    time: str | Mapping[str, str] | None = None
+    angle: Names = None
+    torque: Names = None
+    velocity: Names = None
+    units: Units = None
+    signs: Mapping[str, Numbers] = field(default_factory=dict)
+    motor: Mapping[str, Numbers] | None = None
+    hold: str | None = None
+    sigma: Numbers | Mapping[str, Numbers] | None = None
+    covariates: Mapping[str, str] = field(default_factory=dict)
+    missing: str = "refuse"
+
+    def read(self, frame: Any, name: str) -> tuple[Recorded, str]:
+        """Signals of a frame in SI units, and the SHA-256 of its columns.
+
+        Raises
+        ------
+        InputError
+            Where a column is missing, is no number, or its time does not increase.
+        """
+        toml, scales = _toml(self)
+        assert toml.columns is not None
+        table = _table(frame, toml.columns.names(), f"frame {name!r}")
+        digest = hashlib.sha256()
+        for column, values in table.columns.items():
+            digest.update(column.encode() + np.ascontiguousarray(values, "<f8").tobytes())
+        for column, scale in scales.items():
+            table.columns[column] = table.columns[column] * scale
+        return recorded(table, toml), digest.hexdigest()
+
+
+def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
+    """The dataset.toml that says the same, and what columns with units of their own are scaled by.
+
+    Its mechanism and files are nothing: these are at hand.
+    """
+    angle, torque, velocity = map(_names, (columns.angle, columns.torque, columns.velocity))
+    if not angle:
+        raise InputError('name the columns of the angles, e.g. angle=["q1", "q2"]')
+    named = {"angle": angle, "torque": torque or [""] * len(angle), "velocity": velocity}
+    units, scales = _units(columns.units, named)
+    sigma = columns.sigma
+    noise = dict(sigma) if isinstance(sigma, Mapping) else {"angle": sigma}
+    document: dict[str, Any] = {
+        "name": "frames",
+        "mechanism": {"kind": "given"},
+        "recordings": {"patterns": ["*"]},
+        "columns": {
+            "time": dict(columns.time)
+            if isinstance(columns.time, Mapping)
+            else columns.time or INDEX,
+            **{key: names for key, names in named.items() if names},
+            "covariates": dict(columns.covariates),
+            "missing": columns.missing,
+        },
+        "units": units,
+        "signs": {key: _listed(value) for key, value in columns.signs.items()},
+        "sigma": {
+            key: [float(v) * scales.get(n, 1.0) for v, n in _each(value, named.get(key) or [""])]
+            for key, value in noise.items()
+            if value is not None
+        },
+        "hold": {} if columns.hold is None else {"torque": columns.hold},
+    }
+    if columns.motor is not None:
+        document["motor"] = {k: list(map(float, _listed(v))) for k, v in columns.motor.items()}
+    return check_dataset_toml(document, "columns of the frames"), scales
+
+
+def _names(names: Names) -> list[str]:
+    """Names of columns, "" where there is none."""
+    listed = [names] if isinstance(names, str) or names is None else list(names)
+    return [] if listed == [None] else ["" if name is None else str(name) for name in listed]
+
+
+def _listed(value: Any) -> list[Any]:
+    return np.atleast_1d(np.asarray(value)).tolist()
+
+
+def _each(value: Any, names: Sequence[str]) -> list[tuple[Any, str]]:
+    """Numbers, each with its column; one number stays one where all columns have one scale."""
+    numbers = _listed(value)
+    if len(numbers) == 1 and len(names) > 1:
+        numbers = numbers * len(names)
+    return list(zip(numbers, [*names, *[""] * len(numbers)], strict=False))
+
+
+def _units(units: Units, named: Mapping[str, list[str]]) -> tuple[dict[str, str], dict[str, float]]:
+    """Unit of each quantity, and the scales of columns whose joints have units of their own.
+
+    A unit without its quantity is that of the angles, and per second that of the velocities.
+    """
+    given: dict[str, Any] = {} if units is None else {"angle": units}
+    if isinstance(units, Mapping):
+        given = dict(units)
+    for key in given:
+        if key not in UNITS:
+            raise InputError(f"units: quantity {key!r} is unknown; {nearest(key, UNITS)}")
+    if "angle" in given and "velocity" not in given:
+        own = [_RATES.get(_known("angle", unit), "rad/s") for unit in _listed(given["angle"])]
+        given["velocity"] = own if len(own) > 1 else own[0]
+    out: dict[str, str] = {}
+    scales: dict[str, float] = {}
+    for key, value in given.items():
+        own = [_known(key, unit) for unit in _listed(value)]
+        if len(own) == 1 or key == "time":
+            out[key] = own[0]
+            continue
+        names = named[key]
+        if names and len(own) != len(names):
+            raise InputError(
+                f"units: {key} has {len(own)} units for {len(names)} columns; give one, or one for "
+                "each"
+            )
+        out[key] = _SI[key]
+        scales |= {n: UNITS[key][u] for n, u in zip(names, own, strict=False) if n}
+    return out, scales
+
+
+def _known(quantity: str, unit: Any) -> str:
+    try:
+        return unit_named(quantity, str(unit))
+    except ValueError as error:
+        raise InputError(f"units, {quantity}: {error}") from None
+
+
+def _table(frame: Any, names: Sequence[str], where: str) -> Table:
+    """Columns of a frame as numbers; rows count from 0."""
+    if not hasattr(frame, "columns"):
+        raise InputError(
+            f"{where}: is a {type(frame).__name__}, not a table: give a DataFrame, or arrays to "
+            "Dataset.from_arrays"
+        )
+    labels = [str(label) for label in frame.columns]
+    length = len(frame)
+    if not length:
+        raise InputError(f"{where}: has no rows")
+    columns = {}
+    for name in names:
+        if name == INDEX and name not in labels:
+            columns[name] = _numbers(frame.index, "index", where)
+            continue
+        if labels.count(name) != 1:
+            raise InputError(_no_single_column(name, labels, where))
+        columns[name] = _numbers(frame[frame.columns[labels.index(name)]], name, where)
+    return Table(where, np.arange(length), columns)
+
+
+def _no_single_column(name: str, labels: Sequence[str], where: str) -> str:
+    if name in labels:
+        return f"{where}: has {labels.count(name)} columns called {name!r}; rename them"
+    return f"{where}: has no column {name!r}; {nearest(name, labels)}"
+
+
+def _numbers(values: Any, name: str, where: str) -> Array:
+    """Cells of a column as numbers; moments and durations in seconds, nan where a cell is empty."""
+    cells = np.asarray(values)
+    if cells.dtype.kind in "mM":
+        start = cells[0] if cells.dtype.kind == "M" else np.timedelta64(0, "ns")
+        return np.asarray((cells - start) / np.timedelta64(1, "s"), dtype=float)
+    if cells.dtype.kind in "fiub":
+        return cells.astype(float)
+    out = np.empty(len(cells))
+    for row, cell in enumerate(cells):
+        if cell is None or (cell != cell) is not False and not isinstance(cell, str | Number):
+            out[row] = np.nan  # None, and what pandas has for a missing cell
+        elif isinstance(cell, str) or not np.isrealobj(cell) or not isinstance(cell, Number):
+            raise InputError(
+                f"{where}, row {row}: column {name!r} holds {str(cell)[:40]!r}, which is no "
+                "number; convert the column, e.g. by astype(float)"
+            )
+        else:
+            out[row] = float(cell)  # type: ignore[arg-type]
+    return out
+
+
+def columns_of_arrays(
+    arrays: Mapping[str, ArrayLike | None], name: str
+) -> tuple[Any, FrameColumns]:
+    """One frame of a recording's arrays, and what its columns are.
+
+    arrays : time (T,), angle (T,) or (T, n), torque and velocity alike, where there are any;
+        torque_time, where the torque has a clock of its own
+
+    Raises
+    ------
+    InputError
+        Where a name is unknown, or lengths and shapes do not fit.
+    """
+    import pandas as pd  # half a second, which reading files does not need
+
+    where = f"recording {name!r}"
+    for key in arrays:
+        if key not in _KEYS:
+            raise InputError(f"{where}: array {key!r} is unknown; {nearest(key, _KEYS)}")
+    parts = {key: _matrix(a, f"{where}, {key}") for key, a in arrays.items() if a is not None}
+    for key in ("time", "angle"):
+        if key not in parts:
+            raise InputError(f"{where}: the array {key!r} is missing; it has {', '.join(parts)}")
+    for key, part in parts.items():
+        clock = "torque_time" if key == "torque" and "torque_time" in parts else "time"
+        if key not in ("time", "torque_time") and len(part) != len(parts[clock]):
+            raise InputError(
+                f"{where}: {key} has {len(part)} samples and {clock} {len(parts[clock])}; they "
+                "must be equally many"
+            )
+    longest = max(map(len, parts.values()))
+    columns: dict[str, Array] = {}
+    names: dict[str, list[str]] = {}
+    for key, part in parts.items():
+        filled = np.full((longest, part.shape[1]), np.nan)
+        filled[: len(part)] = part
+        names[key] = [key] if part.shape[1] == 1 else [f"{key} {j + 1}" for j in range(len(part.T))]
+        columns |= dict(zip(names[key], filled.T, strict=True))
+    clock = names.get("torque_time", ["time"])[0]
+    return pd.DataFrame(columns), FrameColumns(
+        time={"angle": "time", "torque": clock},
+        angle=names["angle"],
+        torque=names.get("torque"),
+        velocity=names.get("velocity"),
+    )
+
+
+def _matrix(array: ArrayLike, where: str) -> Array:
+    """An array (T, n) of numbers."""
+    try:
+        out = np.asarray(array, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: must be an array of numbers") from None
+    out = out[:, None] if out.ndim == 1 else out
+    if out.ndim != 2 or not out.size:
+        raise InputError(f"{where}: must have shape (T,) or (T, n), not {np.shape(array)}")
+    return out

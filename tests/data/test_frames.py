@@ -1,0 +1,225 @@
+"""Data sets from frames and arrays: the same as from a dataset.toml; each mistake is one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+
+RIG = {"kind": "acrobot"}
+TIME = np.linspace(10.0, 12.0, 41)
+FRAME = pd.DataFrame(
+    {
+        "t": 1e3 * TIME,
+        "q1": 50 * np.cos(TIME),
+        "q2": 0.4 * np.sin(TIME),
+        "w1": 10 * np.sin(TIME),
+        "w2": np.cos(TIME),
+        "i2": 100 * np.sign(np.sin(9 * TIME)),
+        "warm": 20.0 + TIME,
+    }
+)
+SAID = {
+    "time": "t",
+    "angle": ["q1", "q2"],
+    "velocity": ["w1", "w2"],
+    "torque": [None, "i2"],
+    "units": {"time": "ms", "angle": "deg", "velocity": "deg/s", "torque": "mA"},
+    "signs": {"torque": [1, -1]},
+    "motor": {"kt": 0.02, "gear": 6},
+    "hold": "linear",
+    "sigma": {"angle": [0.1, 0.2], "torque": 3.0},
+    "covariates": {"temperature": "warm"},
+    "parameters": {"run1": {"m1": 0.4}},
+}
+TOML = """
+name = "data"
+[mechanism]
+kind = "acrobot"
+[columns]
+time = "t"
+angle = ["q1", "q2"]
+velocity = ["w1", "w2"]
+torque = ["", "i2"]
+[columns.covariates]
+temperature = "warm"
+[units]
+time = "ms"
+angle = "deg"
+velocity = "deg/s"
+torque = "mA"
+[signs]
+torque = [1, -1]
+[motor]
+kt = 0.02
+gear = 6.0
+[hold]
+torque = "linear"
+[sigma]
+angle = [0.1, 0.2]
+torque = 3.0
+[recordings]
+patterns = ["run1.csv"]
+[recordings.parameters]
+"run1.csv" = {m1 = 0.4}
+"""
+
+
+def assert_same(one, other):
+    assert [r.name for r in one.recordings] == [r.name for r in other.recordings]
+    for a, b in zip(one.recordings, other.recordings, strict=True):
+        assert a.parameters == b.parameters and set(a.covariates) == set(b.covariates)
+        pairs = [(a.angle, b.angle), (a.torque, b.torque), (a.velocity, b.velocity)]
+        pairs += [(a.covariates[key], b.covariates[key]) for key in a.covariates]
+        for x, y in pairs:
+            if x is None or y is None:
+                assert x is y
+                continue
+            np.testing.assert_array_equal(x.time, y.time)
+            np.testing.assert_array_equal(x.value, y.value)
+            assert x.hold == y.hold
+            np.testing.assert_array_equal(x.sigma, y.sigma)
+
+
+def test_frames_are_read_as_the_tables_of_a_dataset_toml(tmp_path):
+    (tmp_path / "dataset.toml").write_text(TOML)
+    FRAME.to_csv(tmp_path / "run1.csv", index=False)  # shortest digits that give the same numbers
+    assert_same(Dataset.from_frames({"run1": FRAME}, RIG, **SAID), load_dataset(tmp_path))
+
+
+def test_joints_may_have_units_of_their_own():
+    table = FRAME.assign(q2=np.degrees(FRAME.q2), w2=np.degrees(FRAME.w2))
+    alike = Dataset.from_frames(table, RIG, time="t", angle=["q1", "q2"], units="deg", sigma=0.1)
+    own = Dataset.from_frames(
+        FRAME,
+        RIG,
+        time="t",
+        angle=["q1", "q2"],
+        units=["deg", "rad"],
+        sigma=[0.1, np.radians(0.1)],
+    )
+    (a,), (b,) = alike.recordings, own.recordings
+    np.testing.assert_allclose(a.angle.value, b.angle.value, rtol=1e-14)
+    np.testing.assert_allclose(a.angle.sigma, b.angle.sigma, rtol=1e-14)
+
+
+def test_a_unit_of_the_angles_is_that_of_the_velocities_per_second():
+    both = {"angle": ["q1", "q2"], "velocity": ["w1", "w2"], "time": "t"}
+    one = Dataset.from_frames(FRAME, RIG, units="deg", **both)
+    each = Dataset.from_frames(FRAME, RIG, units={"angle": "deg", "velocity": "deg/s"}, **both)
+    assert_same(one, each)
+
+
+def test_arrays_and_frames_are_the_same_data():
+    torque = np.column_stack([np.zeros(41), FRAME.i2])
+    arrays = {"time": FRAME.t, "angle": FRAME[["q1", "q2"]].to_numpy(), "torque": torque}
+    units = {"time": "ms", "angle": "deg", "torque": "mN m"}
+    one = Dataset.from_arrays({"run1": arrays}, RIG, units=units, hold="linear", sigma=0.1)
+    torques = [None, "i2"]
+    other = Dataset.from_frames(
+        {"run1": FRAME},
+        RIG,
+        time="t",
+        angle=["q1", "q2"],
+        torque=torques,
+        units=units,
+        hold="linear",
+        sigma=0.1,
+    )
+    assert_same(one, other)
+
+
+def test_a_torque_may_have_a_clock_of_its_own():
+    clock = np.linspace(9.9, 12.1, 200)
+    u = np.column_stack([np.zeros(200), np.sin(clock)])
+    q = FRAME[["q1", "q2"]].to_numpy()
+    arrays = {"time": TIME, "angle": q, "torque_time": clock, "torque": u}
+    (a,) = Dataset.from_arrays({"run1": arrays}, RIG).recordings
+    np.testing.assert_array_equal(a.torque.time, clock)
+    np.testing.assert_array_equal(a.torque.value, u)
+    np.testing.assert_array_equal(a.angle.time, TIME)
+
+
+def test_the_index_may_be_the_time():
+    indexed = FRAME.set_index(pd.to_datetime(FRAME.t, unit="ms"))
+    (a,) = Dataset.from_frames(indexed, RIG, angle=["q1", "q2"]).recordings
+    np.testing.assert_allclose(a.angle.time, TIME - TIME[0], atol=1e-9)
+
+
+def test_further_frames_are_read_alike():
+    first = Dataset.from_frames({"run1": FRAME}, RIG, **SAID)
+    again = first.with_frames({"run1": FRAME})
+    assert_same(again, Dataset.from_frames({"run1": FRAME}, RIG, **{**SAID, "parameters": None}))
+    assert again.hashes == first.hashes
+
+
+def test_a_recording_is_found_by_its_name():
+    data = Dataset.from_frames({"run1": FRAME, "run2": FRAME}, RIG, time="t", angle=["q1", "q2"])
+    assert data["run2"] is data.recordings[1]
+    assert repr(data) == "Dataset('data': 2 recordings, 2 joints, 4000 s)"
+    with pytest.raises(InputError, match="has no recording 'run3'; it has 'run1', 'run2'"):
+        data["run3"]
+
+
+def worse(column, value, row=3):
+    return FRAME.assign(**{column: [*FRAME[column][:row], value, *FRAME[column][row + 1 :]]})
+
+
+TEXT = FRAME.assign(q1=FRAME.q1.map(str))
+TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
+MISTAKES = {
+    "missing column": (FRAME, {"angle": ["q1", "qq2"]}, "no column 'qq2'; did you mean 'q2'"),
+    "twice": (TWICE, {}, "has 2 columns called 'q1'"),
+    "named twice": (FRAME, {"angle": ["q1", "q1"]}, "column 'q1' is named twice"),
+    "torques": (FRAME, {"torque": ["i2"]}, "torque names 1 columns and angle names 2"),
+    "words": (worse("q1", "fast"), {}, "row 3: column 'q1' holds 'fast', which is no number"),
+    "text": (TEXT, {}, "row 0: column 'q1' holds .* convert the column"),
+    "nan": (worse("q2", np.nan), {}, "row 3: 'q2' is empty or nan"),
+    "inf": (worse("q2", np.inf), {}, "row 3: 'q2' is inf"),
+    "unsorted": (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
+    "unit": (FRAME, {"units": "grad"}, "unknown unit 'grad'; known: 'rad'"),
+    "units": (FRAME, {"units": ["deg"] * 3}, "angle has 3 units for 2 columns"),
+    "quantity": (FRAME, {"units": {"angel": "deg"}}, "'angel' is unknown; did you mean 'angle'"),
+    "current": (FRAME, {"units": {"torque": "A"}}, "needs the table .motor."),
+    "hold": (FRAME, {"hold": "zero"}, "hold"),
+    "sigma": (FRAME, {"sigma": -1.0}, "sigma"),
+    "empty": (FRAME[:0], {}, "has no rows"),
+    "one row": (FRAME[:1], {}, "at least 2 samples"),
+    "no frame": (np.eye(3), {}, "is a ndarray, not a table"),
+    "parameters": (FRAME, {"parameters": {"run7": {}}}, "no recording 'run7'"),
+    "no angles": (FRAME, {"angle": None}, "name the columns of the angles"),
+}
+
+
+@pytest.mark.parametrize(("frame", "said", "message"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_one_sentence(frame, said, message):
+    usual = {"time": "t", "angle": ["q1", "q2"], "torque": [None, "i2"]}
+    with pytest.raises(InputError, match=message) as caught:
+        Dataset.from_frames({"run1": frame}, RIG, **{**usual, **said})
+    assert "\n" not in str(caught.value)
+
+
+ARRAYS = {"time": TIME, "angle": np.zeros((41, 2))}
+WRONG_ARRAYS = {
+    "unknown": ({"torqe": TIME}, "array 'torqe' is unknown; did you mean 'torque'"),
+    "missing": ({"time": None}, "the array 'time' is missing"),
+    "length": ({"angle": np.zeros((40, 2))}, "angle has 40 samples and time 41"),
+    "shape": ({"angle": np.zeros((41, 2, 1))}, "must have shape"),
+    "words": ({"angle": ["a"] * 41}, "must be an array of numbers"),
+    "columns": ({"torque": TIME}, "torque names 1 columns and angle names 2"),
+}
+
+
+@pytest.mark.parametrize(("wrong", "message"), WRONG_ARRAYS.values(), ids=WRONG_ARRAYS)
+def test_a_wrong_array_is_one_sentence(wrong, message):
+    with pytest.raises(InputError, match=message):
+        Dataset.from_arrays({"run1": {**ARRAYS, **wrong}}, RIG)
+
+
+def test_data_that_were_files_know_no_frames():
+    with pytest.raises(InputError, match="was not read from frames"):
+        Dataset.from_arrays({"run1": ARRAYS}, RIG).with_frames(FRAME)
