@@ -84,12 +84,12 @@ def hypotheses(n: int, driven: Sequence[bool], unit: str = "rad") -> Iterator[Co
 
 def scores(measured: Measured) -> list[Scored]:
     """All conventions with their scores, the data as given first."""
-    description = measured.mechanism.description
+    description = measured.mechanism
     acting = [
         bool(any(r.torque.value[:, j].any() for r in measured.dataset.recordings))
         for j in range(measured.mechanism.n)
     ]
-    candidates = list(hypotheses(measured.mechanism.n, acting, description.angle_unit))
+    candidates = list(hypotheses(measured.mechanism.n, acting, description.position_units[0]))
     maps = list({c.angle.tobytes(): c.angle for c in candidates}.values())
     rows = dict(zip((m.tobytes() for m in maps), _rows(measured, maps), strict=True))
     torques = {key: r.means(measured.torque) for key, r in rows.items()}

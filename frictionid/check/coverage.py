@@ -26,7 +26,7 @@ KNOWN_DELAY = 0.005
 
 def still_joints(tests: HypothesisTests, facts: Sequence[JointFacts]) -> list[Finding]:
     """Findings of joints that hardly move in any recording."""
-    unit = tests.measured.mechanism.description.angle_unit
+    unit = tests.measured.mechanism.position_units[0]
     windows = tests.as_given.moving.sum(0)
     anything = bool((windows >= MIN_WINDOWS).any())
     return [
@@ -52,7 +52,7 @@ def advice(
     passive : [s] of motion without torque
     """
     measured = tests.measured
-    driven = measured.mechanism.description.driven
+    driven = measured.mechanism.driven
     return [
         *_faster(measured.mechanism, measured.nominal[0], facts),
         *(_decay(passive, unmoved=not all(driven)) if _falls(measured) else []),
@@ -63,7 +63,7 @@ def advice(
 
 def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -> list[str]:
     out = []
-    revolute = mechanism.description.angle_unit == "rad"
+    revolute = mechanism.position_units[0] == "rad"
     for fact in facts:
         if revolute and fact.top < FAST:
             out.append(

@@ -21,7 +21,7 @@ def gravity_models(measured: Measured) -> list[Finding]:
     """Findings of joints whose torque is a function of the angles, b + sum of gravity terms."""
     out = []
     mechanism = measured.mechanism
-    for j in np.flatnonzero(mechanism.description.driven).tolist():
+    for j in np.flatnonzero(mechanism.driven).tolist():
         acts = [i for i, r in enumerate(measured.dataset.recordings) if r.torque.value[:, j].any()]
         shares = {i: gravity_share(measured.dataset.recordings[i], mechanism, j) for i in acts}
         commands = {i: share for i, share in shares.items() if share is not None}

@@ -34,10 +34,10 @@ def identifiable(
     tests: HypothesisTests, facts: Sequence[JointFacts], estimate: Estimate
 ) -> list[Identifiable]:
     """Friction of each joint, inertia combinations, gain and delay."""
-    description = tests.measured.mechanism.description
+    description = tests.measured.mechanism
     terms = _terms(tests)
     out = [
-        _friction(estimate, fact, description.angle_unit, float(terms[fact.joint - 1]))
+        _friction(estimate, fact, description.position_units[0], float(terms[fact.joint - 1]))
         for fact in facts
     ]
     out.append(_base(tests.measured.mechanism.base_names, estimate))

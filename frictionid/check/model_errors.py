@@ -7,14 +7,14 @@ fitted alone, with the friction of each joint free. `rivals` decides what that m
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import Rows
 from frictionid.check.partial_regression import partial_regression
-from frictionid.mechanics import Mechanism, Plant
+from frictionid.mechanics import Plant
 
 
 class ModelError(NamedTuple):
@@ -66,7 +66,7 @@ def model_errors(plant: Plant, rows: Rows, torque: Array) -> tuple[ModelError, .
 
 def _candidates(plant: Plant, rows: Rows, torque: Array) -> Iterator[_Candidate]:
     mechanism, nominal = plant.mechanism, np.asarray(plant.p)[0]
-    motors = [j for j, driven in enumerate(mechanism.description.driven) if driven]
+    motors = [j for j, driven in enumerate(mechanism.driven) if driven]
     if len(motors) > 1:
         yield _Candidate("gain", "gain of all torques", torque, "", 1.0)
     for j in motors:
@@ -78,22 +78,14 @@ def _candidates(plant: Plant, rows: Rows, torque: Array) -> Iterator[_Candidate]
         words = f"the friction of joint {j + 1} grows with its torque"
         yield _Candidate("load", words, own, "", 1.0)
     parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
-    for name in _rotors(mechanism):
+    for name in (p.name for p in mechanism.parameters if p.rotor):
         # base parameters are linear in a rotor inertia
         larger = {**parameters, name: parameters[name] + 1.0}
         change = mechanism.base(larger) - mechanism.base(parameters)
         share = float(np.max(np.abs(change) / np.maximum(np.abs(nominal), 1e-12)))
         words = f"rotor inertia missing ({name})"
         yield _Candidate("rotor", words, rows.regressor @ change, "kg m^2", share)
-    for i, base in enumerate(mechanism.description.base):
+    for i, (name, unit) in enumerate(zip(mechanism.base_names, mechanism.base_units, strict=True)):
         if nominal[i]:
             share = 1 / abs(float(nominal[i]))
-            yield _Candidate("base", base.name, rows.regressor[..., i], base.unit, share)
-
-
-def _rotors(mechanism: Mechanism) -> list[str]:
-    symbols: set[Any] = set()
-    for inertia, _ in mechanism.description.rotors:
-        symbols |= inertia.free_symbols
-    names = {str(s) for s in symbols}
-    return [name for name in mechanism.defaults if name in names]
+            yield _Candidate("base", name, rows.regressor[..., i], unit, share)

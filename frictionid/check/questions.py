@@ -47,7 +47,7 @@ def _question(words: str, answer: Answered) -> Question:
 def _measured(tests: HypothesisTests, sources: Sequence[TorqueSource]) -> list[Question]:
     """Whether each motor's torque is measured; one question for all where they agree."""
     question = "is the torque measured"
-    if not any(tests.measured.mechanism.description.driven):
+    if not any(tests.measured.mechanism.driven):
         return [Question(question, None, "no joint has a motor")]
     if not sources:
         return [Question(question, None, "no torque acts")]

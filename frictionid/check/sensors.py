@@ -136,7 +136,7 @@ def frozen_torques(measured: Measured) -> list[Frozen]:
         _interval(i, recording.torque, *place)
         for i, recording in enumerate(measured.dataset.recordings)
         for place in _equal_readings(recording.torque, TORQUE)
-        if measured.mechanism.description.driven[place[0]]
+        if measured.mechanism.driven[place[0]]
     ]
     if not intervals:
         return []
@@ -231,10 +231,10 @@ def frozen_findings(
     measured: Measured, frozen: Sequence[Frozen], quantity: Literal["angle", "torque"]
 ) -> list[Finding]:
     """A finding for each joint with frozen angles or torques."""
-    description = measured.mechanism.description
+    description = measured.mechanism
     kind, unit, contradiction = {
-        "angle": ("frozen_sensor", description.angle_unit, "the joint must move"),
-        "torque": ("frozen_torque", description.torque_unit, "the motion needs others"),
+        "angle": ("frozen_sensor", description.position_units[0], "the joint must move"),
+        "torque": ("frozen_torque", description.torque_units[0], "the motion needs others"),
     }[quantity]
     out = []
     for joint in sorted({f.joint for f in frozen}):

@@ -88,7 +88,7 @@ def torque_sources(dataset: Dataset) -> tuple[TorqueSource, ...]:
     """
     mechanism = mechanism_of(dataset.mechanism)
     out = []
-    for j in np.flatnonzero(mechanism.description.driven).tolist():
+    for j in np.flatnonzero(mechanism.driven).tolist():
         shown = [(r.name, _evidence(r, mechanism, j)) for r in dataset.recordings]
         known = [(name, evidence) for name, evidence in shown if evidence is not None]
         if known:

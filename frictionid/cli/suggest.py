@@ -66,7 +66,7 @@ def suggest(
         recordings=recordings,
         drive_rate=drive_rate,
         camera_rate=camera_rate,
-        angle_noise=_noise(noise, machine.description.angle_unit),
+        angle_noise=_noise(noise, machine.position_units[0]),
         band=_pair(frequencies),
         start=_numbers("--start", start) or None,
         friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),

@@ -20,7 +20,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Law
 from frictionid.friction.laws.levels import SIDES
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.mechanism_table import mechanism_kinds
+from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_options
 
 
 @dataclass(frozen=True)
@@ -90,15 +90,20 @@ def described(known: Iterable[KindDescription], name: str) -> KindDescription:
 
 
 def _mechanism(name: str, build: Callable[..., Mechanism]) -> KindDescription:
-    mechanism = build().description
+    mechanism = build()
     parameters = [
-        Entry(str(p.symbol), "" if p.required else f"{p.default:g}", p.unit, p.meaning)
+        Entry(p.name, "" if p.required else f"{p.default:g}", p.unit, p.meaning)
         for p in mechanism.parameters
     ]
-    base = [Entry(b.name, "", b.unit, str(b.expression)) for b in mechanism.base]
+    base = [
+        Entry(base, "", unit, text)
+        for base, unit, text in zip(
+            mechanism.base_names, mechanism.base_units, mechanism.base_meanings, strict=True
+        )
+    ]
     options = [
-        Entry(option.name, _toml(option.default), "", meaning(build, option.name))
-        for option in inspect.signature(build).parameters.values()
+        Entry(option, _toml(default), "", meaning(build, option))
+        for option, default in mechanism_options(build).items()
     ]
     return KindDescription(
         name,

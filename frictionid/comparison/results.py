@@ -100,13 +100,13 @@ def _about(prepared: Prepared) -> dict[str, Any]:
     w = speeds(dataset, prepared.smoothed)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
-    d = mechanism_of(dataset.mechanism).description
+    d = mechanism_of(dataset.mechanism)
     return {
         "mechanism": dataset.mechanism,
         "own_base": recordings_own(dataset),
         "joints": list(d.joints),
-        "torque_unit": d.torque_unit,
-        "angle_unit": d.angle_unit,
+        "torque_unit": d.torque_units[0],
+        "angle_unit": d.position_units[0],
         "recordings": len(dataset.recordings),
         "samples": sum(len(r.angle.time) for r in dataset.recordings),
         "seconds": sum(float(r.angle.time[-1] - r.angle.time[0]) for r in dataset.recordings),

@@ -75,5 +75,5 @@ def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
 
 def driven(plant: Plant, u: Array) -> Array:
     """Torques B u (..., n) [N m]: those of joints that have a motor."""
-    driven = plant.mechanism.driven
+    driven = plant.mechanism.motors
     return u * (driven if type(u) is np.ndarray else namespace(u).asarray(driven, dtype=u.dtype))

@@ -144,7 +144,7 @@ class Prepared:
     @property
     def angle_unit(self) -> str:
         """Unit of the joints' positions, "rad" or "m"."""
-        return self.plant.mechanism.description.angle_unit
+        return self.plant.mechanism.position_units[0]
 
     def _problem(self, recipe: Recipe) -> Problem:
         limits = self.protocol.sample_time, self.protocol.history

@@ -44,10 +44,10 @@ def limits_of(text: str, mechanism: Mechanism) -> Limits:
     for name in ("torque", "velocity"):
         if name not in given:
             raise InputError(f"--limits {text!r} lacks {name}: e.g. {_EXAMPLE}")
-    driven = np.flatnonzero(mechanism.description.driven)
+    driven = np.flatnonzero(mechanism.driven)
     if not driven.size:
         raise InputError(
-            f"[mechanism] {mechanism.description.kind} has no motor: there is no torque to suggest"
+            f"[mechanism] {mechanism.kind} has no motor: there is no torque to suggest"
         )
     torque = np.zeros(mechanism.n)
     torque[driven] = numbers_of("--limits", "torque", given["torque"], (driven.size, "motors"))

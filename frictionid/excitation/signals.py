@@ -55,7 +55,7 @@ class SignalSpace:
     @property
     def motors(self) -> Array:
         """Joints that have a motor."""
-        return np.flatnonzero(self.experiment.plant.mechanism.description.driven)
+        return np.flatnonzero(self.experiment.plant.mechanism.driven)
 
     @property
     def size(self) -> int:
@@ -94,7 +94,7 @@ class SignalSpace:
         if e.start is not None:
             return np.broadcast_to(np.array(e.start, dtype=float), (len(x), e.plant.n)).copy()
         # without a limit a revolute joint may start at any angle, a carriage at zero
-        free = math.pi if e.plant.mechanism.description.angle_unit == "rad" else 0.0
+        free = math.pi if e.plant.mechanism.position_units[0] == "rad" else 0.0
         limit = np.where(np.isfinite(e.limits.angle), _START * e.limits.angle, free)
         largest = np.minimum(limit, free) if free else limit
         return np.round(largest * (2 * x[:, -e.plant.n :] - 1), 3)

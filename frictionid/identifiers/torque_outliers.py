@@ -69,7 +69,7 @@ def _without(dataset: Dataset, masks: Sequence[Array]) -> Dataset:
 
 def _found(dataset: Dataset, plant: Plant, states: Sequence[States]) -> list[Array]:
     """Outliers (T, n) of each recording that show with the torques as they stand."""
-    driven = np.array(plant.mechanism.description.driven, dtype=bool)
+    driven = np.array(plant.mechanism.driven, dtype=bool)
     off = [_off(r.torque) * driven * (r.servo is None) for r in dataset.recordings]
     out = [np.zeros(x.shape, dtype=bool) for x in off]
     if not any(x.any() for x in off) or not any(len(s.time) > 1 for s in states):

@@ -1,10 +1,11 @@
 """Equations of motion of mechanisms, derived from their bodies and compiled to scalar code."""
 
 from frictionid.mechanics.acrobot import acrobot
-from frictionid.mechanics.description import Base, Body, Description, Parameter
+from frictionid.mechanics.check_mechanism import check_mechanism
+from frictionid.mechanics.description import Base, Body, Description
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.linear_axis import linear_axis
-from frictionid.mechanics.mechanism import Mechanism, Partials, Terms
+from frictionid.mechanics.mechanism import Mechanism, Parameter, Partials, Terms
 from frictionid.mechanics.mechanism_table import mechanism_of, parameters_of, with_defaults
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import (
@@ -15,6 +16,7 @@ from frictionid.mechanics.plant import (
     torque_without_motor,
     unit_inertia_plant,
 )
+from frictionid.mechanics.symbolic import SymbolicMechanism
 from frictionid.mechanics.unit_inertia import unit_inertia
 
 __all__ = [
@@ -26,8 +28,10 @@ __all__ = [
     "Parameter",
     "Partials",
     "Plant",
+    "SymbolicMechanism",
     "Terms",
     "acrobot",
+    "check_mechanism",
     "double_pendulum",
     "linear_axis",
     "mechanism_of",

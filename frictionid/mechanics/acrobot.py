@@ -9,8 +9,9 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Body, Description, Parameter
-from frictionid.mechanics.mechanism import Mechanism
+from frictionid.mechanics.description import Base, Body, Description
+from frictionid.mechanics.mechanism import Parameter
+from frictionid.mechanics.symbolic import SymbolicMechanism
 
 PARAMETERS = {
     "m1": (0.135, "kg", "link 1"),
@@ -48,8 +49,39 @@ SHAPES = {
 }
 
 
-@cache
-def acrobot(inertias: str = "printed", link2_rate: str = "absolute") -> Mechanism:
+def acrobot(
+    inertias: str = "printed",
+    link2_rate: str = "absolute",
+    *,
+    m1: float | None = None,
+    m2: float | None = None,
+    m3: float | None = None,
+    m4: float | None = None,
+    L1: float | None = None,
+    L2: float | None = None,
+    L3: float | None = None,
+    L4: float | None = None,
+    rotor: float | None = None,
+    gear: float | None = None,
+    g: float | None = None,
+    J_shaft: float | None = None,
+    J_clamp: float | None = None,
+    J_bush: float | None = None,
+    J_link1: float | None = None,
+    J2: float | None = None,
+    M_shaft: float | None = None,
+    R_shaft: float | None = None,
+    M_clamp: float | None = None,
+    R_clamp: float | None = None,
+    r_clamp: float | None = None,
+    M_bush: float | None = None,
+    R_bush: float | None = None,
+    r_bush: float | None = None,
+    H1: float | None = None,
+    W1: float | None = None,
+    H2: float | None = None,
+    W2: float | None = None,
+) -> SymbolicMechanism:
     """Acrobot with the parts of [DeMeester2020].
 
     Parameters
@@ -59,6 +91,8 @@ def acrobot(inertias: str = "printed", link2_rate: str = "absolute") -> Mechanis
         differs by 1 %).
     link2_rate : "absolute" or "relative"
         Link 2 turns at w1 + w2; the printed energy has the relative rate w2.
+    m1, m2, ... : float, optional
+        Values of its parameters, SI; `frictionid mechanisms acrobot` lists their meanings.
 
     The rotor sits on link 1 and turns against its joint, at w1 - gear w2.
 
@@ -66,10 +100,22 @@ def acrobot(inertias: str = "printed", link2_rate: str = "absolute") -> Mechanis
     ------
     ValueError
         For another option.
+    InputError
+        For a parameter that is no finite number, or that the other kind of inertias has.
 
     >>> acrobot().base_names
     ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
+    >>> acrobot(m4=0.1)
+    acrobot(m4=0.1)
     """
+    given = {name: value for name, value in locals().items() if value is not None}
+    options = {name: given.pop(name) for name in ("inertias", "link2_rate")}
+    other = options.items() - {"inertias": "printed", "link2_rate": "absolute"}.items()
+    return SymbolicMechanism.of(_description(inertias, link2_rate), given, dict(other))
+
+
+@cache
+def _description(inertias: str, link2_rate: str) -> Description:
     for value, allowed in (
         (inertias, ("printed", "shapes")),
         (link2_rate, ("absolute", "relative")),
@@ -104,19 +150,17 @@ def acrobot(inertias: str = "printed", link2_rate: str = "absolute") -> Mechanis
         Base("gravity_1", g * (m1 * L1 + (m2 + m3 + m4) * L2), "N m"),
         Base("gravity_2", g * (m3 * L3 + m4 * L4), "N m"),
     )
-    return Mechanism(
-        Description(
-            kind="acrobot",
-            joints=("joint 1", "joint 2"),
-            q=(q1, q2),
-            w=(w1, w2),
-            gravity=g,
-            parameters=tuple(Parameter(s[k], *table[k]) for k in table),
-            bodies=bodies,
-            rotors=((rotor, w1 - gear * w2),),
-            driven=(False, True),
-            base=base,
-        )
+    return Description(
+        kind="acrobot",
+        joints=("joint 1", "joint 2"),
+        q=(q1, q2),
+        w=(w1, w2),
+        gravity=g,
+        parameters=tuple(Parameter(k, *table[k]) for k in table),
+        bodies=bodies,
+        rotors=((rotor, w1 - gear * w2),),
+        driven=(False, True),
+        base=base,
     )
 
 

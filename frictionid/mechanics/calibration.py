@@ -103,7 +103,7 @@ def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
 
 def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
     """The data set with gain, delay, bias and offset removed, as ideal sensors would record it."""
-    driven = np.array(mechanism_of(dataset.mechanism).description.driven, dtype=float)
+    driven = mechanism_of(dataset.mechanism).motors
     recordings = tuple(_calibrated(r, calibration, driven) for r in dataset.recordings)
     return replace(dataset, recordings=recordings)
 

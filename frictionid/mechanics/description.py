@@ -7,18 +7,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-
-class Parameter(NamedTuple):
-    """A physical parameter of a mechanism: symbol, default value, unit and meaning.
-
-    required : a data set must give it; the default then serves examples only
-    """
-
-    symbol: sp.Symbol
-    default: float
-    unit: str
-    meaning: str
-    required: bool = False
+from frictionid.mechanics.mechanism import Parameter
 
 
 class Base(NamedTuple):
@@ -42,16 +31,18 @@ class Body(NamedTuple):
 
 @dataclass(frozen=True)
 class Description:
-    """A mechanism in symbols; `Mechanism` evaluates its equations of motion.
+    """A mechanism in symbols; `SymbolicMechanism` evaluates its equations of motion.
 
     Attributes
     ----------
     kind, joints : names of the mechanism and of its joints
     q, w, gravity : symbols of angles, velocities and g
-    parameters, bodies, base : see `Parameter`, `Body` and `Base`
+    parameters, bodies, base : see `Parameter`, `Body` and `Base`; the symbol of a parameter has its
+        name
     rotors : pairs (inertia, angular rate)
     driven : which joints have a motor
-    angle_unit, torque_unit : "m" and "N" for prismatic joints
+    position_units : "rad" or "m" of each joint; all "rad" where there are none
+    torque_units : of each joint, where they do not follow from those of the positions
     """
 
     kind: str
@@ -64,5 +55,10 @@ class Description:
     rotors: tuple[tuple[sp.Expr, sp.Expr], ...]
     driven: tuple[bool, ...]
     base: tuple[Base, ...]
-    angle_unit: str = "rad"
-    torque_unit: str = "N m"
+    position_units: tuple[str, ...] = ()
+    torque_units: tuple[str, ...] = ()
+
+    @property
+    def symbols(self) -> list[sp.Symbol]:
+        """Symbols of the parameters."""
+        return [sp.Symbol(parameter.name) for parameter in self.parameters]

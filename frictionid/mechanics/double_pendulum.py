@@ -12,8 +12,9 @@ from itertools import product
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Body, Description, Parameter
-from frictionid.mechanics.mechanism import Mechanism
+from frictionid.mechanics.description import Base, Body, Description
+from frictionid.mechanics.mechanism import Parameter
+from frictionid.mechanics.symbolic import SymbolicMechanism
 
 PARAMETERS = {
     "m1": (0.5, "kg", "mass of link 1"),
@@ -30,23 +31,47 @@ PARAMETERS = {
 OPTIONAL = ("Ir", "gr", "g")
 
 
-@cache
-def double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Mechanism:
+def double_pendulum(
+    driven: tuple[bool, bool] = (True, True),
+    *,
+    m1: float | None = None,
+    m2: float | None = None,
+    l1: float | None = None,
+    r1: float | None = None,
+    r2: float | None = None,
+    I1: float | None = None,
+    I2: float | None = None,
+    Ir: float | None = None,
+    gr: float | None = None,
+    g: float | None = None,
+) -> SymbolicMechanism:
     """Double pendulum with motors at the joints where `driven` is true.
 
     A rotor is counted at each driven joint only. Without one at joint 2, M12 and M22 have the same
     constant part: inertia_12 is then no base parameter.
 
+    m1, m2, ... : values of its parameters, SI; `frictionid mechanisms double_pendulum` lists them
+
     Raises
     ------
     ValueError
         Unless `driven` is a pair of true and false.
+    InputError
+        For a parameter that is no finite number.
 
     >>> double_pendulum().base_names
     ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
     """
+    given = {name: value for name, value in locals().items() if value is not None}
+    options = {"driven": given.pop("driven")}
     if driven not in product((False, True), repeat=2):
         raise ValueError(f"double_pendulum: driven = {driven!r} must be a pair of true and false")
+    other = options if driven != (True, True) else {}
+    return SymbolicMechanism.of(_description(driven), given, other)
+
+
+@cache
+def _description(driven: tuple[bool, bool]) -> Description:
     s = {name: sp.Symbol(name) for name in PARAMETERS}
     m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = s.values()
     q1, q2, w1, w2 = sp.symbols("q1 q2 w1 w2")
@@ -66,19 +91,17 @@ def double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Mechanism:
         Base("gravity_1", g * (m1 * r1 + m2 * l1), "N m"),
         Base("gravity_2", g * m2 * r2, "N m"),
     )
-    return Mechanism(
-        Description(
-            kind="double_pendulum",
-            joints=("joint 1", "joint 2"),
-            q=(q1, q2),
-            w=(w1, w2),
-            gravity=g,
-            parameters=tuple(
-                Parameter(s[k], *PARAMETERS[k], required=k not in OPTIONAL) for k in PARAMETERS
-            ),
-            bodies=bodies,
-            rotors=((first * Ir, gr * w1), (second * Ir, w1 - gr * w2)),
-            driven=(bool(driven[0]), bool(driven[1])),
-            base=base,
-        )
+    return Description(
+        kind="double_pendulum",
+        joints=("joint 1", "joint 2"),
+        q=(q1, q2),
+        w=(w1, w2),
+        gravity=g,
+        parameters=tuple(
+            Parameter(k, *PARAMETERS[k], required=k not in OPTIONAL) for k in PARAMETERS
+        ),
+        bodies=bodies,
+        rotors=((first * Ir, gr * w1), (second * Ir, w1 - gr * w2)),
+        driven=(bool(driven[0]), bool(driven[1])),
+        base=base,
     )

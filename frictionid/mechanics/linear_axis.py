@@ -6,12 +6,14 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Body, Description, Parameter
-from frictionid.mechanics.mechanism import Mechanism
+from frictionid.mechanics.description import Base, Body, Description
+from frictionid.mechanics.mechanism import Parameter
+from frictionid.mechanics.symbolic import SymbolicMechanism
 
 
-@cache
-def linear_axis(driven: bool = True) -> Mechanism:
+def linear_axis(
+    driven: bool = True, *, mass: float | None = None, g: float | None = None
+) -> SymbolicMechanism:
     """Mass on a level guide; the motor's inertia, seen at the carriage, is part of the mass.
 
     mass dw/dt = u - Tf, with w [m/s], u and Tf [N]; `driven` says whether the axis has a motor.
@@ -20,29 +22,34 @@ def linear_axis(driven: bool = True) -> Mechanism:
     ------
     ValueError
         Unless `driven` is true or false.
+    InputError
+        For a parameter that is no finite number.
 
-    >>> linear_axis().base_names
+    >>> linear_axis(mass=20.0).base_names
     ('mass',)
     """
     if driven not in (False, True):
         raise ValueError(f"linear_axis: driven = {driven!r} must be true or false")
+    given = {name: value for name, value in (("mass", mass), ("g", g)) if value is not None}
+    return SymbolicMechanism.of(_description(driven), given, {} if driven else {"driven": False})
+
+
+@cache
+def _description(driven: bool) -> Description:
     mass, g, q, w = sp.symbols("mass g q1 w1")
-    return Mechanism(
-        Description(
-            kind="linear_axis",
-            joints=("axis",),
-            q=(q,),
-            w=(w,),
-            gravity=g,
-            parameters=(
-                Parameter(mass, 1.0, "kg", "everything that moves", required=True),
-                Parameter(g, 9.81, "m/s^2", "gravity, for the load of the guide"),
-            ),
-            bodies=(Body(mass, q, sp.Integer(0), sp.Integer(0), sp.Integer(0), 0),),
-            rotors=(),
-            driven=(driven,),
-            base=(Base("mass", mass, "kg"),),
-            angle_unit="m",
-            torque_unit="N",
-        )
+    return Description(
+        kind="linear_axis",
+        joints=("axis",),
+        q=(q,),
+        w=(w,),
+        gravity=g,
+        parameters=(
+            Parameter("mass", 1.0, "kg", "everything that moves", required=True),
+            Parameter("g", 9.81, "m/s^2", "gravity, for the load of the guide"),
+        ),
+        bodies=(Body(mass, q, sp.Integer(0), sp.Integer(0), sp.Integer(0), 0),),
+        rotors=(),
+        driven=(driven,),
+        base=(Base("mass", mass, "kg"),),
+        position_units=("m",),
     )

@@ -1,33 +1,45 @@
-"""Equations of motion of a mechanism as compiled code.
+"""What every mechanism is: its facts, its equations of motion, its [mechanism] table.
 
     M(q) dw/dt = h(q, w) + B u - Tf
 
-SymPy derives them once from the Lagrangian L = T - V and writes them as flat scalar code, which
-runs on NumPy arrays and torch tensors. Its parameters are the *base* parameters, the combinations
-of masses, lengths and inertias in which L is linear: motion identifies nothing else [Gautier1990].
+The parameters of the equations are the *base* parameters, the combinations of masses, lengths and
+inertias in which the Lagrangian is linear: motion identifies nothing else [Gautier1990]. Closed
+symbolic code and trees of rigid bodies implement the same interface; `check_mechanism` tests it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from numbers import Real
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-import sympy as sp
 
-from frictionid.arrays import Array, namespace, solve, times
+from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.mechanics.description import Description
-from frictionid.mechanics.lagrange import (
-    Equations,
-    bearing_forces,
-    equations_of_motion,
-    full_matrix,
-)
-from frictionid.mechanics.scalar_code import scalar_code
+
+_LARGEST = 1e9  # of a parameter, in SI units
+_TORQUE = {"rad": "N m", "m": "N"}
+
+
+class Parameter(NamedTuple):
+    """A physical parameter of a mechanism: name, default value, unit and meaning.
+
+    required : a data set must give it; the default then serves examples only
+    rotor : it is the inertia of a motor's rotor, in which the base parameters are linear
+    """
+
+    name: str
+    default: float
+    unit: str
+    meaning: str
+    required: bool = False
+    rotor: bool = False
 
 
 class Terms(NamedTuple):
@@ -58,190 +70,216 @@ class Partials(NamedTuple):
     by_p: Array
 
 
-@dataclass(frozen=True)
-class Mechanism:
-    """Equations of motion of a mechanism, for states of any batch shape on NumPy or torch.
+@dataclass(frozen=True, kw_only=True)
+class Mechanism(ABC):
+    """A mechanism of n joints: facts as fields, equations of motion as methods.
 
-    `p` is always an array of base parameters, shape (..., len(self.base_names)), as `base` makes it
-    from physical ones; its batch axes broadcast against those of q and w.
+    `p` is always an array of base parameters, shape (..., nb), as `base` makes it from physical
+    ones. q, w, a and u have shape (..., n); batch axes of p broadcast against theirs.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from frictionid.mechanics import pendulum
-    >>> m = pendulum()
-    >>> p = m.base({"mass": 1.0, "length": 0.5})
-    >>> [float(x) for x in p]                         # inertia [kg m^2], gravity moment [N m]
-    [0.25, 4.905]
-    >>> m.terms(p, np.array([np.pi / 2]), np.array([0.0])).h
-    array([-4.905])
+    Attributes
+    ----------
+    kind : str
+        Name of the kind, as a [mechanism] table has it.
+    joints : tuple of n str
+    position_units : tuple of n str
+        "rad" of revolute joints, "m" of prismatic ones.
+    driven : tuple of n bool
+        Which joints have a motor.
+    parameters : tuple of Parameter
+        Physical parameters.
+    base_names, base_units, base_meanings : tuple of nb str
+        Base parameters in the order of p; what each is in physical parameters, "" where that has
+        no short formula.
+    values : mapping of str to float
+        Physical values that were given, SI; `nominal` adds the defaults.
+    options : mapping
+        Further keys of the [mechanism] table.
     """
 
-    description: Description
+    kind: str
+    joints: tuple[str, ...]
+    position_units: tuple[str, ...]
+    driven: tuple[bool, ...]
+    parameters: tuple[Parameter, ...]
+    base_names: tuple[str, ...]
+    base_units: tuple[str, ...]
+    base_meanings: tuple[str, ...]
+    values: Mapping[str, float] = field(default_factory=dict, hash=False)
+    options: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Mechanism, (self.description,)
+    def __post_init__(self) -> None:
+        self.check_values(self.values)
 
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.description.q)
+    def __repr__(self) -> str:
+        options = [f"{name}={value!r}" for name, value in self.options.items()]
+        values = [f"{name}={value:g}" for name, value in self.values.items()]
+        return f"{self.kind}({', '.join(options + values)})"
 
-    @cached_property
-    def defaults(self) -> dict[str, float]:
-        """Default values of the physical parameters, SI units."""
-        return {str(a.symbol): a.default for a in self.description.parameters}
+    def __getstate__(self) -> dict[str, Any]:
+        # compiled code stays behind
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
-    @property
-    def base_names(self) -> tuple[str, ...]:
-        """Names of the base parameters, in the order of `p`."""
-        return tuple(b.name for b in self.description.base)
-
-    @cached_property
-    def driven(self) -> Array:
-        """One for each joint (n,) that a motor drives, else zero."""
-        return np.array(self.description.driven, dtype=float)
-
-    @property
-    def B(self) -> Array:
-        """Input matrix, shape (n, n): one on the diagonal where a motor drives the joint."""
-        return np.diag(self.driven)
-
+    @abstractmethod
     def base(self, parameters: Mapping[str, Any]) -> Array:
         """Base parameters p of physical ones (numbers or arrays of one batch shape); SI units.
 
-        Missing parameters take their defaults; an unknown name is an InputError. Gradients of torch
-        parameters pass through.
+        Missing ones take the given values or the defaults; an unknown name is an InputError.
+        Gradients of torch parameters pass through.
         """
-        values = self._complete(parameters)
-        xp = namespace(*values.values())
-        # not asarray on tensors: by torch's version it cuts off the gradient or warns about it
-        floats = [
-            xp.astype(v, xp.float64) if hasattr(v, "shape") else xp.asarray(v, dtype=xp.float64)
-            for v in values.values()
-        ]
-        out = self._base_code(xp, *floats)
-        return xp.stack(xp.broadcast_arrays(*out), axis=-1)
 
+    @abstractmethod
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
         """M (..., n, n) and h (..., n), the terms that a step needs."""
-        xp, flat = self._evaluate(self._dynamics_code, p, q, w)
-        h = flat[-1][..., None] if self.n == 1 else xp.stack(flat[-self.n :], axis=-1)
-        return self._symmetric(xp, flat[: -self.n]), h
 
+    @abstractmethod
     def inertia(self, p: Array, q: Array) -> Array:
         """Mass matrix M (..., n, n) [kg m^2]."""
-        xp, flat = self._evaluate(self._inertia_code, p, q, None)
-        return self._symmetric(xp, flat)
 
+    @abstractmethod
     def terms(self, p: Array, q: Array, w: Array) -> Terms:
         """All terms of the equations of motion, see `Terms`."""
-        n = self.n
-        xp, flat = self._evaluate(self._terms_code, p, q, w)
-        M = self._symmetric(xp, flat[: -2 * n - 1])
-        h = xp.stack(flat[-2 * n - 1 : -n - 1], axis=-1)
-        dLdq = xp.stack(flat[-n - 1 : -1], axis=-1)
-        B = xp.asarray(self.B, dtype=M.dtype)
-        return Terms(M, h, times(M, w), dLdq, B, flat[-1])
 
+    @abstractmethod
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
         """Partial derivatives of M a - h, see `Partials`."""
-        n, nb = self.n, len(self.base_names)
-        xp = namespace(q, p)
-        state = [x[..., j] for x in (q, w, a) for j in range(n)]
-        flat = self._partials_code(xp, *state, *(p[..., i] for i in range(nb)))
-        zero = 0.0 * (q[..., 0] + p[..., 0])
 
-        def matrix(entries: Sequence[Array], columns: int) -> Array:
-            rows = [
-                xp.stack([f + zero for f in entries[i * columns : (i + 1) * columns]], axis=-1)
-                for i in range(n)
-            ]
-            return xp.stack(rows, axis=-2)
-
-        by_q, by_w = flat[: n * n], flat[n * n : 2 * n * n]
-        return Partials(matrix(by_q, n), matrix(by_w, n), matrix(flat[2 * n * n :], nb))
-
+    @abstractmethod
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         """Bearing force of each joint in friction-free motion, shape (..., n) [N].
 
         The force that the joint transmits to all bodies beyond it, sum m (a - g), as load-dependent
         friction laws need it. It depends on physical parameters, not on base parameters alone.
         """
-        values = self._complete(parameters)
-        p = self.base(values)
-        terms = self.terms(p, q, w)
-        a = solve(terms.M, terms.h + times(terms.B, u))
-        xp = namespace(q)
-        columns = [x[..., j] for x in (q, w, a) for j in range(self.n)]
-        flat = self._load_code(xp, *columns, *(values[name] for name in self.defaults))
-        zero = 0.0 * q[..., 0]
-        x, y = (xp.stack([f + zero for f in flat[i::2]], axis=-1) for i in (0, 1))
-        return xp.sqrt(x * x + y * y)
 
-    def _complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        unknown = [name for name in parameters if name not in self.defaults]
-        if unknown:
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def velocity_units(self) -> tuple[str, ...]:
+        """Unit of each joint's velocity: "rad/s" or "m/s"."""
+        return tuple(f"{unit}/s" for unit in self.position_units)
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of what each joint's motor gives: "N m", or "N" of a prismatic joint."""
+        return tuple(_TORQUE[unit] for unit in self.position_units)
+
+    @cached_property
+    def motors(self) -> Array:
+        """One for each joint (n,) that a motor drives, else zero."""
+        return np.array(self.driven, dtype=float)
+
+    @property
+    def B(self) -> Array:
+        """Input matrix, shape (n, n): one on the diagonal where a motor drives the joint."""
+        return np.diag(self.motors)
+
+    @cached_property
+    def defaults(self) -> dict[str, float]:
+        """Value of each physical parameter where none is passed: the given one, or the default."""
+        return {p.name: self.values.get(p.name, p.default) for p in self.parameters}
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """The [mechanism] table that stands for this mechanism in files."""
+        given = {"parameters": dict(self.values)} if self.values else {}
+        return {"kind": self.kind, **self.options, **given}
+
+    def nominal(self, overrides: Mapping[str, float] | None = None) -> dict[str, float]:
+        """All physical parameters: the overrides, else the given values, else the defaults; SI.
+
+        Masses and lengths that the kind requires have no default; rotors, gears and gravity do.
+
+        Raises
+        ------
+        InputError
+            Where one is unknown, missing or negative, or where they make an inertia negative.
+
+        >>> from frictionid.mechanics import pendulum
+        >>> pendulum(mass=0.5).nominal({"length": 0.2})["length"]
+        0.2
+        """
+        self.check_values(overrides or {})
+        given = {**self.values, **(overrides or {})}
+        self._check_complete(given)
+        values = {**self.defaults, **given}
+        self._check_positive(values)
+        return values
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The mechanism with other given values, in addition to those that it has.
+
+        >>> from frictionid.mechanics import pendulum
+        >>> pendulum(mass=0.5).with_values({"length": 0.2})
+        pendulum(mass=0.5, length=0.2)
+        """
+        return replace(self, values={**self.values, **values})
+
+    def with_defaults(self) -> Self:
+        """The mechanism with the default of each required parameter that was not given.
+
+        For machines that exist in a simulation only; those of recordings are what they are.
+
+        >>> from frictionid.mechanics import pendulum
+        >>> pendulum(mass=0.5).with_defaults()
+        pendulum(length=1, mass=0.5)
+        """
+        missing = {
+            p.name: p.default for p in self.parameters if p.required and p.name not in self.values
+        }
+        return replace(self, values={**missing, **self.values}) if missing else self
+
+    def check_values(self, values: Mapping[str, Any]) -> None:
+        """Raise InputError where a name is no parameter's, or a value no finite number."""
+        for name, value in values.items():
+            self.check_name(name)
+            number = isinstance(value, Real) and not isinstance(value, bool)
+            if not (number and math.isfinite(value)):
+                raise InputError(
+                    f"[mechanism] {self.kind}: {name} = {value!r} must be a finite number"
+                )
+            if abs(value) > _LARGEST:
+                raise InputError(
+                    f"[mechanism] {self.kind}: {name} = {value:g} is more than any machine has: "
+                    "correct it"
+                )
+
+    def check_name(self, name: str) -> None:
+        """Raise InputError, with the nearest name, where this is no parameter's."""
+        known = [parameter.name for parameter in self.parameters]
+        if name not in known:
             raise InputError(
-                f"{self.description.kind} has no parameter {unknown[0]!r}; "
-                f"{nearest(unknown[0], self.defaults)}"
+                f"[mechanism] {self.kind} has no parameter {name!r}; {nearest(name, known)}"
             )
-        return {**self.defaults, **parameters}
 
-    def _evaluate(
-        self, code: Callable[..., Any], p: Array, q: Array, w: Array | None
-    ) -> tuple[Any, list[Array]]:
-        xp = namespace(q, p)
-        n = range(self.n)
-        state = [q[..., j] for j in n] + ([] if w is None else [w[..., j] for j in n])
-        flat = code(xp, *state, *(p[..., i] for i in range(p.shape[-1])))
-        zero = 0.0 * (q[..., 0] + p[..., 0])  # constant entries take the batch shape
-        return xp, [f + zero for f in flat]
+    def _check_complete(self, given: Mapping[str, float]) -> None:
+        missing = [
+            f"{p.name} [{p.unit}] ({p.meaning})"
+            for p in self.parameters
+            if p.required and p.name not in given
+        ]
+        if missing:
+            raise InputError(
+                f"[mechanism] {self.kind} needs {', '.join(missing)}: "
+                "give it in [mechanism.parameters]; no machine has a usual mass or length"
+            )
 
-    def _symmetric(self, xp: Any, upper: Sequence[Array]) -> Array:
-        n = self.n
-        if n == 1:  # a sixth of a prediction's time
-            return upper[0][..., None, None]
-        entries = full_matrix(upper, n)
-        flat = xp.stack([entries[i, j] for i in range(n) for j in range(n)], axis=-1)
-        return xp.reshape(flat, (*flat.shape[:-1], n, n))
-
-    @cached_property
-    def _equations(self) -> Equations:
-        return equations_of_motion(self.description)
-
-    @cached_property
-    def _base_code(self) -> Callable[..., Any]:
-        d = self.description
-        return scalar_code([a.symbol for a in d.parameters], [b.expression for b in d.base])
-
-    @cached_property
-    def _dynamics_code(self) -> Callable[..., Any]:
-        e = self._equations
-        return scalar_code(e.arguments, [*e.M, *e.h])
-
-    @cached_property
-    def _inertia_code(self) -> Callable[..., Any]:
-        e = self._equations
-        return scalar_code([*self.description.q, *e.base], e.M)
-
-    @cached_property
-    def _terms_code(self) -> Callable[..., Any]:
-        e = self._equations
-        return scalar_code(e.arguments, [*e.M, *e.h, *e.dLdq, e.energy])
-
-    @cached_property
-    def _partials_code(self) -> Callable[..., Any]:
-        e, d, n = self._equations, self.description, range(self.n)
-        a = sp.symbols(f"_a0:{self.n}")
-        M = full_matrix(e.M, self.n)
-        torque = [sum(M[i, j] * a[j] for j in n) - e.h[i] for i in n]
-        outputs = [sp.diff(t, x) for xs in (d.q, d.w, e.base) for t in torque for x in xs]
-        return scalar_code([*d.q, *d.w, *a, *e.base], outputs)
-
-    @cached_property
-    def _load_code(self) -> Callable[..., Any]:
-        d = self.description
-        accelerations = sp.symbols(f"_a0:{self.n}")
-        arguments = [*d.q, *d.w, *accelerations, *(a.symbol for a in d.parameters)]
-        return scalar_code(arguments, bearing_forces(d, accelerations))
+    def _check_positive(self, values: Mapping[str, float]) -> None:
+        """Refuse negative masses and rotors, and an M that is not positive definite."""
+        for p in self.parameters:
+            if (p.unit == "kg" or p.rotor) and values[p.name] < 0:
+                raise InputError(
+                    f"[mechanism] {self.kind}: {p.name} = {values[p.name]:g} {p.unit} is "
+                    "negative; masses and rotor inertias are 0 or more"
+                )
+        q = np.linspace(0.0, np.pi, 7)[:, None] * np.arange(self.n)
+        least = np.linalg.eigvalsh(self.inertia(self.base(values), q)).min()
+        if not least > 0:
+            raise InputError(
+                f"[mechanism] {self.kind}: these parameters give no inertia to a direction of "
+                f"motion (smallest eigenvalue of M: {least:.3g}); correct masses, lengths and "
+                "inertias"
+            )

@@ -6,17 +6,29 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Body, Description, Parameter
-from frictionid.mechanics.mechanism import Mechanism
+from frictionid.mechanics.description import Base, Body, Description
+from frictionid.mechanics.mechanism import Parameter
+from frictionid.mechanics.symbolic import SymbolicMechanism
 
 _MOTOR = (
-    Parameter(sp.Symbol("kt"), 0.0, "N m/A", "torque constant of the motor, at the joint"),
-    Parameter(sp.Symbol("R"), 0.0, "Ohm", "resistance of the motor"),
+    Parameter("kt", 0.0, "N m/A", "torque constant of the motor, at the joint"),
+    Parameter("R", 0.0, "Ohm", "resistance of the motor"),
 )
 
 
-@cache
-def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
+def pendulum(
+    driven: bool = True,
+    motor: bool = False,
+    *,
+    mass: float | None = None,
+    length: float | None = None,
+    inertia: float | None = None,
+    rotor: float | None = None,
+    gear: float | None = None,
+    g: float | None = None,
+    kt: float | None = None,
+    R: float | None = None,
+) -> SymbolicMechanism:
     """Pendulum of mass and length (to its centre of mass), reflected rotor inertia included.
 
     (m l^2 + J + N^2 Jr) dw/dt = -m g l sin q + u - Tf
@@ -29,13 +41,23 @@ def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
     ------
     ValueError
         Unless `driven` and `motor` are true or false.
+    InputError
+        For a parameter that is no finite number.
 
-    >>> pendulum().base_names
+    >>> pendulum(mass=0.4, length=0.25).base_names
     ('inertia', 'gravity')
     """
-    for name, value in (("driven", driven), ("motor", motor)):
+    given = {name: value for name, value in locals().items() if value is not None}
+    options = {name: given.pop(name) for name in ("driven", "motor")}
+    for name, value in options.items():
         if value not in (False, True):
             raise ValueError(f"pendulum: {name} = {value!r} must be true or false")
+    other = options.items() - {"driven": True, "motor": False}.items()
+    return SymbolicMechanism.of(_description(driven, motor), given, dict(other))
+
+
+@cache
+def _description(driven: bool, motor: bool) -> Description:
     m, length, J, rotor, gear, g = symbols = sp.symbols("mass length inertia rotor gear g")
     q, w = sp.symbols("q1 w1")
     defaults = (1.0, 1.0, 0.0, 0.0, 1.0, 9.81)
@@ -49,23 +71,21 @@ def pendulum(driven: bool = True, motor: bool = False) -> Mechanism:
         "gear ratio",
         "gravity",
     )
-    return Mechanism(
-        Description(
-            kind="pendulum",
-            joints=("joint 1",),
-            q=(q,),
-            w=(w,),
-            gravity=g,
-            parameters=(
-                *map(Parameter, symbols, defaults, units, meanings, required),
-                *(_MOTOR if motor else ()),
-            ),
-            bodies=(Body(m, length * sp.sin(q), -length * sp.cos(q), J, w, 0),),
-            rotors=((rotor, gear * w),),
-            driven=(driven,),
-            base=(
-                Base("inertia", m * length**2 + J + gear**2 * rotor, "kg m^2"),
-                Base("gravity", m * g * length, "N m"),
-            ),
-        )
+    return Description(
+        kind="pendulum",
+        joints=("joint 1",),
+        q=(q,),
+        w=(w,),
+        gravity=g,
+        parameters=(
+            *map(Parameter, map(str, symbols), defaults, units, meanings, required),
+            *(_MOTOR if motor else ()),
+        ),
+        bodies=(Body(m, length * sp.sin(q), -length * sp.cos(q), J, w, 0),),
+        rotors=((rotor, gear * w),),
+        driven=(driven,),
+        base=(
+            Base("inertia", m * length**2 + J + gear**2 * rotor, "kg m^2"),
+            Base("gravity", m * g * length, "N m"),
+        ),
     )

@@ -94,7 +94,7 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
 
 def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
     """Refuse recordings of other joints than the mechanism's."""
-    kind, n = mechanism.description.kind, mechanism.n
+    kind, n = mechanism.kind, mechanism.n
     for recording in dataset.recordings:
         for quantity, signal in (("angle", recording.angle), ("torque", recording.torque)):
             columns = np.shape(signal.value)[1]
@@ -116,14 +116,14 @@ def torque_without_motor(dataset: Dataset) -> dict[int, str]:
     >>> torque_without_motor(machine)
     {0: "torque 1 is up to 0.2 N m (recording 'a'), but joint 1 of acrobot has no motor"}
     """
-    description = mechanism_of(dataset.mechanism).description
+    description = mechanism_of(dataset.mechanism)
     out = {}
     for j in np.flatnonzero(~np.array(description.driven)).tolist():
         tops = [float(np.abs(r.torque.value[:, j]).max()) for r in dataset.recordings]
         if max(tops) > 0:
             name = dataset.recordings[int(np.argmax(tops))].name
             out[j] = (
-                f"torque {j + 1} is up to {max(tops):.3g} {description.torque_unit} "
+                f"torque {j + 1} is up to {max(tops):.3g} {description.torque_units[0]} "
                 f"(recording {name!r}), but joint {j + 1} of {description.kind} has no motor"
             )
     return out
@@ -142,6 +142,6 @@ def refuse_torque_without_motor(dataset: Dataset) -> None:
 
 def unit_inertia_plant(dataset: Dataset) -> Plant:
     """Plant of unit inertias, see `unit_inertia`, with one batch entry for each recording."""
-    nominal = mechanism_of(dataset.mechanism).description
-    mechanism = unit_inertia(len(nominal.joints), nominal.angle_unit)
+    nominal = mechanism_of(dataset.mechanism)
+    mechanism = unit_inertia(nominal.position_units)
     return Plant.from_parameters(mechanism, {"inertia": np.ones(len(dataset.recordings))})

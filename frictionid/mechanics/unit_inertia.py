@@ -11,39 +11,41 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Description, Parameter
-from frictionid.mechanics.mechanism import Mechanism
+from frictionid.mechanics.description import Base, Description
+from frictionid.mechanics.mechanism import Parameter
+from frictionid.mechanics.symbolic import SymbolicMechanism
 
 
 @cache
-def unit_inertia(joints: int = 1, angle_unit: str = "rad") -> Mechanism:
+def unit_inertia(position_units: tuple[str, ...] = ("rad",)) -> SymbolicMechanism:
     """M = I, h = 0 and B = 0: friction is a negative acceleration [rad/s^2], or [m/s^2].
 
     Its only base parameter is the inertia, 1.
 
     >>> import numpy as np
-    >>> machine = unit_inertia(2)
+    >>> machine = unit_inertia(("rad", "rad"))
     >>> M, h = machine.dynamics(np.ones(1), np.array([0.3, -1.0]), np.array([5.0, 2.0]))
     >>> bool((M == np.eye(2)).all() and (h == 0).all() and (machine.B == 0).all())
     True
     """
+    joints = len(position_units)
     inertia, gravity = sp.symbols("inertia g")
     q = sp.symbols(f"q1:{joints + 1}")
     w = sp.symbols(f"w1:{joints + 1}")
-    one = "kg m^2" if angle_unit == "rad" else "kg"
-    return Mechanism(
+    one = "kg m^2" if "rad" in position_units else "kg"
+    return SymbolicMechanism.of(
         Description(
             kind="unit",
             joints=tuple(f"joint {j + 1}" for j in range(joints)),
             q=tuple(q),
             w=tuple(w),
             gravity=gravity,
-            parameters=(Parameter(inertia, 1.0, one, "of each joint"),),
+            parameters=(Parameter("inertia", 1.0, one, "of each joint"),),
             bodies=(),
             rotors=tuple((inertia, rate) for rate in w),
             driven=(False,) * joints,
             base=(Base("inertia", inertia, one),),
-            angle_unit=angle_unit,
-            torque_unit=f"{angle_unit}/s^2",
+            position_units=position_units,
+            torque_units=tuple(f"{unit}/s^2" for unit in position_units),
         )
     )

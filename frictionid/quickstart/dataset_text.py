@@ -58,8 +58,8 @@ def _mechanism(draft: Draft) -> Iterator[str]:
         if key not in ("kind", "parameters"):
             yield _line(key, value)
     yield "\n[mechanism.parameters]"
-    for p in mechanism_of(draft.mechanism).description.parameters:
-        name, said = str(p.symbol), f"{p.meaning} [{p.unit}]"
+    for p in mechanism_of(draft.mechanism).parameters:
+        name, said = p.name, f"{p.meaning} [{p.unit}]"
         usual = "" if name in given else "# "
         yield usual + _line(
             name, given.get(name, p.default), said + ("; usual value" * bool(usual))

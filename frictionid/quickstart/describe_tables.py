@@ -98,8 +98,8 @@ def guess_tables(tables: Tables, mechanism: Mapping[str, Any], known: Known) -> 
     InputError
         Where no column fits a quantity.
     """
-    description = mechanism_of(mechanism).description
-    joints = Joints(description.driven, description.angle_unit)
+    description = mechanism_of(mechanism)
+    joints = Joints(description.driven, description.position_units[0])
     return guess_columns(tables.first, joints, known.columns)
 
 

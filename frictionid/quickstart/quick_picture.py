@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.mechanics import mechanism_of
-from frictionid.mechanics.description import Description
+from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.quickstart.quick import Candidate, Quick
 from frictionid.report.figures.panels import panel_grid, plain_logarithm, velocity_axis
 from frictionid.report.figures.style import COLOURS, DARK, GREY, drawing, key_above, line, rendered
@@ -17,14 +16,14 @@ _HIGH = 1.25  # of the largest friction shown
 
 def quick_picture(found: Quick) -> bytes:
     """PNG: for each joint friction over velocity, each fold thin; then the errors of the folds."""
-    description = mechanism_of(found.check.regression.measured.dataset.mechanism).description
+    mechanism = mechanism_of(found.check.regression.measured.dataset.mechanism)
     colours = _colours(found)
     with drawing():
-        joints = len(description.joints)
+        joints = len(mechanism.joints)
         picture, panels = panel_grid(joints + 1, 3, 2.7, 0.4)
         for joint, axes in enumerate(panels[:joints]):
-            _friction(axes, found, joint, description, colours)
-        _errors(panels[joints], found, description, colours)
+            _friction(axes, found, joint, mechanism, colours)
+        _errors(panels[joints], found, mechanism, colours)
         key = {_label(c, found): line(colours[c.name]) for c in found.candidates if c.parameters}
         key_above(picture, {**key, "each fold": line(GREY, linewidth=0.5)})
         return rendered(picture, ("png",))["png"]
@@ -40,7 +39,7 @@ def _label(c: Candidate, found: Quick) -> str:
 
 
 def _friction(
-    axes: Any, found: Quick, joint: int, description: Description, colours: dict[str, str]
+    axes: Any, found: Quick, joint: int, mechanism: Mechanism, colours: dict[str, str]
 ) -> None:
     assert found.velocity is not None
     w = found.velocity[:, joint]
@@ -55,12 +54,12 @@ def _friction(
         high = max(high, float(np.abs(overall).max()))
     end = _HIGH * high or 1.0
     velocity_axis(axes, w, (-end, end))
-    axes.set_title(description.joints[joint], loc="left")
-    axes.set_xlabel(f"velocity [{description.angle_unit}/s]")
-    axes.set_ylabel(f"friction [{description.torque_unit}]")
+    axes.set_title(mechanism.joints[joint], loc="left")
+    axes.set_xlabel(f"velocity [{mechanism.position_units[0]}/s]")
+    axes.set_ylabel(f"friction [{mechanism.torque_units[0]}]")
 
 
-def _errors(axes: Any, found: Quick, description: Description, colours: dict[str, str]) -> None:
+def _errors(axes: Any, found: Quick, mechanism: Mechanism, colours: dict[str, str]) -> None:
     for place, c in enumerate(found.candidates):
         offsets = np.linspace(-0.15, 0.15, len(c.by_fold))
         axes.plot(place + offsets, c.by_fold, "o", color=colours[c.name], markersize=3, alpha=0.5)
@@ -68,4 +67,4 @@ def _errors(axes: Any, found: Quick, description: Description, colours: dict[str
     plain_logarithm(axes)
     axes.set_xticks(range(len(found.candidates)), [c.name for c in found.candidates], rotation=20)
     axes.set_title(f"after {found.horizon:g} s, held out; dots: folds", loc="left", color=DARK)
-    axes.set_ylabel(f"error [{description.angle_unit}]")
+    axes.set_ylabel(f"error [{mechanism.position_units[0]}]")

@@ -129,4 +129,4 @@ def _without(found: Quick) -> Candidate:
 
 def _unit(found: Quick) -> str:
     mechanism = found.check.regression.measured.dataset.mechanism
-    return mechanism_of(mechanism).description.angle_unit
+    return mechanism_of(mechanism).position_units[0]

@@ -41,8 +41,8 @@ def as_json(verdict: Verdict) -> str:
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
-    description = mechanism_of(verdict.regression.measured.dataset.mechanism).description
-    return description.angle_unit, description.torque_unit
+    description = mechanism_of(verdict.regression.measured.dataset.mechanism)
+    return description.position_units[0], description.torque_units[0]
 
 
 def _headline(verdict: Verdict, console: Any) -> None:

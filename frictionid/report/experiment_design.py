@@ -34,7 +34,7 @@ def command_csv(design: Design, recording: int) -> str:
 def described(design: Design) -> str:
     """The signals, their motion against the limits, and the expected standard errors."""
     e = design.experiment
-    unit = e.plant.mechanism.description.angle_unit
+    unit = e.plant.mechanism.position_units[0]
     noise = math.degrees(e.angle_noise) if unit == "rad" else e.angle_noise
     families = design.space.family(design.x)
     context = {
@@ -54,11 +54,17 @@ def described(design: Design) -> str:
 
 def limit_table(design: Design) -> Table:
     """Largest torque, velocity and angle of each joint that has a limit."""
-    e, m, d = design.experiment, design.motions, design.experiment.plant.mechanism.description
+    e, m, d = design.experiment, design.motions, design.experiment.plant.mechanism
     rows = (
-        ("torque", d.torque_unit, np.abs(design.torque).max((0, 1)), e.limits.torque, 1.0),
-        ("velocity", f"{d.angle_unit}/s", np.abs(m.w).max((0, 1, 2)), e.limits.velocity, MARGIN),
-        ("angle", d.angle_unit, np.abs(m.q).max((0, 1, 2)), e.limits.angle, MARGIN),
+        ("torque", d.torque_units[0], np.abs(design.torque).max((0, 1)), e.limits.torque, 1.0),
+        (
+            "velocity",
+            f"{d.position_units[0]}/s",
+            np.abs(m.w).max((0, 1, 2)),
+            e.limits.velocity,
+            MARGIN,
+        ),
+        ("angle", d.position_units[0], np.abs(m.q).max((0, 1, 2)), e.limits.angle, MARGIN),
     )
     lines = []
     for name, unit, most, limit, margin in rows:
@@ -125,10 +131,10 @@ def _parameters(design: Design) -> tuple[list[str], list[str], list[float]]:
     """Names, units and prior values of friction and base parameters."""
     e = design.experiment
     law, mechanism = e.friction.law, e.plant.mechanism
-    d = mechanism.description
+    torque, velocity = mechanism.torque_units, mechanism.velocity_units
     names = [f"joint {j + 1} {name}" for j in range(e.plant.n) for name in law.names]
-    units = [d.torque_unit, f"{d.torque_unit} / ({d.angle_unit}/s)"] * e.plant.n
-    units += [base.unit for base in d.base]
+    units = [u for t, w in zip(torque, velocity, strict=True) for u in (t, f"{t} / ({w})")]
+    units += mechanism.base_units
     values = [*e.friction.theta.ravel(), *e.plant.p]
     return [*names, *mechanism.base_names], units, [float(value) for value in values]
 

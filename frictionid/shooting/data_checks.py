@@ -70,7 +70,7 @@ def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: f
         Saying which.
     """
     table = intervals.dataset.mechanism
-    if mechanism_of(table).description.angle_unit == "rad":
+    if mechanism_of(table).position_units[0] == "rad":
         _check_unwrapped(intervals)
     _check_length(intervals, len(parameters), seconds)
     still = _still(intervals)

@@ -42,7 +42,7 @@ class KnownCalibration:
         if sizes[0] != mechanism.n or sizes[1] not in (None, len(mechanism.base_names)):
             raise InputError(
                 f"data set {dataset.name!r}: the calibration is of {sizes[0]} joints with "
-                f"{sizes[1]} base parameters, {mechanism.description.kind} has {mechanism.n} and "
+                f"{sizes[1]} base parameters, {mechanism.kind} has {mechanism.n} and "
                 f"{len(mechanism.base_names)}: name a model of the same machine"
             )
         return self.calibration

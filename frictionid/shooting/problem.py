@@ -174,7 +174,7 @@ class ShootingProblem:
         """Motor torque of some intervals between shares (S + 1,) of their time."""
         calibration = estimate.calibration
         logged = logged_torque(self.intervals, calibration, rows, share)
-        driven = np.array(estimate.mechanism.description.driven, dtype=float)
+        driven = estimate.mechanism.motors
         u = (calibration.gain * logged.mean + calibration.bias) * driven
         moment = calibration.gain * logged.moment * driven
 

@@ -53,7 +53,7 @@ class ServoProblem(ShootingProblem):
         intervals = self.intervals
         out = np.zeros((len(intervals.dt), intervals.n))
         middle = intervals.time + intervals.dt / 2 - float(estimate.calibration.delay)
-        driven = np.array(estimate.mechanism.description.driven, dtype=float)
+        driven = estimate.mechanism.motors
         for r, recording in enumerate(intervals.dataset.recordings):
             if recording.servo is not None:
                 own = intervals.recording == r

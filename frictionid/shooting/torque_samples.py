@@ -66,7 +66,7 @@ def torque_samples(
     known = np.flatnonzero((run >= link) & use)
     some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
     plant = calibrated_plant(intervals.dataset, calibration)
-    driven = np.array(mechanism.description.driven, dtype=float)
+    driven = mechanism.motors
     path = []
     for at in (some - back for back in range(link, -1, -1)):
         logged = logged_torque(intervals, calibration, at, np.array([0.0, 1.0])).mean[0]

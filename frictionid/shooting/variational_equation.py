@@ -103,7 +103,7 @@ def _torque_change(
         t[theta + k] += of.by_theta[k]
     for k, place in enumerate(model.base):
         t[p + k] += torques.by_p[:, i, place]
-    if model.plant.mechanism.description.driven[i]:
+    if model.plant.mechanism.driven[i]:
         t[p + nb :] -= by[:, :, i]
     if of.by_u is not None:
         for j in range(n):

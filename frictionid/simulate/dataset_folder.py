@@ -71,7 +71,7 @@ def write_dataset(
 
 def _files(dataset: Dataset) -> dict[str, bytes]:
     """Content of each file by its name."""
-    driven = mechanism_of(dataset.mechanism).description.driven
+    driven = mechanism_of(dataset.mechanism).driven
     tables = {f"{r.name}.csv": _table(r, driven) for r in dataset.recordings}
     document = _document(dataset, driven)
     document["sha256"] = {name: hashlib.sha256(text).hexdigest() for name, text in tables.items()}

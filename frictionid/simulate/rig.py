@@ -150,7 +150,7 @@ def _check_run(run: Run, mechanism: Mechanism) -> None:
                 f"{where}: {label} = {list(state)} needs one number for each of "
                 f"{mechanism.n} joints"
             )
-    motors = sum(mechanism.description.driven)
+    motors = sum(mechanism.driven)
     if len(run.torques) not in (0, motors):
         raise InputError(
             f"{where}: {len(run.torques)} torques for {motors} motors; give one for each, "

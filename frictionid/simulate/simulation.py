@@ -58,7 +58,7 @@ def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
     """Logged torque of all joints, held between its samples."""
     count = int(np.floor(end * rig.drive.rate + 1e-9)) + 1
     time = np.arange(count) / rig.drive.rate
-    driven = np.flatnonzero(nominal_mechanism(rig).description.driven)
+    driven = np.flatnonzero(nominal_mechanism(rig).driven)
     value = np.zeros((count, nominal_mechanism(rig).n))
     generator = _generator(seed, run, "torque")
     for joint, torque in zip(driven, run.torques, strict=False):

@@ -61,7 +61,7 @@ def test_what_it_finds_predicts_as_the_truth_does() -> None:
     box = found()
     start, u = State(np.array([0.8]), np.array([0.0])), np.full((120, 1), 0.3)
     dt = np.full(120, 1 / 120)
-    q = rollout(Plant.from_parameters(unit_inertia(1), {}), box, start, u, dt).q[:, 0]
+    q = rollout(Plant.from_parameters(unit_inertia(("rad",)), {}), box, start, u, dt).q[:, 0]
     angle, speed, part = 0.8, 0.0, 1 / 12000
     for _ in range(12000):  # Euler's rule, a hundred times finer
         torque = 0.3 - MASS * 9.81 * LENGTH * np.sin(angle) - VISCOUS * speed
@@ -79,8 +79,8 @@ def test_unit_mechanism_knows_nothing_of_the_machine() -> None:
     problem = synthetic_problem(2)
     friction = BOX.fit(problem, synthetic_weights(problem), 0)
     assert friction.mechanism == "unit" and not friction.parameters
-    M, h = unit_inertia(2).dynamics(np.ones(1), np.ones(2), np.ones(2))
-    assert np.array_equal(M, np.eye(2)) and not h.any() and not unit_inertia(2).B.any()
+    M, h = unit_inertia(("rad", "rad")).dynamics(np.ones(1), np.ones(2), np.ones(2))
+    assert np.array_equal(M, np.eye(2)) and not h.any() and not unit_inertia(("rad", "rad")).B.any()
 
 
 def test_scores_do_not_hang_on_what_is_told_of_the_machine() -> None:

@@ -105,7 +105,7 @@ def rotors_of(name, v):
         return v["rotor"], 0.0, v["gear"]
     if name.startswith("acrobot"):
         return 0.0, v["rotor"], v["gear"]
-    first, second = MACHINES[name].description.driven
+    first, second = MACHINES[name].driven
     return first * v["Ir"], second * v["Ir"], v["gr"]
 
 

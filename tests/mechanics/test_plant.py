@@ -73,7 +73,7 @@ def test_recordings_keep_their_own_parameters_before_replacements_and_the_table(
     data = dataset({"m4": 0.084, "m3": 0.2}, [{}, {"m4": 0.0}])
     names = acrobot().base_names
     plant = plant_of(data)
-    assert plant.mechanism is acrobot(link2_rate="relative")
+    assert plant.mechanism == acrobot(link2_rate="relative", m4=0.084, m3=0.2)
     assert plant.p.shape == (2, len(names))
     np.testing.assert_array_equal(plant.parameters["m4"], [0.084, 0.0])
     np.testing.assert_array_equal(plant.parameters["m3"], [0.2, 0.2])

@@ -173,7 +173,7 @@ def test_bearings_of_a_hanging_machine_carry_its_weight(name):
         "acrobot": (("m1", "m2", "m3", "m4"), ("m3", "m4")),
         "double_pendulum": (("m1", "m2"), ("m2",)),
         "pendulum": (("mass",),),
-    }[mechanism.description.kind]
+    }[mechanism.kind]
     close(load, np.array([v["g"] * sum(v[k] for k in names) for names in beyond]))
 
 

@@ -53,7 +53,7 @@ class Rig:
 
     def head(self, hold: str) -> dict[str, Any]:
         """Tables that all recordings of a data set of this rig share."""
-        driven = self.mechanism.description.driven
+        driven = self.mechanism.driven
         return head_of(self.tables["mechanism"], driven, hold)
 
 
@@ -119,11 +119,11 @@ def load_rig(path: Path) -> Rig:
     if settings.mechanism is None or "kind" not in settings.mechanism:
         raise InputError(f"{path}: the table [mechanism] is missing; add it with its kind")
     mechanism = mechanism_of(settings.mechanism)
-    driven = sum(mechanism.description.driven)
+    driven = sum(mechanism.driven)
     if driven != len(settings.motors):
         raise InputError(
             f"{path}: [motor] has {len(settings.motors)} motors, the mechanism "
-            f"{mechanism.description.kind!r} drives {driven} joints"
+            f"{mechanism.kind!r} drives {driven} joints"
         )
     return Rig(mechanism, settings, tables)
 
@@ -189,7 +189,7 @@ def _aligned(
 def _torque(rows: Log, rig: Rig, hold: str) -> Signal:
     """Measured torque of all joints, zero where there is no motor."""
     value = np.zeros((len(rows.columns["time"]), rig.mechanism.n))
-    for j, name in zip(np.flatnonzero(rig.mechanism.description.driven), rig.measured, strict=True):
+    for j, name in zip(np.flatnonzero(rig.mechanism.driven), rig.measured, strict=True):
         value[:, j] = rows.columns[name]
     return Signal(rows.columns["time"], value, hold)
 

@@ -73,15 +73,14 @@ def _viscous(alignment: Alignment, mechanism: Mechanism) -> Iterator[str]:
     if alignment.marker_only:
         return
     half = alignment.t_quantile * alignment.error_at(alignment.clock.at)
-    d = mechanism.description
-    for name, slope, value in zip(
-        d.joints, alignment.viscous_slope, alignment.viscous, strict=True
-    ):
+    units = zip(mechanism.torque_units, mechanism.position_units, strict=True)
+    numbers = zip(alignment.viscous_slope, alignment.viscous, strict=True)
+    for name, (force, angle), (slope, value) in zip(mechanism.joints, units, numbers, strict=True):
         uncertain = abs(slope) * half
         share = f", {100 * uncertain / abs(value):.2g} % of it" if value else ""
         yield (
-            f"viscous  of {name}: 1 ms of offset changes it by {1e-3 * slope:.2g} {d.torque_unit} "
-            f"s/{d.angle_unit}; the interval of the offset by +-{uncertain:.2g}{share}"
+            f"viscous  of {name}: 1 ms of offset changes it by {1e-3 * slope:.2g} "
+            f"{force} s/{angle}; the interval of the offset by +-{uncertain:.2g}{share}"
             + ("; it is not known better" if value and uncertain > _LARGE * abs(value) else "")
         )
 

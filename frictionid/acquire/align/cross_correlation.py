@@ -81,7 +81,7 @@ def coarse_offset(
     InputError
         Where nothing moves, or the log explains the motion nowhere or in several places.
     """
-    driven = np.array(mechanism.description.driven)
+    driven = np.array(mechanism.driven)
     if int((rows.moving & driven).sum()) < MIN_WINDOWS:
         raise InputError(
             "the driven joints hardly move: no motion to find in the log; record livelier motion"

@@ -230,7 +230,7 @@ def torque_of(dataset: Dataset, name: str = "") -> Signal:
             f"data set {dataset.name!r} has no recording {name!r}; {nearest(name, known)}"
         )
     recording = dataset.recordings[known.index(name) if name else 0]
-    driven = np.array(mechanism_of(dataset.mechanism).description.driven)
+    driven = np.array(mechanism_of(dataset.mechanism).driven)
     torque, last = recording.torque, float(recording.angle.time[-1])
     time, value = torque.time, torque.value[:, driven]
     if last > time[-1]:

@@ -81,7 +81,7 @@ def _torques(ax: Any, one: AlignedRecording) -> None:
     middle = (rows.start + rows.stop) / 2
     begin, end = _liveliest(middle, logged)
     shown = (middle >= begin) & (middle <= end)
-    for j in np.flatnonzero(one.mechanism.description.driven):
+    for j in np.flatnonzero(one.mechanism.driven):
         ax.plot(middle[shown], logged[shown, j], color=COLOURS[0], label="logged, aligned")
         ax.plot(
             middle[shown],
@@ -91,7 +91,7 @@ def _torques(ax: Any, one: AlignedRecording) -> None:
             label="asked for by motion and friction",
         )
     ax.set_xlabel("time of the angles [s]")
-    ax.set_ylabel(f"torque [{one.mechanism.description.torque_unit}]")
+    ax.set_ylabel(f"torque [{one.mechanism.torque_units[0]}]")
 
 
 def least_squares_friction(rows: Rows, torque: Array) -> Array:
@@ -119,7 +119,7 @@ def command_picture(one: AlignedRecording) -> bytes | None:
     drives = [(k, r) for k, r in enumerate(one.responses) if r is not None]
     if not drives or one.command is None:
         return None
-    driven = np.flatnonzero(one.mechanism.description.driven)
+    driven = np.flatnonzero(one.mechanism.driven)
     with drawing():
         picture = figure(2.6 * len(drives), WIDTH)
         axes = picture.subplots(len(drives), 2, squeeze=False, width_ratios=(1, 1.6))
@@ -141,7 +141,7 @@ def _scatter(
     line = np.linspace(command.min(), command.max(), 200)
     ax.plot(line, line, color=GREY, lw=0.7, ls=(0, (4, 2)))
     ax.plot(line, np.clip(r.gain * line + r.bias, r.low, r.high), color=DARK, lw=1.0)
-    unit = one.mechanism.description.torque_unit
+    unit = one.mechanism.torque_units[0]
     ax.set_xlabel(f"command, {1e3 * r.delay:.1f} ms before [{unit}]")
     ax.set_ylabel(f"measured [{unit}]")
 
@@ -154,4 +154,4 @@ def _over_time(
     ax.plot(time[shown], command[shown], color=GREY, drawstyle="steps-post", label="command")
     ax.plot(time[shown], measured[shown], color=COLOURS[0], lw=0.9, label="measured")
     ax.set_xlabel("time of the angles [s]")
-    ax.set_ylabel(f"torque [{one.mechanism.description.torque_unit}]")
+    ax.set_ylabel(f"torque [{one.mechanism.torque_units[0]}]")

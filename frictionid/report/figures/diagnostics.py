@@ -47,8 +47,8 @@ def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
-    description = mechanism_of(verdict.regression.measured.dataset.mechanism).description
-    return description.angle_unit, description.torque_unit
+    description = mechanism_of(verdict.regression.measured.dataset.mechanism)
+    return description.position_units[0], description.torque_units[0]
 
 
 def _coverage(verdict: Verdict) -> Any:

@@ -22,11 +22,15 @@ from frictionid.report.figures.style import (
 def picture(design: Design) -> bytes:
     """PNG of torque, angles and velocities, one column for each recording."""
     e = design.experiment
-    d = e.plant.mechanism.description
+    d = e.plant.mechanism
     rows = {
-        f"torque [{d.torque_unit}]": (e.commands, design.torque, e.limits.torque),
-        f"angle [{d.angle_unit}]": (e.images, design.motions.q[:, 0], e.limits.angle),
-        f"velocity [{d.angle_unit}/s]": (e.images, design.motions.w[:, 0], e.limits.velocity),
+        f"torque [{d.torque_units[0]}]": (e.commands, design.torque, e.limits.torque),
+        f"angle [{d.position_units[0]}]": (e.images, design.motions.q[:, 0], e.limits.angle),
+        f"velocity [{d.position_units[0]}/s]": (
+            e.images,
+            design.motions.w[:, 0],
+            e.limits.velocity,
+        ),
     }
     with drawing():
         shown = figure(6.5, 1.5 + 4.2 * e.recordings)

@@ -52,7 +52,7 @@ def fit_picture(friction: Friction, dataset: Dataset) -> bytes:
     """
     w = speeds(dataset, EstimatedStates(dataset).by(INTEGRAL.states))
     grid = velocity_grid(w)
-    description = mechanism_of(dataset.mechanism).description
+    description = mechanism_of(dataset.mechanism)
     curve = curves(friction, grid)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     half = _half_widths(friction, grid)
@@ -64,8 +64,8 @@ def fit_picture(friction: Friction, dataset: Dataset) -> bytes:
                 axes.plot(grid[:, j], truth[:, j], color=DARK, linewidth=1, linestyle=DASHED)
             _density(axes, w[:, j], grid[:, j])
             axes.set_title(description.joints[j], loc="left")
-            axes.set_xlabel(f"velocity [{description.angle_unit}/s]")
-            axes.set_ylabel(f"friction [{description.torque_unit}]")
+            axes.set_xlabel(f"velocity [{description.position_units[0]}/s]")
+            axes.set_ylabel(f"friction [{description.torque_units[0]}]")
         key_above(picture, _key(half is not None, truth is not None))
         return rendered(picture, ("png",))["png"]
 

@@ -36,20 +36,20 @@ class InertiaBlock(ParameterBlock):
     name, enters = "inertia", "base"
 
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
-        base, d = np.asarray(estimate.calibration.base), estimate.mechanism.description
-        names = estimate.mechanism.base_names
-        check_fixed(self.fixed, names, self.name, f"{d.kind} has no base parameter")
+        base, mechanism = np.asarray(estimate.calibration.base), estimate.mechanism
+        names, units = mechanism.base_names, mechanism.base_units
+        check_fixed(self.fixed, names, self.name, f"{mechanism.kind} has no base parameter")
         free = (
             Parameter(
                 block=self.name,
-                name=b.name,
-                unit=b.unit,
+                name=name,
+                unit=unit,
                 value=float(base[i]),
                 prior=relative_deviation(self.prior, self.name, float(base[i])),
                 place=(i,),
             )
-            for i, b in enumerate(d.base)
-            if b.name not in self.fixed
+            for i, (name, unit) in enumerate(zip(names, units, strict=True))
+            if name not in self.fixed
         )
         return with_known(free, self.known)
 

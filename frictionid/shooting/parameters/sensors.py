@@ -34,9 +34,9 @@ class _JointSensor(ParameterBlock):
     low: ClassVar[float] = -float("inf")
 
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
-        d, deviation = estimate.mechanism.description, prior_deviation(self.prior, self.name)
+        d, deviation = estimate.mechanism, prior_deviation(self.prior, self.name)
         values = getattr(estimate.calibration, self.name)
-        units = {"gain": "1", "bias": d.torque_unit, "offset": d.angle_unit}
+        units = {"gain": "1", "bias": d.torque_units[0], "offset": d.position_units[0]}
         free = (
             Parameter(
                 block=self.name,

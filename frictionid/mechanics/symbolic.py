@@ -1,0 +1,210 @@
+"""Mechanisms as closed symbolic code.
+
+SymPy derives the equations of motion once from the Lagrangian L = T - V and writes them as flat
+scalar code, which runs on NumPy arrays and torch tensors. Objects of one description share it,
+whatever values they have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import sympy as sp
+
+from frictionid.arrays import Array, namespace, solve, times
+from frictionid.mechanics.description import Description
+from frictionid.mechanics.lagrange import (
+    Equations,
+    bearing_forces,
+    equations_of_motion,
+    full_matrix,
+)
+from frictionid.mechanics.mechanism import Mechanism, Partials, Terms
+from frictionid.mechanics.scalar_code import scalar_code
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SymbolicMechanism(Mechanism):
+    """Mechanism of a description in symbols, for states of any batch shape on NumPy or torch.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frictionid.mechanics import pendulum
+    >>> m = pendulum()
+    >>> p = m.base({"mass": 1.0, "length": 0.5})
+    >>> [float(x) for x in p]                         # inertia [kg m^2], gravity moment [N m]
+    [0.25, 4.905]
+    >>> m.terms(p, np.array([np.pi / 2]), np.array([0.0])).h
+    array([-4.905])
+    """
+
+    description: Description
+
+    @staticmethod
+    def of(
+        description: Description,
+        values: Mapping[str, float] | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> SymbolicMechanism:
+        """Mechanism of a description with given values and the options that it was made with."""
+        d = description
+        rotors = {str(symbol) for inertia, _ in d.rotors for symbol in inertia.free_symbols}
+        return SymbolicMechanism(
+            kind=d.kind,
+            joints=d.joints,
+            position_units=d.position_units or ("rad",) * len(d.q),
+            driven=d.driven,
+            parameters=tuple(p._replace(rotor=p.rotor or p.name in rotors) for p in d.parameters),
+            base_names=tuple(b.name for b in d.base),
+            base_units=tuple(b.unit for b in d.base),
+            base_meanings=tuple(str(b.expression) for b in d.base),
+            values=dict(values or {}),
+            options=dict(options or {}),
+            description=d,
+        )
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of what each joint's motor gives."""
+        return self.description.torque_units or super().torque_units
+
+    def base(self, parameters: Mapping[str, Any]) -> Array:
+        values = self._complete(parameters)
+        xp = namespace(*values.values())
+        # not asarray on tensors: by torch's version it cuts off the gradient or warns about it
+        floats = [
+            xp.astype(v, xp.float64) if hasattr(v, "shape") else xp.asarray(v, dtype=xp.float64)
+            for v in values.values()
+        ]
+        out = self._code.base(xp, *floats)
+        return xp.stack(xp.broadcast_arrays(*out), axis=-1)
+
+    def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
+        xp, flat = self._evaluate(self._code.dynamics, p, q, w)
+        h = flat[-1][..., None] if self.n == 1 else xp.stack(flat[-self.n :], axis=-1)
+        return self._symmetric(xp, flat[: -self.n]), h
+
+    def inertia(self, p: Array, q: Array) -> Array:
+        xp, flat = self._evaluate(self._code.inertia, p, q, None)
+        return self._symmetric(xp, flat)
+
+    def terms(self, p: Array, q: Array, w: Array) -> Terms:
+        n = self.n
+        xp, flat = self._evaluate(self._code.terms, p, q, w)
+        M = self._symmetric(xp, flat[: -2 * n - 1])
+        h = xp.stack(flat[-2 * n - 1 : -n - 1], axis=-1)
+        dLdq = xp.stack(flat[-n - 1 : -1], axis=-1)
+        B = xp.asarray(self.B, dtype=M.dtype)
+        return Terms(M, h, times(M, w), dLdq, B, flat[-1])
+
+    def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
+        n, nb = self.n, len(self.base_names)
+        xp = namespace(q, p)
+        state = [x[..., j] for x in (q, w, a) for j in range(n)]
+        flat = self._code.partials(xp, *state, *(p[..., i] for i in range(nb)))
+        zero = 0.0 * (q[..., 0] + p[..., 0])
+
+        def matrix(entries: Sequence[Array], columns: int) -> Array:
+            rows = [
+                xp.stack([f + zero for f in entries[i * columns : (i + 1) * columns]], axis=-1)
+                for i in range(n)
+            ]
+            return xp.stack(rows, axis=-2)
+
+        by_q, by_w = flat[: n * n], flat[n * n : 2 * n * n]
+        return Partials(matrix(by_q, n), matrix(by_w, n), matrix(flat[2 * n * n :], nb))
+
+    def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
+        values = self._complete(parameters)
+        p = self.base(values)
+        terms = self.terms(p, q, w)
+        a = solve(terms.M, terms.h + times(terms.B, u))
+        xp = namespace(q)
+        columns = [x[..., j] for x in (q, w, a) for j in range(self.n)]
+        flat = self._code.load(xp, *columns, *(values[name] for name in self.defaults))
+        zero = 0.0 * q[..., 0]
+        x, y = (xp.stack([f + zero for f in flat[i::2]], axis=-1) for i in (0, 1))
+        return xp.sqrt(x * x + y * y)
+
+    def _complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        for name in parameters:
+            self.check_name(name)
+        return {**self.defaults, **parameters}
+
+    def _evaluate(
+        self, code: Callable[..., Any], p: Array, q: Array, w: Array | None
+    ) -> tuple[Any, list[Array]]:
+        xp = namespace(q, p)
+        n = range(self.n)
+        state = [q[..., j] for j in n] + ([] if w is None else [w[..., j] for j in n])
+        flat = code(xp, *state, *(p[..., i] for i in range(p.shape[-1])))
+        zero = 0.0 * (q[..., 0] + p[..., 0])  # constant entries take the batch shape
+        return xp, [f + zero for f in flat]
+
+    def _symmetric(self, xp: Any, upper: Sequence[Array]) -> Array:
+        n = self.n
+        if n == 1:  # a sixth of a prediction's time
+            return upper[0][..., None, None]
+        entries = full_matrix(upper, n)
+        flat = xp.stack([entries[i, j] for i in range(n) for j in range(n)], axis=-1)
+        return xp.reshape(flat, (*flat.shape[:-1], n, n))
+
+    @cached_property
+    def _code(self) -> _Compiled:
+        return _compiled(self.description)
+
+
+@dataclass(frozen=True)
+class _Compiled:
+    """Flat scalar code of a description's equations, each compiled when it is first needed."""
+
+    description: Description
+
+    @cached_property
+    def equations(self) -> Equations:
+        return equations_of_motion(self.description)
+
+    @cached_property
+    def base(self) -> Callable[..., Any]:
+        d = self.description
+        return scalar_code(d.symbols, [b.expression for b in d.base])
+
+    @cached_property
+    def dynamics(self) -> Callable[..., Any]:
+        e = self.equations
+        return scalar_code(e.arguments, [*e.M, *e.h])
+
+    @cached_property
+    def inertia(self) -> Callable[..., Any]:
+        e = self.equations
+        return scalar_code([*self.description.q, *e.base], e.M)
+
+    @cached_property
+    def terms(self) -> Callable[..., Any]:
+        e = self.equations
+        return scalar_code(e.arguments, [*e.M, *e.h, *e.dLdq, e.energy])
+
+    @cached_property
+    def partials(self) -> Callable[..., Any]:
+        e, d, n = self.equations, self.description, range(len(self.description.q))
+        a = sp.symbols(f"_a0:{len(n)}")
+        M = full_matrix(e.M, len(n))
+        torque = [sum(M[i, j] * a[j] for j in n) - e.h[i] for i in n]
+        outputs = [sp.diff(t, x) for xs in (d.q, d.w, e.base) for t in torque for x in xs]
+        return scalar_code([*d.q, *d.w, *a, *e.base], outputs)
+
+    @cached_property
+    def load(self) -> Callable[..., Any]:
+        d = self.description
+        accelerations = sp.symbols(f"_a0:{len(d.q)}")
+        arguments = [*d.q, *d.w, *accelerations, *d.symbols]
+        return scalar_code(arguments, bearing_forces(d, accelerations))
+
+
+@cache
+def _compiled(description: Description) -> _Compiled:
+    return _Compiled(description)
