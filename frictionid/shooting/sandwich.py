@@ -26,14 +26,15 @@ def clusters_of(problem: ShootingProblem, solution: Solution) -> tuple[Array, Ar
 def sandwich(H: Array, solution: Solution, owner: Array, clusters: Array) -> Array:
     """Covariance of the free parameters by clusters (W,); of three recordings (W,) the larger.
 
-    Of G clusters, some tell much more of a parameter than others: its variance then has fewer
-    degrees of freedom than G - 1, and is enlarged so that its 95 % interval by the t distribution
-    with G - 1 is that with its own.
+    Of G clusters, some tell much more of a parameter than others: `scatter` then expects too large
+    a variance, which is divided by its excess, with fewer degrees of freedom than G - 1, so that
+    it is enlarged until its 95 % interval by the t distribution with G - 1 is that with its own.
     """
     inner = scatter(H, solution, clusters)
     count = len(np.unique(clusters))
     if count > 1:
-        own = stdtrit(_freedoms(H, solution, clusters), 0.975) / stdtrit(count - 1, 0.975)
+        excess, freedom = expected(H, solution, clusters)
+        own = stdtrit(freedom, 0.975) / stdtrit(count - 1, 0.975) / np.sqrt(excess)
         inner = inner * np.outer(own, own)
     if _SOME <= len(np.unique(owner)) < _FEW:
         between = np.diag(scatter(H, solution, owner))
@@ -70,11 +71,12 @@ def shown_once(H: Array, solution: Solution, groups: Array) -> Array:
     return np.asarray(np.min(left, axis=0) <= most)
 
 
-def _freedoms(H: Array, solution: Solution, groups: Array) -> Array:
-    """Degrees of freedom of each free parameter's variance by groups (W,) [BellMcCaffrey2002].
+def expected(H: Array, solution: Solution, groups: Array) -> tuple[Array, Array]:
+    """Excess of each free parameter's variance by groups (W,), and its degrees of freedom.
 
     Where only noise scatters, the scores have the covariance of residuals, and the moves m_g that
-    `scatter` squares have the one below; Satterthwaite's freedom is that of their sum of squares.
+    `scatter` squares have the one below. Its trace says how much larger than H^-1 their variance is
+    on average; Satterthwaite's freedom is that of their sum of squares [BellMcCaffrey2002].
 
         cov(s_g, s_h) = H_g delta_gh - H_g H^-1 H_h,   C = cov(m_g, m_h),   (tr C)^2 / tr(C C)
     """
@@ -82,16 +84,18 @@ def _freedoms(H: Array, solution: Solution, groups: Array) -> Array:
     parts = solution.normal.H[solution.closed]
     own = np.stack([parts[groups == g].sum(axis=0)[keep] for g in np.unique(groups)])
     left = np.stack([_inverse(H[keep] - part) for part in own])
-    moved = left @ own
-    C = -np.einsum("gki,ij,hkj->kgh", moved, _inverse(H[keep]), moved)
-    each = np.arange(len(own))
+    moved, inverse = left @ own, _inverse(H[keep])
+    C = -np.einsum("gki,ij,hkj->kgh", moved, inverse, moved)
+    each, count = np.arange(len(own)), len(own)
     C[:, each, each] += np.einsum("gki,gki->kg", moved, left)
     C -= C.mean(axis=1, keepdims=True)
     C -= C.mean(axis=2, keepdims=True)
-    trace = np.einsum("kgg->k", C)[:, None, None]
-    square = ((C / np.where(trace > 0, trace, 1.0)) ** 2).sum(axis=(1, 2))
+    trace = np.einsum("kgg->k", C)
+    square = ((C / np.where(trace > 0, trace, 1.0)[:, None, None]) ** 2).sum(axis=(1, 2))
+    excess = (count - 1) / count * trace / np.maximum(np.diag(inverse), 1e-300)
     # of very few the approximation errs on the large side
-    return np.clip(1.0 / np.maximum(square, 1e-300), (len(own) - 1) / 2, len(own) - 1)
+    freedom = np.clip(1.0 / np.maximum(square, 1e-300), (count - 1) / 3, count - 1)
+    return np.maximum(excess, 1.0), freedom
 
 
 def solve_scaled(H: Array, g: Array) -> Array:

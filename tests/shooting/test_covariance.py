@@ -7,7 +7,7 @@ import pytest
 from scipy.special import stdtrit
 
 from frictionid.shooting.gauss_newton import Solution
-from frictionid.shooting.sandwich import sandwich, scatter, shown_once
+from frictionid.shooting.sandwich import expected, sandwich, scatter, shown_once
 from frictionid.shooting.windows import NormalEquations
 
 SETS, RECORDINGS, WINDOWS, ROWS = 400, 8, 6, 12
@@ -53,7 +53,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
     assert 0.92 < np.mean(held) < 0.98  # of 1200 cases
 
 
-@pytest.mark.parametrize("recordings", [8, 20])
+@pytest.mark.parametrize("recordings", [5, 8, 20])
 def test_intervals_hold_where_few_recordings_tell_most(recordings):
     """A quarter of the recordings tells some parameter a hundred times as much as the others."""
     rng, held = np.random.default_rng(1), []
@@ -66,6 +66,24 @@ def test_intervals_hold_where_few_recordings_tell_most(recordings):
         half = stdtrit(recordings - 1, 0.975) * np.sqrt(np.diag(inner))
         held.append(np.abs(solution.move - TRUE) <= half)
     assert 0.92 < np.mean(held) < 0.98
+
+
+@pytest.mark.parametrize("largest", [1.0, 1.5, 2.0])
+def test_the_variance_is_that_of_the_noise_on_average(largest):
+    """However unequal the recordings: what tells much is not counted twice."""
+    rng, ratio, freedom = np.random.default_rng(3), [], []
+    for _ in range(200):
+        labels = np.repeat(np.arange(RECORDINGS), 4)
+        size = rng.choice([1.0, largest], (RECORDINGS, 1, len(TRUE)))
+        A = rng.standard_normal((len(labels), ROWS, len(TRUE))) * size[labels]
+        solution = of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]))
+        H = solution.normal.H.sum(axis=0)
+        excess, own = expected(H, solution, labels)
+        noise = np.diag(np.linalg.inv(H))
+        ratio.append(np.diag(scatter(H, solution, labels)) / excess / noise)
+        freedom.append(own)
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.06)  # 600 cases
+    assert np.all(np.array(freedom) <= RECORDINGS - 1)
 
 
 def test_without_disturbance_the_scatter_is_that_of_the_noise():
