@@ -15,18 +15,23 @@ _HIGH = 1.25  # of the largest friction shown
 
 
 def quick_picture(found: Quick) -> bytes:
-    """PNG: for each joint friction over velocity, each fold thin; then the errors of the folds."""
+    """PNG of `quick_figure`."""
+    with drawing():
+        return rendered(quick_figure(found), ("png",))["png"]
+
+
+def quick_figure(found: Quick) -> Any:
+    """For each joint friction over velocity, each fold thin; then the errors of the folds."""
     mechanism = mechanism_of(found.check.regression.measured.dataset.mechanism)
     colours = _colours(found)
-    with drawing():
-        joints = len(mechanism.joints)
-        picture, panels = panel_grid(joints + 1, 3, 2.7, 0.4)
-        for joint, axes in enumerate(panels[:joints]):
-            _friction(axes, found, joint, mechanism, colours)
-        _errors(panels[joints], found, mechanism, colours)
-        key = {_label(c, found): line(colours[c.name]) for c in found.candidates if c.parameters}
-        key_above(picture, {**key, "each fold": line(GREY, linewidth=0.5)})
-        return rendered(picture, ("png",))["png"]
+    joints = len(mechanism.joints)
+    picture, panels = panel_grid(joints + 1, 3, 2.7, 0.4)
+    for joint, axes in enumerate(panels[:joints]):
+        _friction(axes, found, joint, mechanism, colours)
+    _errors(panels[joints], found, mechanism, colours)
+    key = {_label(c, found): line(colours[c.name]) for c in found.candidates if c.parameters}
+    key_above(picture, {**key, "each fold": line(GREY, linewidth=0.5)})
+    return picture
 
 
 def _colours(found: Quick) -> dict[str, str]:

@@ -7,11 +7,27 @@ numbers        numbers as text; estimates: those of shooting
 tables         one table as Markdown, LaTeX and for the terminal
 *_table(s)     the tables of a report
 figures        the pictures: one kind in each file, panels and style are shared
+console        where results are printed, and the same as text
 page, write    the page summary.md, and all files of a report; terminal: what is printed of it
 diagnostics, tuning    a verdict of `check`, and the outcome of `tune`
 """
 
-from frictionid.report.terminal import results_json, show, show_refined, show_scores
+from frictionid.report.terminal import (
+    results_json,
+    show,
+    show_fit,
+    show_refined,
+    show_scores,
+    show_summary,
+)
 from frictionid.report.write import build
 
-__all__ = ["build", "results_json", "show", "show_refined", "show_scores"]
+__all__ = [
+    "build",
+    "results_json",
+    "show",
+    "show_fit",
+    "show_refined",
+    "show_scores",
+    "show_summary",
+]

@@ -15,9 +15,9 @@ from frictionid.check.questions import answer_of
 from frictionid.check.regression import Estimate
 from frictionid.files import plain
 from frictionid.mechanics import mechanism_of
+from frictionid.report.console import console
 from frictionid.report.numbers import NOTHING
 from frictionid.report.tables import Column, Line, Table, for_terminal, line, text_columns
-from frictionid.report.terminal import console
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from frictionid.comparison.kind_descriptions import Entry, KindDescription
-from frictionid.report.terminal import console
+from frictionid.report.console import console
 
 
 def show_kinds(kinds: Sequence[KindDescription], more: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from html import escape
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -185,6 +186,37 @@ def _latex_groups(columns: Sequence[Column]) -> list[str]:
             rules.append(rf"\cmidrule(lr){{{at}-{at + width - 1}}}")
         at += width
     return [" & ".join(heads) + r" \\", "".join(rules)] if rules else []
+
+
+# --- HTML -------------------------------------------------------------------------------------
+
+
+def html(table: Table) -> str:
+    """A table for a notebook, its caption below; words stand at the left, the best in bold.
+
+    >>> html(Table("", "", (Column("a<b"),), (line(["1"]),)))[:7]
+    '<table>'
+    """
+    shifts = ["left" if column.words else "right" for column in table.columns]
+    names = [column.in_one_line for column in table.columns]
+    head = "".join(_html_cell("th", n, s) for n, s in zip(names, shifts, strict=True))
+    rows = [f"<thead><tr>{head}</tr></thead><tbody>"]
+    for own in blocks(table):
+        if own[0].title:
+            title = f'<td colspan="{len(shifts)}" style="text-align:left"><i>'
+            rows.append(f"<tr>{title}{escape(own[0].title)}</i></td></tr>")
+        for row in own:
+            cells = zip(row.cells, shifts, strict=True)
+            rows.append(
+                f"<tr>{''.join(_html_cell('td', c.text, s, best=c.best) for c, s in cells)}</tr>"
+            )
+    caption = f"<p><i>{escape(table.caption)}</i></p>" if table.caption else ""
+    return f"<table>{''.join(rows)}</tbody></table>{caption}"
+
+
+def _html_cell(tag: str, text: str, shift: str, *, best: bool = False) -> str:
+    shown = f"<b>{escape(text)}</b>" if best else escape(text)
+    return f'<{tag} style="text-align:{shift}">{shown}</{tag}>'
 
 
 # --- Terminal ---------------------------------------------------------------------------------

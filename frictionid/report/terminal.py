@@ -11,7 +11,9 @@ import pandas as pd
 
 from frictionid.comparison.results import Results
 from frictionid.files import plain
+from frictionid.friction import Friction
 from frictionid.report import findings
+from frictionid.report.console import console
 from frictionid.report.estimates import Estimate, estimates, interval, value_text
 from frictionid.report.render import render
 from frictionid.report.sections import Section, score_tables, sections_of
@@ -25,11 +27,15 @@ from frictionid.report.summary_table import (
 )
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 
-WIDTH = 120  # columns, where the output is no terminal
-
 
 def show(results: Results) -> None:
     """Print the summary tables of a comparison, the verdict, and last a path to click on."""
+    show_summary(results)
+    _print_link((results.folder / "summary.md").resolve())
+
+
+def show_summary(results: Results) -> None:
+    """Print the summary tables of a comparison, and the verdict."""
     sections = sections_of(results)
     for section in sections:
         for data in section.data:
@@ -40,7 +46,6 @@ def show(results: Results) -> None:
             text = f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n"
             out = console()
             out.print(text, markup=False, soft_wrap=not out.is_terminal)
-    _print_link((results.folder / "summary.md").resolve())
 
 
 def verdict(section: Section) -> str:
@@ -118,12 +123,21 @@ def parameter_table(read: list[Estimate]) -> Table:
     return Table("", "parameters", tuple(columns), tuple(lines))
 
 
-def console() -> Any:
-    """Where results are printed: in colour in a terminal, as plain text into a pipe."""
-    from rich.console import Console
-
-    out = Console(highlight=False)
-    return out if out.is_terminal else Console(highlight=False, width=WIDTH)
+def show_fit(friction: Friction) -> None:
+    """Print a fitted friction: its parameters, with intervals where it was shot, and its words."""
+    out, source = console(), friction.provenance
+    if "refined" in source:
+        show_refined(source["refined"])
+    else:
+        out.print(str(friction), markup=False, soft_wrap=True)
+    if "equation" in source:
+        lines = ["with 95 % intervals:", *source["equation"]]
+        out.print("\n  ".join(lines), markup=False, soft_wrap=True)
+    if "inclusion" in source:
+        lines = ["how often draws of the recordings had a term:", *source["inclusion"]]
+        out.print("\n  ".join(lines), markup=False, soft_wrap=True)
+    for sentence in source.get("torque", []):
+        out.print(sentence, markup=False, soft_wrap=True)
 
 
 def _print_summary(summary: Summary, title: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from frictionid.comparison.result_folder import readable
@@ -199,32 +199,57 @@ def motion_pictures(
 
 def fitted_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
     """Pictures about what was fitted to a data set."""
-    dataset, data, styles = section.dataset, section.description, names.styles
-    boxes = one_step_boxes(section, styles)
+    for draw in FITTED.values():
+        yield from draw(section, names, stem)
+
+
+def one_step_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """One-step losses over the folds."""
     caption = (
-        f"One-step losses on {dataset} over the folds: median, quartiles, range, mean (diamond)."
+        f"One-step losses on {section.dataset} over the folds: median, quartiles, range, mean "
+        "(diamond)."
     )
-    yield Picture(f"one_step--{stem}", boxes, caption)
-    errors = rollout_errors(section, styles)
+    yield Picture(f"one_step--{stem}", one_step_boxes(section, names.styles), caption)
+
+
+def rollout_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Rollout errors over the horizon."""
+    errors = rollout_errors(section, names.styles)
     if errors is not None:
-        caption = f"Rollout errors over the horizon, fitted on {dataset}."
+        caption = f"Rollout errors over the horizon, fitted on {section.dataset}."
         yield Picture(f"rollouts--{stem}", errors, caption)
-    if data.truth is not None and errors is not None:
+
+
+def tradeoff_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Errors of prediction and of the friction curve over the loss, where the truth is known."""
+    if section.description.truth is not None and section.fitted.horizons:
         caption = (
-            f"Errors of prediction and of the friction curve over the one-step loss, {dataset}, "
-            "held out; dashed: loss of the true friction."
+            f"Errors of prediction and of the friction curve over the one-step loss, "
+            f"{section.dataset}, held out; dashed: loss of the true friction."
         )
-        yield Picture(f"tradeoff--{stem}", loss_against(section, styles), caption)
-    caption = f"Friction over velocity, fitted on {dataset}, all folds."
-    yield from numbered(f"curves--{stem}", friction_curves(section, styles), caption)
-    caption = f"Ensembles fitted on {dataset}; below, their members about the mean."
+        yield Picture(f"tradeoff--{stem}", loss_against(section, names.styles), caption)
+
+
+def curve_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Friction over velocity, all folds."""
+    caption = f"Friction over velocity, fitted on {section.dataset}, all folds."
+    yield from numbered(f"curves--{stem}", friction_curves(section, names.styles), caption)
+
+
+def member_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Ensembles and their members."""
+    caption = f"Ensembles fitted on {section.dataset}; below, their members about the mean."
     caption += spread_caption(section)
-    yield from numbered(f"members--{stem}", spreads(section, styles), caption)
-    learned = learning_curves(section.of_role("fitted"), styles, "without friction = 1")
+    yield from numbered(f"members--{stem}", spreads(section, names.styles), caption)
+
+
+def learning_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Learning curves of networks."""
+    models = section.of_role("fitted")
+    learned = learning_curves(models, names.styles, "without friction = 1")
     if learned is not None:
-        caption = f"Learning curves on {dataset}: the loss over the epochs, each fold."
+        caption = f"Learning curves on {section.dataset}: the loss over the epochs, each fold."
         yield Picture(f"learning--{stem}", learned, caption)
-    yield from memory_pictures(section, names, stem)
 
 
 def memory_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
@@ -265,3 +290,15 @@ def band_pictures(
     ordered = [model for model in section.models if model in fits]
     figures = curve_bands(ordered, section.description, names.styles)
     yield from numbered(f"bands--{stem}", figures, caption)
+
+
+# Pictures about what was fitted, in the order of the page.
+FITTED: Mapping[str, Callable[[Section, Names, str], Iterator[Picture]]] = {
+    "one_step": one_step_pictures,
+    "rollouts": rollout_pictures,
+    "tradeoff": tradeoff_pictures,
+    "curves": curve_pictures,
+    "members": member_pictures,
+    "learning": learning_pictures,
+    "loops": memory_pictures,
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +34,14 @@ ABREAST = 3  # joints side by side
 
 def picture_paths(folder: Path) -> list[Path]:
     """Paths of the pictures: coverage, motion and residual torque (PNG)."""
-    return [folder / f"{name}.png" for name in ("coverage", "motion", "residual")]
+    return [folder / f"{name}.png" for name in PICTURES]
 
 
 def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
     """Paths of the pictures written, see `picture_paths`."""
-    paths, draws = picture_paths(folder), (_coverage, _motion, _residual)
+    paths = picture_paths(folder)
     with drawing():
-        pictures = [rendered(draw(verdict), ["png"])["png"] for draw in draws]
+        pictures = [rendered(draw(verdict), ["png"])["png"] for draw in PICTURES.values()]
     for path, picture in zip(paths, pictures, strict=True):
         write_bytes(path, picture)
     return paths
@@ -150,3 +151,10 @@ def _friction(axes: Any, verdict: Verdict, j: int) -> None:
     for side in (-1.0, 1.0):
         ends = np.array([0.0, np.abs(w).max()]) * side
         axes.plot(ends, coulomb * side + viscous * ends + offset, color=RESTING)
+
+
+PICTURES: Mapping[str, Callable[[Verdict], Any]] = {
+    "coverage": _coverage,
+    "motion": _motion,
+    "residual": _residual,
+}

@@ -20,7 +20,13 @@ from frictionid.report.figures.style import (
 
 
 def picture(design: Design) -> bytes:
-    """PNG of torque, angles and velocities, one column for each recording."""
+    """PNG of `design_figure`."""
+    with drawing():
+        return rendered(design_figure(design), ["png"])["png"]
+
+
+def design_figure(design: Design) -> Any:
+    """Torque, angles and velocities over time, one column for each recording."""
     e = design.experiment
     d = e.plant.mechanism
     rows = {
@@ -32,18 +38,17 @@ def picture(design: Design) -> bytes:
             e.limits.velocity,
         ),
     }
-    with drawing():
-        shown = figure(6.5, 1.5 + 4.2 * e.recordings)
-        axes = shown.subplots(3, e.recordings, sharex=True, sharey="row", squeeze=False)
-        for row, (label, (time, values, limit)) in zip(axes, rows.items(), strict=True):
-            row[0].set_ylabel(label)
-            for r, axis in enumerate(row):
-                _curves(axis, time, values[:, r], limit, label.startswith("torque"))
-        for r, column in enumerate(axes.T, start=1):
-            column[0].set_title(f"recording {r}")
-            column[-1].set_xlabel("time [s]")
-        key_above(shown, {name: line(colour) for name, colour in _colours(e.plant.n).items()})
-        return rendered(shown, ["png"])["png"]
+    shown = figure(6.5, 1.5 + 4.2 * e.recordings)
+    axes = shown.subplots(3, e.recordings, sharex=True, sharey="row", squeeze=False)
+    for row, (label, (time, values, limit)) in zip(axes, rows.items(), strict=True):
+        row[0].set_ylabel(label)
+        for r, axis in enumerate(row):
+            _curves(axis, time, values[:, r], limit, label.startswith("torque"))
+    for r, column in enumerate(axes.T, start=1):
+        column[0].set_title(f"recording {r}")
+        column[-1].set_xlabel("time [s]")
+    key_above(shown, {name: line(colour) for name, colour in _colours(e.plant.n).items()})
+    return shown
 
 
 def _colours(n: int) -> dict[str, str]:

@@ -46,7 +46,13 @@ def check_drawable(identifier: Identifier) -> None:
 
 
 def fit_picture(friction: Friction, dataset: Dataset) -> bytes:
-    """PNG of the friction (n, P) of each joint over the speeds of a data set.
+    """PNG of `fit_figure`."""
+    with drawing():
+        return rendered(fit_figure(friction, dataset), ("png",))["png"]
+
+
+def fit_figure(friction: Friction, dataset: Dataset) -> Any:
+    """Friction (n, P) of each joint over the speeds of a data set.
 
     With the 95 % band where the friction was refined by shooting, and the truth where it is known.
     """
@@ -56,18 +62,17 @@ def fit_picture(friction: Friction, dataset: Dataset) -> bytes:
     curve = curves(friction, grid)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     half = _half_widths(friction, grid)
-    with drawing():
-        picture, panels = panel_grid(len(description.joints), 2, 2.8, 0.4)
-        for j, axes in enumerate(panels):
-            _panel(axes, grid[:, j], curve[:, j], None if half is None else half[:, j])
-            if truth is not None:
-                axes.plot(grid[:, j], truth[:, j], color=DARK, linewidth=1, linestyle=DASHED)
-            _density(axes, w[:, j], grid[:, j])
-            axes.set_title(description.joints[j], loc="left")
-            axes.set_xlabel(f"velocity [{description.position_units[0]}/s]")
-            axes.set_ylabel(f"friction [{description.torque_units[0]}]")
-        key_above(picture, _key(half is not None, truth is not None))
-        return rendered(picture, ("png",))["png"]
+    picture, panels = panel_grid(len(description.joints), 2, 2.8, 0.4)
+    for j, axes in enumerate(panels):
+        _panel(axes, grid[:, j], curve[:, j], None if half is None else half[:, j])
+        if truth is not None:
+            axes.plot(grid[:, j], truth[:, j], color=DARK, linewidth=1, linestyle=DASHED)
+        _density(axes, w[:, j], grid[:, j])
+        axes.set_title(description.joints[j], loc="left")
+        axes.set_xlabel(f"velocity [{description.position_units[0]}/s]")
+        axes.set_ylabel(f"friction [{description.torque_units[0]}]")
+    key_above(picture, _key(half is not None, truth is not None))
+    return picture
 
 
 def _half_widths(friction: Friction, grid: Array) -> Array | None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec
 
 from frictionid.report.sections import Model
+
+Arguments = ParamSpec("Arguments")
 
 WIDTH = 7.2  # [inch], both columns of a journal's page
 FORMATS = ("png", "pdf")
@@ -73,9 +75,19 @@ def drawing() -> AbstractContextManager[Any]:
 
 def figure(height: float, width: float = WIDTH) -> Any:
     """An empty figure as wide as a page, sizes in inches."""
-    from matplotlib.figure import Figure
+    from frictionid.report.figures.notebook_figure import NotebookFigure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return NotebookFigure(figsize=(width, height), layout="constrained")
+
+
+def drawn(draw: Callable[Arguments, Any], *args: Arguments.args, **kwargs: Arguments.kwargs) -> Any:
+    """The figure that a function draws, in our styles; later settings do not change it."""
+    with drawing():
+        picture = draw(*args, **kwargs)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=r"Glyph .* missing")
+            picture.draw_without_rendering()  # ticks are made here, in the styles of this moment
+    return picture
 
 
 def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
