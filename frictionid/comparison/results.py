@@ -12,6 +12,7 @@ SHA256SUMS        of the files from scores.csv on: those that are unchanged are 
 
 from __future__ import annotations
 
+import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.cross_validate import PreparedBenchmark
+from frictionid.comparison.cross_validate import PreparedBenchmark, Result
 from frictionid.comparison.result_folder import (
     DATASETS,
     PROVENANCE,
@@ -34,7 +35,7 @@ from frictionid.comparison.result_folder import (
     sealed,
     task_file,
 )
-from frictionid.comparison.tasks import Task, file_name
+from frictionid.comparison.tasks import Task, content_of, file_name
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import (
@@ -75,9 +76,16 @@ def describe(
     prepared_benchmarks: Mapping[str, PreparedBenchmark],
 ) -> None:
     """Write provenance.json and datasets.json."""
+    provenance = provenance_of(suite, title, settings, tasks)
+    write_json(folder / PROVENANCE, sealed(provenance))
+    write_json(folder / DATASETS, sealed(descriptions_of(prepared_benchmarks)), None)
+
+
+def provenance_of(suite: str, title: str, settings: Any, tasks: Sequence[Task]) -> dict[str, Any]:
+    """Document of provenance.json: versions, hashes of data and folds, settings."""
     benchmarks = {t.benchmark.dataset.name: t.benchmark for t in tasks}
     everything = {d.name: d for c in benchmarks.values() for d in (c.dataset, *c.tests)}
-    document = {
+    return {
         "suite": suite,
         "title": title,
         "settings": settings,
@@ -87,12 +95,15 @@ def describe(
         "origin": {name: dict(d.origin) for name, d in everything.items()},
         "folds": {name: benchmark.folds.hash for name, benchmark in benchmarks.items()},
     }
-    write_json(folder / PROVENANCE, sealed(document))
+
+
+def descriptions_of(prepared_benchmarks: Mapping[str, PreparedBenchmark]) -> dict[str, Any]:
+    """Document of datasets.json: a description of each data set."""
     about = {}
     for name, shared in prepared_benchmarks.items():
         about[name] = {**_about(shared.prepared), "tests": None}
         about |= {p.dataset.name: {**_about(p), "tests": name} for p in shared.tests}
-    write_json(folder / DATASETS, sealed(about), None)
+    return about
 
 
 def _about(prepared: Prepared) -> dict[str, Any]:
@@ -195,6 +206,25 @@ class Results:
     missing: tuple[str, ...]
     scores: pd.DataFrame
     is_sealed: bool = False
+
+
+def results_in_memory(
+    title: str,
+    settings: Any,
+    results: Sequence[tuple[Task, Result]],
+    prepared_benchmarks: Mapping[str, PreparedBenchmark],
+    laws: Mapping[str, type],
+) -> Results:
+    """Results of tasks as their folder would have them, without one."""
+    tasks = [task for task, _ in results]
+    document = {
+        "provenance": provenance_of(title, title, settings, tasks),
+        "datasets": descriptions_of(prepared_benchmarks),
+        "tasks": [content_of(task, result, laws) for task, result in results],
+    }
+    provenance, datasets, contents = json.loads(json_text(document)).values()
+    table = _score_frame(title, contents, datasets)
+    return Results(Path(), provenance, datasets, tuple(contents), (), table, True)
 
 
 def load_results(folder: Path) -> Results:

@@ -7,7 +7,7 @@ that an interrupted comparison is finished by running what is missing.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -112,13 +112,30 @@ def run_tasks(
     for task in tasks:
         if task.file in finished:
             report(task)
-    groups = _alike([task for task in tasks if task.file not in finished])
+    left = [task for task in tasks if task.file not in finished]
+    for task, result in results_of(left, prepared_benchmarks, jobs=jobs):
+        write_json(folder / task.file, sealed(document(task, result, laws)), None)
+        report(task)
+
+
+def results_of(
+    tasks: Sequence[Task], prepared_benchmarks: Mapping[str, PreparedBenchmark], *, jobs: int = 0
+) -> Iterator[tuple[Task, Result]]:
+    """Results of the tasks as they are finished, `jobs` at a time on one thread each.
+
+    jobs : 0 for one per core
+
+    Raises
+    ------
+    InputError
+        Where a task fails, with its name.
+    """
+    groups = _alike(tasks)
     firsts = [group[0] for group in groups]
     calls = [(task, prepared_benchmarks[task.benchmark.dataset.name]) for task in firsts]
     for i, result in side_by_side(_run, calls, jobs or cpu_count()):
         for task in groups[i]:
-            write_json(folder / task.file, sealed(document(task, result, laws)), None)
-            report(task)
+            yield task, result
 
 
 def _finished(task: Task, path: Path) -> bool:
@@ -154,12 +171,16 @@ def _run(task: Task, shared: PreparedBenchmark) -> Result:
 
 
 def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
-    """JSON document of a result, all that tables and figures need."""
+    """JSON document of a result, and the digest of all that it depends on."""
+    return {"digest": task.digest, **content_of(task, result, laws)}
+
+
+def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
+    """All of a result that tables and figures need, as a JSON document."""
     dataset = task.benchmark.dataset
     frames = {dataset.name: result.scores, **result.tests}
     rows = {name: [list(row) for row in f.itertuples(index=False)] for name, f in frames.items()}
     return {
-        "digest": task.digest,
         "dataset": dataset.name,
         "identifier": task.name,
         "fit": task.recipe.name,
