@@ -5,11 +5,9 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from contextvars import ContextVar
-from typing import Any, ParamSpec
+from typing import Any
 
 WIDTH = 120  # columns, where the output is no terminal
-
-Arguments = ParamSpec("Arguments")
 
 _RECORDER: ContextVar[Any] = ContextVar("recorder", default=None)
 
@@ -25,32 +23,26 @@ def console() -> Any:
     return out if out.is_terminal else Console(highlight=False, width=WIDTH)
 
 
-def printed(
-    show: Callable[Arguments, object], *args: Arguments.args, **settings: Arguments.kwargs
-) -> str:
+def printed(show: Callable[[], object]) -> str:
     r"""What a function that prints results would print, as plain text.
 
-    >>> printed(lambda text: console().print(text, markup=False), "0.1 rad [1]")
+    >>> printed(lambda: console().print("0.1 rad [1]", markup=False))
     '0.1 rad [1]\n'
     """
-    recorder = _recorded(show, *args, **settings)
+    recorder = _recorded(show)
     return str(recorder.export_text(styles=False))
 
 
-def printed_html(
-    show: Callable[Arguments, object], *args: Arguments.args, **settings: Arguments.kwargs
-) -> str:
+def printed_html(show: Callable[[], object]) -> str:
     """The same as HTML, in the colours of a terminal."""
-    recorder = _recorded(show, *args, **settings)
+    recorder = _recorded(show)
     style = "white-space:pre;overflow-x:auto;font-family:monospace;line-height:1.25"
     return str(
         recorder.export_html(inline_styles=True, code_format=f'<pre style="{style}">{{code}}</pre>')
     )
 
 
-def _recorded(
-    show: Callable[Arguments, object], *args: Arguments.args, **settings: Arguments.kwargs
-) -> Any:
+def _recorded(show: Callable[[], object]) -> Any:
     from rich.console import Console
 
     recorder = Console(
@@ -58,7 +50,7 @@ def _recorded(
     )
     token = _RECORDER.set(recorder)
     try:
-        show(*args, **settings)
+        show()
     finally:
         _RECORDER.reset(token)
     return recorder

@@ -6,11 +6,9 @@ import io
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, NamedTuple
 
 from frictionid.report.sections import Model
-
-Arguments = ParamSpec("Arguments")
 
 WIDTH = 7.2  # [inch], both columns of a journal's page
 FORMATS = ("png", "pdf")
@@ -80,10 +78,10 @@ def figure(height: float, width: float = WIDTH) -> Any:
     return NotebookFigure(figsize=(width, height), layout="constrained")
 
 
-def drawn(draw: Callable[Arguments, Any], *args: Arguments.args, **kwargs: Arguments.kwargs) -> Any:
+def drawn(draw: Callable[[], Any]) -> Any:
     """The figure that a function draws, in our styles; later settings do not change it."""
     with drawing():
-        picture = draw(*args, **kwargs)
+        picture = draw()
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=r"Glyph .* missing")
             picture.draw_without_rendering()  # ticks are made here, in the styles of this moment
