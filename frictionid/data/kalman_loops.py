@@ -8,40 +8,18 @@ State and covariance are (x, v, w) and (a, b, c, d, e, f), see `kalman`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
-import numba
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.compiled import compiled, inlined
 
 # Initial variances of position, velocity and acceleration, in units of the measurement variance:
 # practically unknown.
 DIFFUSE = (1e6, 1e14, 1e18)
 _FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
 _FLOOR = 1e-24  # of the variance: the resolution of stored numbers
-
-
-_inlined = numba.njit(error_model="numpy")
-
-
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function as machine code, which is kept where there is a folder that can be written."""
-    try:
-        fast = numba.njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:  # no such folder
-        fast = _inlined(function)
-
-    @wraps(function)
-    def call(*arguments: Array) -> Any:
-        try:
-            return fast(*arguments)
-        except OSError:  # a full disk: it is compiled by now, but could not be kept
-            return fast(*arguments)
-
-    return call
 
 
 def predicted(mean: Any, covariance: Any, dt: Any, rho: Any) -> Any:
@@ -63,16 +41,16 @@ def predicted(mean: Any, covariance: Any, dt: Any, rho: Any) -> Any:
     )
 
 
-_predicted = _inlined(predicted)
+_predicted = inlined(predicted)
 
 
-@_inlined
+@inlined
 def _initial(value: float) -> Any:
     """Mean and covariance before the first sample, next to unknown."""
     return (value, 0.0, 0.0), (DIFFUSE[0], 0.0, 0.0, DIFFUSE[1], 0.0, DIFFUSE[2])
 
 
-@_inlined
+@inlined
 def _updated(mean: Any, covariance: Any, innovation: float, variance: float, noise: float) -> Any:
     """Mean, covariance and gain after a measurement.
 
@@ -86,7 +64,7 @@ def _updated(mean: Any, covariance: Any, innovation: float, variance: float, noi
     return (x + k0 * innovation, v + k1 * innovation, w + k2 * innovation), less, (k0, k1, k2)
 
 
-@_compiled
+@compiled
 def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
     """Output of the filter at jerk ratios (G, S).
 
@@ -110,7 +88,7 @@ def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) ->
     return means, covariances, gains, innovations, variances
 
 
-@_compiled
+@compiled
 def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
     """Log-likelihoods (G, S) of the innovations at jerk ratios (G, S), and the likeliest means.
 
@@ -140,7 +118,7 @@ def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array)
     return whole, means
 
 
-@_compiled
+@compiled
 def smoothed(
     dt: Array, valid: Array, means: Array, covariances: Array, gains: Array, scaled: Array
 ) -> Any:

@@ -16,6 +16,8 @@ from frictionid.mechanics.plant import (
     torque_without_motor,
     unit_inertia_plant,
 )
+from frictionid.mechanics.rigid_body.described import mjcf, urdf
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 from frictionid.mechanics.symbolic import SymbolicMechanism
 from frictionid.mechanics.unit_inertia import unit_inertia
 
@@ -28,6 +30,7 @@ __all__ = [
     "Parameter",
     "Partials",
     "Plant",
+    "RigidBodyTree",
     "SymbolicMechanism",
     "Terms",
     "acrobot",
@@ -35,6 +38,7 @@ __all__ = [
     "double_pendulum",
     "linear_axis",
     "mechanism_of",
+    "mjcf",
     "parameters_of",
     "pendulum",
     "plant_of",
@@ -42,5 +46,6 @@ __all__ = [
     "torque_without_motor",
     "unit_inertia",
     "unit_inertia_plant",
+    "urdf",
     "with_defaults",
 ]

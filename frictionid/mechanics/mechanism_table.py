@@ -14,6 +14,7 @@ from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.mechanism import Mechanism
 from frictionid.mechanics.pendulum import pendulum
+from frictionid.mechanics.rigid_body.described import FORMATS
 
 _KINDS: Mapping[str, Callable[..., Mechanism]] = {
     "acrobot": acrobot,
@@ -34,12 +35,9 @@ def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
     >>> mechanism_of({"kind": "pendulum", "parameters": {"mass": 0.5}})
     pendulum(mass=0.5)
     """
-    kind = str(table.get("kind", ""))
-    if kind not in _KINDS:
-        raise InputError(f"[mechanism] kind = {kind!r} is unknown; {nearest(kind, _KINDS)}")
-    build = _KINDS[kind]
+    kind, build = _kind(table)
     given = {k: v for k, v in table.items() if k not in ("kind", "parameters")}
-    options = {k: _frozen(k, v) for k, v in given.items()}
+    options = given if kind in FORMATS else {k: _frozen(k, v) for k, v in given.items()}
     known = mechanism_options(build)
     for name in options:
         if name not in known:
@@ -52,6 +50,25 @@ def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
     if not isinstance(parameters, Mapping):
         raise InputError(f"[mechanism] parameters = {parameters!r} must be a table: name = number")
     return replace(mechanism, options=given).with_values(parameters)
+
+
+def _kind(table: Mapping[str, Any]) -> tuple[str, Callable[..., Mechanism]]:
+    """Name of the kind of a table, and what builds it; a file's format is a kind as well."""
+    described = [name for name in FORMATS if name in table]
+    if described and "kind" in table or len(described) > 1:
+        raise InputError(
+            f"[mechanism] names {' and '.join([*described, *('kind',) * ('kind' in table)])}; "
+            "a mechanism is one of them: remove the others"
+        )
+    if described:
+        return described[0], FORMATS[described[0]]
+    kind = str(table.get("kind", ""))
+    if kind not in _KINDS:
+        raise InputError(
+            f"[mechanism] kind = {kind!r} is unknown; {nearest(kind, _KINDS)}; or name the file "
+            'that describes it: urdf = "arm.urdf"'
+        )
+    return kind, _KINDS[kind]
 
 
 def mechanism_options(build: Callable[..., Mechanism]) -> dict[str, Any]:

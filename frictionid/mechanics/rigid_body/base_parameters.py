@@ -1,0 +1,182 @@
+"""Base parameters of a tree, found numerically [Gautier1991].
+
+The torques of a motion are linear in the inertial parameters pi of all bodies and rotors. The
+columns of the regressor at random motions tell which of them are independent, and how the others
+add to those: with pi sorted into independent (1) and dependent (2) ones, Y2 = Y1 K and
+
+    p = pi1 + K pi2.
+
+The leading parameters pi1 = p and pi2 = 0 have the torques of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.mechanics.rigid_body.regressor import torque_regressor
+from frictionid.mechanics.rigid_body.tree import MOMENT_UNITS, MOMENTS, Tree
+
+# A column that this little of the largest one is left of, beyond the columns before, is dependent:
+# files round right angles to four digits or more, and an axis that is off by that much has
+# parameters that only the rounding tells apart.
+_TOLERANCE = 1e-4
+_MOTIONS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """How inertial parameters pi (N,) and base parameters p (nb,) make one another.
+
+    Attributes
+    ----------
+    names, units : of the leading inertial parameters, to which others may add
+    leading : array of int, shape (nb,), inertial parameters that the base parameters lead
+    regrouping : array, shape (nb, N): p = regrouping pi
+    expansion : array, shape (N, nb): inertial parameters expansion p have the same torques. Where
+        p is that of the tree's own parameters, so are these.
+    silent, carrier : array, shape (N,), and int
+        What the base parameter `carrier` brings beyond the leading parameter: inertial parameters
+        of no torque but for roundings in the file.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    leading: Array
+    regrouping: Array
+    expansion: Array
+    silent: Array
+    carrier: int
+
+    @property
+    def rounded(self) -> bool:
+        """Whether torques of the silent parameters are to be counted."""
+        return bool(self.silent.any())
+
+
+def base_parameters(tree: Tree, own: Array) -> BaseParameters:
+    """Base parameters of a tree whose inertial parameters are own (N,), with N = 10 n + rotors."""
+    Y = _scaled_regressor(tree)
+    scale = _scales(tree)
+    order = np.fromiter(_preference(tree), dtype=int)
+    leading = _independent(Y, order)
+    K = np.linalg.lstsq(Y[:, leading], Y, rcond=None)[0]
+    K[np.abs(K) < 1e-11] = 0.0
+    K[:, leading] = np.eye(len(leading))
+    regrouping = K * (scale[leading][:, None] / scale)
+    p = regrouping @ own
+    carrier = int(np.argmax(np.abs(p) / scale[leading]))
+    expansion = np.zeros((len(own), len(leading)))
+    expansion[leading, np.arange(len(leading))] = 1.0
+    # a machine of no mass at all is refused elsewhere
+    silent = (own - expansion @ p) / (p[carrier] or 1.0)
+    expansion[:, carrier] += silent
+    heard = np.abs(Y @ (silent / scale)).max() > 1e-13 * np.abs(Y[:, leading[carrier]]).max()
+    names, units = _names(tree)
+    return BaseParameters(
+        tuple(names[i] for i in leading),
+        tuple(units[i] for i in leading),
+        leading,
+        regrouping,
+        expansion,
+        silent if heard else np.zeros(len(own)),
+        carrier,
+    )
+
+
+def _length(tree: Tree) -> float:
+    """Typical length of a link [m]."""
+    lengths = np.linalg.norm(tree.shift, axis=1)
+    return float(max(lengths.max(initial=0.0) / 2, 1e-2))
+
+
+def _scales(tree: Tree) -> Array:
+    """Unit of each inertial parameter in which links of usual length have comparable torques."""
+    length = _length(tree)
+    powers = np.array([0] + 3 * [1] + 6 * [2])
+    turns = 2.0 * (np.abs(tree.rotors) @ ~tree.prismatic > 0)
+    return np.concatenate([np.tile(length ** (powers - 1.0), tree.n), length ** (turns - 1.0)])
+
+
+def _scaled_regressor(tree: Tree) -> Array:
+    """Regressor (rows, N) at random motions, in the units of `_scales` and m g L = 1."""
+    rng, length = np.random.default_rng(0), _length(tree)
+    shape = (_MOTIONS, tree.n)
+    reach = np.where(tree.prismatic, length, np.pi)
+    rate = np.where(tree.prismatic, length, 1.0)
+    q = rng.uniform(-1, 1, shape) * reach
+    w = rng.uniform(-2, 2, shape) * rate * np.sqrt(10.0 / length)
+    a = rng.uniform(-2, 2, shape) * rate * 10.0 / length
+    Y = regressor(tree, q, w, a, np.arange(10 * tree.n + len(tree.rotors)))
+    rows = np.where(tree.prismatic, length, 1.0)[:, None] / 10.0
+    return (Y * rows).reshape(-1, Y.shape[-1]) * _scales(tree)
+
+
+def regressor(tree: Tree, q: Array, w: Array, a: Array, columns: Array) -> Array:
+    """Torques (K, n, C) of motions with one unit inertial parameter each, of bodies or rotors."""
+    pose = tree.pose(q, np.zeros((1, tree.n, 10)))
+    v, _, acceleration = tree.motion(pose.S, w, a)
+    bodies = columns[columns < 10 * tree.n]
+    Y = np.empty((*np.shape(a), len(columns)))
+    Y[..., columns < 10 * tree.n] = torque_regressor(
+        tree.parent, pose.R, pose.o, pose.S, v, acceleration, bodies
+    )
+    turning = tree.rotors[columns[columns >= 10 * tree.n] - 10 * tree.n]
+    Y[..., columns >= 10 * tree.n] = turning.T * (a @ turning.T)[..., None, :]
+    return Y
+
+
+def _independent(Y: Array, order: Array) -> Array:
+    """Columns of Y, in this order, that those before do not give; by orthogonalisation."""
+    largest = np.linalg.norm(Y, axis=0).max()
+    Q = np.empty((len(Y), 0))
+    found = []
+    for c in order:
+        rest = Y[:, c]
+        for _ in range(2):
+            rest = rest - Q @ (Q.T @ rest)
+        size = np.linalg.norm(rest)
+        if size > _TOLERANCE * largest:
+            found.append(c)
+            Q = np.column_stack([Q, rest / size])
+    return np.sort(np.array(found, dtype=int))
+
+
+def _preference(tree: Tree) -> Iterator[int]:
+    """Inertial parameters in the order in which they should lead.
+
+    With the axis along z, mass, mz and Iyy of a body act like others of the body before
+    [Gautier1990]; rotors like the inertia about their axis.
+    """
+    along = np.argmax(np.abs(tree.axis), axis=1)
+    for kinds in (_MIXED, _SECOND_INERTIA, _ALONG, _MASS):
+        for body in range(tree.n):
+            yield from (10 * body + k for k in kinds[along[body]])
+        if kinds is _MIXED:
+            yield from range(10 * tree.n, 10 * tree.n + len(tree.rotors))
+
+
+_INERTIA = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])
+
+
+def _by_axis() -> Iterator[tuple[tuple[int, ...], ...]]:
+    for z in range(3):
+        x, y = (z + 1) % 3, (z + 2) % 3
+        mixed = (
+            _INERTIA[z, z],
+            _INERTIA[x, x],
+            *(_INERTIA[i, j] for i, j in ((x, y), (x, z), (y, z))),
+        )
+        yield (*map(int, mixed), 1 + x, 1 + y), (int(_INERTIA[y, y]),), (1 + z,), (0,)
+
+
+_MIXED, _SECOND_INERTIA, _ALONG, _MASS = zip(*_by_axis(), strict=True)
+
+
+def _names(tree: Tree) -> tuple[list[str], list[str]]:
+    names = [f"{moment}_{body}" for body in tree.bodies for moment in MOMENTS]
+    units = list(MOMENT_UNITS) * tree.n
+    return [*names, *tree.rotor_names], [*units, *tree.rotor_units]

@@ -1,0 +1,179 @@
+"""Mechanisms that a file describes: which of its joints move, from where, with which payload."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.config import nearest
+from frictionid.errors import InputError
+from frictionid.mechanics.rigid_body.base_parameters import base_parameters
+from frictionid.mechanics.rigid_body.mjcf import read_mjcf
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, parameters_of_tree
+from frictionid.mechanics.rigid_body.robot import Choice, Robot, tree_of
+from frictionid.mechanics.rigid_body.tree import Tree
+from frictionid.mechanics.rigid_body.urdf import read_urdf
+
+
+def urdf(
+    urdf: str | Path,
+    joints: Sequence[str] | None = None,
+    base: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    gravity: Sequence[float] | None = None,
+    payload: str | None = None,
+    driven: Sequence[bool] | bool = True,
+) -> RigidBodyTree:
+    """Mechanism of n joints that a URDF describes.
+
+    Parameters
+    ----------
+    urdf : path
+    joints : names of the joints that move, in the order of the recordings' columns
+        All that can, if not given. The others are locked.
+    base : link that stands still
+        The root, if not given; what it does not carry is left out.
+    locked : positions [rad or m] of joints that do not move, zero if not named
+    gravity : (x, y, z) [m/s^2] in the frame of the base, (0, 0, -9.81) if not given
+    payload : link that carries a payload
+        Its mass, centre of mass and inertia then are parameters payload_mass, ... of each
+        recording.
+    driven : whether each joint has a motor, or one answer for all
+
+    Raises
+    ------
+    InputError
+        Where the file is no URDF, its joints are no tree, or an option does not fit them.
+    """
+    robot = read_urdf(_file(urdf, "urdf"))
+    options = _Options(joints, base, locked, gravity, payload, driven)
+    return _mechanism("urdf", robot, options)
+
+
+def mjcf(
+    mjcf: str | Path,
+    joints: Sequence[str] | None = None,
+    base: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    gravity: Sequence[float] | None = None,
+    payload: str | None = None,
+    driven: Sequence[bool] | bool = True,
+) -> RigidBodyTree:
+    """Mechanism of n joints that an MJCF describes, with its armatures as rotors; see `urdf`.
+
+    Gravity is that of the file if not given. MuJoCo reads the file and must be installed.
+    """
+    robot = read_mjcf(_file(mjcf, "mjcf"))
+    options = _Options(joints, base, locked, gravity, payload, driven)
+    return _mechanism("mjcf", robot, options)
+
+
+FORMATS: Mapping[str, Callable[..., RigidBodyTree]] = {"urdf": urdf, "mjcf": mjcf}
+
+
+class _Options(NamedTuple):
+    """What a [mechanism] table says beside the file, see `urdf`."""
+
+    joints: Sequence[str] | None
+    base: str | None
+    locked: Mapping[str, float] | None
+    gravity: Sequence[float] | None
+    payload: str | None
+    driven: Sequence[bool] | bool
+
+    def given(self) -> dict[str, Any]:
+        """Those that are not what they are if not given."""
+        usual = (None, None, None, None, None, True)
+        pairs = zip(self._asdict().items(), usual, strict=True)
+        return {name: value for (name, value), default in pairs if value is not default}
+
+
+def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
+    payload = options.payload
+    choice = _choice(options.joints, options.base, options.locked)
+    tree, attached = tree_of(robot, choice, _gravity(options.gravity))
+    if payload is not None and payload not in attached:
+        raise InputError(
+            f"{robot.place}: payload = {payload!r} is no link beyond the base; "
+            f"{nearest(payload, attached)}"
+        )
+    at = None if payload is None else attached[payload]
+    if at is not None and at.body < 0:
+        raise InputError(
+            f"{robot.place}: payload = {payload!r} does not move; name a link beyond a joint"
+        )
+    named = {joint.name: joint.rotor for joint in robot.joints}
+    rotors = np.array([named[name] for name in tree.joints])
+    reduction = base_parameters(tree, np.concatenate([tree.inertia.ravel(), rotors]))
+    return RigidBodyTree(
+        kind=kind,
+        joints=tree.joints,
+        position_units=tuple("m" if p else "rad" for p in tree.prismatic),
+        driven=_driven(options.driven, tree.joints),
+        parameters=parameters_of_tree(tree, rotors, payload is not None),
+        base_names=reduction.names,
+        base_units=reduction.units,
+        base_meanings=("",) * len(reduction.names),
+        options={kind: robot.place, **options.given()},
+        tree=tree,
+        reduction=reduction,
+        identity=_identity(tree),
+        payload=at,
+    )
+
+
+def _file(path: object, kind: str) -> Path:
+    if not isinstance(path, str | Path):
+        raise InputError(f'[mechanism] {kind} = {path!r} must be a file: {kind} = "arm.{kind}"')
+    return Path(path)
+
+
+def _choice(
+    joints: Sequence[str] | None, base: str | None, locked: Mapping[str, float] | None
+) -> Choice:
+    if joints is not None and (
+        isinstance(joints, str) or not all(isinstance(name, str) for name in joints)
+    ):
+        raise InputError(f'[mechanism] joints = {joints!r} must be a list of names: ["joint_1"]')
+    for key, value in (locked or {}).items():
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise InputError(f"[mechanism] locked: {key} = {value!r} must be a number")
+    return Choice(None if joints is None else tuple(joints), base, locked or {})
+
+
+def _gravity(gravity: Sequence[float] | None) -> Sequence[float] | None:
+    if gravity is None:
+        return None
+    try:
+        vector = np.array(gravity, dtype=float)
+    except (TypeError, ValueError):
+        vector = np.empty(0)
+    if vector.shape != (3,) or not (np.abs(vector) < 1e3).all():
+        raise InputError(
+            f"[mechanism] gravity = {gravity!r} must be three numbers [m/s^2] in the frame of the "
+            "base: [0.0, 0.0, -9.81] where its z axis points up"
+        )
+    return gravity
+
+
+def _driven(driven: Sequence[bool] | bool, joints: tuple[str, ...]) -> tuple[bool, ...]:
+    each = (driven,) * len(joints) if isinstance(driven, bool) else tuple(driven)
+    if len(each) != len(joints) or not all(isinstance(d, bool) for d in each):
+        raise InputError(
+            f"[mechanism] driven = {driven!r} must be true, false or one of these for each of "
+            f"{', '.join(joints)}"
+        )
+    return each
+
+
+def _identity(tree: Tree) -> str:
+    arrays = (tree.parent, tree.prismatic, tree.axis, tree.turn, tree.shift, tree.inertia)
+    digest = hashlib.sha256()
+    for array in (*arrays, tree.rotors, tree.gravity):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

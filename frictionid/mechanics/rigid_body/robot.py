@@ -1,0 +1,279 @@
+"""A robot as files describe it, and the tree of the joints that move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.config import nearest
+from frictionid.errors import InputError
+from frictionid.mechanics.rigid_body.tree import Tree
+
+MOVING = ("revolute", "continuous", "prismatic")
+_STANDARD_GRAVITY = 9.81
+
+
+class Joint(NamedTuple):
+    """A joint between two links; turn and shift place its frame, the child's, in the parent's."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    turn: Array
+    shift: Array
+    axis: Array
+    mimic: str | None = None
+    rotor: float = 0.0
+
+
+class Robot(NamedTuple):
+    """Links with inertial parameters (10,) about their frames, see `tree.Tree`, and joints.
+
+    place : file that describes it, for messages
+    """
+
+    name: str
+    place: str
+    links: Mapping[str, Array]
+    joints: tuple[Joint, ...]
+    gravity: tuple[float, ...] = (0.0, 0.0, -_STANDARD_GRAVITY)
+
+
+class Attached(NamedTuple):
+    """Where a link is fixed: body of the tree, and frame in that body's."""
+
+    body: int
+    turn: Array
+    shift: Array
+
+
+class Choice(NamedTuple):
+    """Joints that move, in the order of the recordings' columns; None: all that can.
+
+    base : link that stands still; None: the root
+    locked : positions at which joints that do not move are, zero if not named
+    """
+
+    joints: tuple[str, ...] | None = None
+    base: str | None = None
+    locked: Mapping[str, float] = {}
+
+
+def tree_of(
+    robot: Robot, choice: Choice, gravity: Sequence[float] | None = None
+) -> tuple[Tree, dict[str, Attached]]:
+    """Tree of the joints that move, fixed joints merged, and where each link is in it.
+
+    Raises
+    ------
+    InputError
+        Where links and joints are no tree, or the choice does not fit them.
+    """
+    below = _by_parent(robot)
+    base = _base(robot, choice.base)
+    reached = _reached(robot, below, base)
+    moving = _moving(robot, choice, reached)
+    _check_locked(robot, choice, moving, reached)
+    index = {name: i for i, name in enumerate(moving)}
+    attached = {base: Attached(-1, np.eye(3), np.zeros(3))}
+    n = len(moving)
+    inertia, frames = np.zeros((n, 10)), {}
+    parent = np.full(n, -1)
+    for joint in reached:
+        carrier = attached[joint.parent]
+        turn, shift = carrier.turn @ joint.turn, carrier.shift + carrier.turn @ joint.shift
+        if joint.name in index:
+            i = index[joint.name]
+            frames[i], parent[i] = (joint, turn, shift), carrier.body
+            attached[joint.child] = Attached(i, np.eye(3), np.zeros(3))
+        else:
+            turn, shift = _locked_at(joint, choice.locked.get(joint.name, 0.0), turn, shift)
+            attached[joint.child] = Attached(carrier.body, turn, shift)
+        here = attached[joint.child]
+        if here.body >= 0:
+            inertia[here.body] += moved(robot.links[joint.child], here.turn, here.shift)
+    _check_order(robot, moving, parent)
+    of = [frames[i] for i in range(n)]
+    return Tree(
+        joints=moving,
+        bodies=tuple(joint.child for joint, _, _ in of),
+        parent=parent,
+        prismatic=np.array([joint.kind == "prismatic" for joint, _, _ in of]),
+        axis=np.array([joint.axis for joint, _, _ in of]),
+        turn=np.array([turn for _, turn, _ in of]),
+        shift=np.array([shift for _, _, shift in of]),
+        inertia=inertia,
+        rotors=np.eye(n),
+        gravity=np.array(robot.gravity if gravity is None else gravity, dtype=float),
+    ), attached
+
+
+def moved(inertia: Array, turn: Array, shift: Array) -> Array:
+    """Inertial parameters (10,) in a frame in which their own has this orientation and origin.
+
+    >>> import numpy as np
+    >>> mass = np.array([2.0] + 9 * [0.0])
+    >>> moved(mass, np.eye(3), np.array([0.0, 0.0, 0.5]))[[0, 3, 4, 7, 9]]
+    array([2. , 1. , 0.5, 0.5, 0. ])
+    """
+    mass, h = inertia[0], turn @ inertia[1:4]
+    own = turn @ matrix_of(inertia[4:]) @ turn.T
+    first = h + mass * shift
+    about = np.outer(first, shift) + np.outer(shift, h)
+    J = own + np.trace(about) * np.eye(3) - (about + about.T) / 2
+    return np.array([mass, *first, J[0, 0], J[0, 1], J[0, 2], J[1, 1], J[1, 2], J[2, 2]])
+
+
+def matrix_of(six: Array) -> Array:
+    """Symmetric matrix of xx, xy, xz, yy, yz, zz."""
+    xx, xy, xz, yy, yz, zz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def rotation(axis: Array, angle: float) -> Array:
+    """Rotation matrix by Rodrigues' formula.
+
+    >>> import numpy as np
+    >>> rotation(np.array([0.0, 0.0, 1.0]), np.pi / 2).round(9) + 0.0
+    array([[ 0., -1.,  0.],
+           [ 1.,  0.,  0.],
+           [ 0.,  0.,  1.]])
+    """
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+
+
+def _locked_at(joint: Joint, at: float, turn: Array, shift: Array) -> tuple[Array, Array]:
+    if joint.kind == "prismatic":
+        return turn, shift + at * turn @ joint.axis
+    return (turn @ rotation(joint.axis, at) if at else turn), shift
+
+
+def _by_parent(robot: Robot) -> dict[str, list[Joint]]:
+    """Joints of each link; refuses what is no tree."""
+    below: dict[str, list[Joint]] = {name: [] for name in robot.links}
+    carried: dict[str, str] = {}
+    for joint in robot.joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in robot.links:
+                raise InputError(
+                    f"{robot.place}: joint {joint.name!r} names {link!r} as its {role}, which is "
+                    f"no link; {nearest(link, robot.links)}"
+                )
+        if joint.child in carried:
+            raise InputError(
+                f"{robot.place}: link {joint.child!r} is the child of two joints, "
+                f"{carried[joint.child]!r} and {joint.name!r}: a closed chain is no tree; "
+                "remove one of them"
+            )
+        carried[joint.child] = joint.name
+        below[joint.parent].append(joint)
+    return below
+
+
+def _base(robot: Robot, wanted: str | None) -> str:
+    if wanted is not None:
+        if wanted not in robot.links:
+            raise InputError(
+                f"{robot.place}: base = {wanted!r} is no link; {nearest(wanted, robot.links)}"
+            )
+        return wanted
+    children = {joint.child for joint in robot.joints}
+    roots = [name for name in robot.links if name not in children]
+    if len(roots) == 1:
+        return roots[0]
+    if not roots:
+        raise InputError(
+            f"{robot.place}: every link is the child of a joint, so that none is the root; "
+            'name the link that stands still: base = "..." in [mechanism]'
+        )
+    raise InputError(
+        f"{robot.place}: links {', '.join(map(repr, roots[:4]))} are not connected; name the one "
+        'that stands still: base = "..." in [mechanism]'
+    )
+
+
+def _reached(robot: Robot, below: Mapping[str, list[Joint]], base: str) -> list[Joint]:
+    """Joints beyond the base link, each after the one that carries it."""
+    found, todo = [], [base]
+    while todo:
+        own = below[todo.pop()]
+        for joint in own:
+            if joint.child == base:
+                raise InputError(
+                    f"{robot.place}: joint {joint.name!r} closes a loop through {base!r}: a closed "
+                    "chain is no tree; remove a joint of the loop"
+                )
+        found += own
+        todo += [joint.child for joint in reversed(own)]
+    return found
+
+
+def _moving(robot: Robot, choice: Choice, reached: list[Joint]) -> tuple[str, ...]:
+    """Names of the joints that move, checked."""
+    known = {joint.name: joint for joint in reached}
+    if choice.joints is None:
+        chosen = tuple(j.name for j in reached if j.kind != "fixed")
+    else:
+        chosen = tuple(choice.joints)
+    for name in chosen:
+        if name not in known:
+            beyond = " beyond the base" if any(j.name == name for j in robot.joints) else ""
+            raise InputError(
+                f"{robot.place}: there is no joint {name!r}{beyond}; {nearest(name, known)}"
+            )
+        if chosen.count(name) > 1:
+            raise InputError(f"{robot.place}: joint {name!r} is named twice in joints")
+        if known[name].kind not in MOVING:
+            raise InputError(
+                f"{robot.place}: joint {name!r} is {known[name].kind}, but joints that move are "
+                f"{', '.join(MOVING)}; name others in joints = [...] or the link beyond it as base"
+            )
+    if not chosen:
+        raise InputError(f"{robot.place}: no joint moves; friction needs at least one")
+    _check_mimics(robot, known, chosen)
+    return chosen
+
+
+def _check_mimics(robot: Robot, known: Mapping[str, Joint], chosen: tuple[str, ...]) -> None:
+    for joint in known.values():
+        if joint.mimic is not None and (joint.name in chosen or joint.mimic in chosen):
+            raise InputError(
+                f"{robot.place}: joint {joint.name!r} follows {joint.mimic!r} (mimic), which is no "
+                "joint of its own; name the joints that move without the two in joints = [...]"
+            )
+
+
+def _check_locked(
+    robot: Robot, choice: Choice, moving: tuple[str, ...], reached: list[Joint]
+) -> None:
+    for name, value in choice.locked.items():
+        known = {joint.name: joint for joint in reached if joint.name not in moving}
+        if name not in known:
+            reason = "it moves" if name in moving else nearest(name, known) if known else "all move"
+            raise InputError(f"{robot.place}: joint {name!r} cannot be locked: {reason}")
+        if not np.isfinite(value) or known[name].kind not in MOVING:
+            raise InputError(
+                f"{robot.place}: locked joint {name!r} = {value!r} must be a finite number, and "
+                f"the joint {', '.join(MOVING)}"
+            )
+    for joint in reached:
+        if joint.kind in ("floating", "planar") and joint.name not in moving:
+            raise InputError(
+                f"{robot.place}: joint {joint.name!r} is {joint.kind}, so that nothing holds what "
+                "it carries; name the link beyond it as base"
+            )
+
+
+def _check_order(robot: Robot, moving: tuple[str, ...], parent: Array) -> None:
+    for i, p in enumerate(parent):
+        if p > i:
+            raise InputError(
+                f"{robot.place}: joint {moving[p]!r} carries {moving[i]!r}; name it first in "
+                "joints = [...], and the columns of the recordings in the same order"
+            )

@@ -1,0 +1,82 @@
+"""The double pendulum as a URDF has the numbers of the built-in one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid import load_dataset
+from frictionid.friction.laws import CoulombViscous
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.formulation import INTEGRAL, training_problem
+from frictionid.mechanics import double_pendulum, plant_of, urdf
+from frictionid.shooting import Settings, refine
+from frictionid.shooting.parameters import DelayBlock, FrictionBlock
+
+PARAMETERS = {"m1": 0.6, "m2": 0.4, "l1": 0.25, "r1": 0.12, "r2": 0.15, "I1": 0.013, "I2": 0.012}
+URDF = """<robot name="pendulum"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 -{r1}"/><mass value="{m1}"/>
+ <inertia ixx="{J1}" ixy="0" ixz="0" iyy="{J1}" iyz="0" izz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0 0 -{r2}"/><mass value="{m2}"/>
+ <inertia ixx="{J2}" ixy="0" ixz="0" iyy="{J2}" iyz="0" izz="0"/></inertial></link>
+<joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
+ <axis xyz="0 -1 0"/></joint>
+<joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
+ <origin xyz="0 0 -{l1}"/><axis xyz="0 -1 0"/></joint></robot>"""
+
+
+@pytest.fixture
+def both(tmp_path):
+    """The built-in one and the one of a URDF; both swing in a vertical plane."""
+    v = PARAMETERS
+    J = {f"J{i}": v[f"I{i}"] - v[f"m{i}"] * v[f"r{i}"] ** 2 for i in (1, 2)}
+    path = tmp_path / "pendulum.urdf"
+    path.write_text(URDF.format(**v, **J))
+    return double_pendulum().with_values(v), urdf(path)
+
+
+def states(shape=(100,)):
+    rng = np.random.default_rng(0)
+    return rng.uniform(-3, 3, (*shape, 2)), rng.uniform(-9, 9, (*shape, 2))
+
+
+def test_terms_are_the_same(both):
+    q, w = states()
+    ours, theirs = (m.terms(m.base({}), q, w) for m in both)
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_derivatives_are_the_same(both):
+    q, w = states()
+    a = np.random.default_rng(1).normal(size=q.shape)
+    ours, theirs = (m.partials(m.base({}), q, w, a) for m in both)
+    np.testing.assert_allclose(ours.by_q, theirs.by_q, atol=1e-12)
+    np.testing.assert_allclose(ours.by_w, theirs.by_w, atol=1e-12)
+
+
+def test_a_centre_of_mass_beside_the_link_and_a_rotor_have_parameters_of_their_own(both):
+    assert both[1].base_names == (
+        *("mx_upper", "mz_upper", "Iyy_upper"),
+        *("mx_lower", "mz_lower", "Iyy_lower", "rotor_elbow"),
+    )
+
+
+def test_whole_fits_are_the_same(both):
+    """One step and shooting on recordings of another machine, so that friction has much to do."""
+    recorded = load_dataset("acrobot_clean")
+    start = LeastSquares(CoulombViscous())
+    found = []
+    for mechanism in both:
+        table = {**mechanism.table, "driven": [False, True]}
+        data = replace(recorded, recordings=recorded.recordings[9:11], mechanism=table)
+        problem = training_problem(data, plant_of(data), INTEGRAL)
+        one_step = start.fit(problem, np.ones((1, len(problem.r))), 0)[0]
+        settings = Settings(windows=(0.2,), iterations=3)
+        shooting = refine(one_step, data, (FrictionBlock(), DelayBlock()), settings)
+        found.append((problem.r, problem.G, one_step.theta, shooting.friction.theta))
+        found[-1] += (shooting.calibration.delay,)
+    # the fit of one step ends where its cost would fall by less than 1e-11
+    within = (1e-11, 1e-11, 1e-7, 1e-9, 1e-9)
+    for one, other, tolerance in zip(*found, within, strict=True):
+        np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance)

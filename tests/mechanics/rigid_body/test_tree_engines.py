@@ -1,0 +1,141 @@
+"""Pinocchio and MuJoCo agree with the trees of rigid bodies on robots drawn at random.
+
+Rotors are in all of them: `rotorInertia` of Pinocchio, `armature` of MuJoCo.
+"""
+
+import numpy as np
+import pytest
+from fixtures.random_robots import mjcf_text, motions, random_robot, urdf_text
+
+from frictionid.arrays import solve, times
+from frictionid.mechanics import mjcf, urdf
+
+pin = pytest.importorskip("pinocchio", reason="the test extra installs it")
+COUNT = 50
+ROBOTS = {  # seed, joints, serial, joints that do not move
+    "one": (0, 1, True, 0),
+    "two": (1, 2, True, 0),
+    "arm": (2, 6, True, 0),
+    "seven": (3, 7, True, 2),
+    "tree": (4, 7, False, 0),
+    "branches": (5, 9, False, 3),
+}
+
+
+def close(ours, theirs):
+    scale = max(1.0, float(np.abs(theirs).max()))
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * scale)
+
+
+@pytest.fixture(params=ROBOTS)
+def case(request, tmp_path):
+    """Mechanism, engine's model, parameters p and random motions; joints in the engine's order."""
+    seed, n, serial, fixed = ROBOTS[request.param]
+    rng = np.random.default_rng(seed)
+    parts = random_robot(rng, n, serial, fixed)
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf_text(parts))
+    model = pin.buildModelFromUrdf(str(path))
+    names = [str(name) for name in model.names][1:]
+    rotors = dict(zip(names, rng.uniform(0.0, 0.2, n), strict=True))
+    model.rotorInertia[:] = [rotors[name] for name in names]
+    model.rotorGearRatio[:] = 1.0
+    model.armature[:] = model.rotorInertia
+    mechanism = urdf(path, joints=names).with_values({f"rotor_{k}": v for k, v in rotors.items()})
+    p = mechanism.base({})
+    return mechanism, model, p, *motions(rng, (COUNT, n)), parts, rotors
+
+
+def theirs(model, function, *states):
+    data = model.createData()
+    return np.stack([function(model, data, *row) for row in zip(*states, strict=True)])
+
+
+def test_terms_agree_with_pinocchio(case):
+    mechanism, model, p, q, w, *_ = case
+    terms = mechanism.terms(p, q, w)
+    M = theirs(model, pin.crba, q)
+    close(terms.M, np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2))
+    close(terms.h, -theirs(model, pin.rnea, q, w, np.zeros_like(w)))
+    close(terms.momentum, times(terms.M, w))
+    C = theirs(model, pin.computeCoriolisMatrix, q, w)
+    G = theirs(model, pin.computeGeneralizedGravity, q)
+    close(terms.dLdq, times(np.swapaxes(C, -1, -2), w) - G)
+    kinetic = (times(terms.M, w) * w).sum(-1) / 2  # Pinocchio's leaves out the rotors
+    energy = kinetic + theirs(model, pin.computePotentialEnergy, q)
+    close(terms.energy - terms.energy[0], energy - energy[0])
+    for ours, term in zip(mechanism.dynamics(p, q, w), (terms.M, terms.h), strict=True):
+        close(ours, term)
+    close(mechanism.inertia(p, q), terms.M)
+
+
+def test_partial_derivatives_agree_with_pinocchio(case):
+    mechanism, model, p, q, w, a, *_ = case
+    by_q, by_w, by_p = mechanism.partials(p, q, w, a)
+    data = model.createData()
+    for k in range(COUNT):
+        pin.computeRNEADerivatives(model, data, q[k], w[k], a[k])
+        close(by_q[k], data.dtau_dq)
+        close(by_w[k], data.dtau_dv)
+    close(times(by_p, p), theirs(model, pin.rnea, q, w, a))
+
+
+def test_terms_agree_with_mujoco(case):
+    mujoco = pytest.importorskip("mujoco", reason="the test extra installs it")
+    mechanism, _, p, q, w, _, parts, rotors = case
+    text = mjcf_text(parts, [rotors.get(f"joint_{i}", 0.0) for i in range(len(parts))])
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    at = [int(model.joint(name).qposadr[0]) for name in mechanism.joints]
+    M, h = mechanism.dynamics(p, q, w)
+    energy = mechanism.terms(p, q, w).energy
+    constant = None
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    for k in range(COUNT):
+        data.qpos[at], data.qvel[at] = q[k], w[k]
+        mujoco.mj_forward(model, data)
+        full = np.zeros((mechanism.n, mechanism.n))
+        for column, unit in zip(full, np.eye(mechanism.n), strict=True):
+            mujoco.mj_mulM(model, data, column, unit)
+        close(M[k], full[np.ix_(at, at)])
+        close(h[k], -data.qfrc_bias[at])
+        constant = energy[k] - data.energy.sum() if constant is None else constant
+        close(energy[k], data.energy.sum() + constant)
+
+
+def test_a_robot_in_mjcf_is_the_one_in_urdf(case, tmp_path):
+    mechanism, _, p, q, w, a, parts, rotors = case
+    path = tmp_path / "robot.xml"
+    path.write_text(mjcf_text(parts, [rotors.get(f"joint_{i}", 0.0) for i in range(len(parts))]))
+    other = mjcf(path, joints=mechanism.joints)
+    assert (other.joints, other.position_units) == (mechanism.joints, mechanism.position_units)
+    for ours, same in zip(
+        mechanism.partials(p, q, w, a), other.partials(other.base({}), q, w, a), strict=True
+    ):
+        close(ours, same)
+    close(other.base({}), p)
+
+
+def test_load_is_what_the_motor_gives_and_its_rotor_does_not_take(case):
+    mechanism, model, p, q, w, *_, rotors = case
+    u = np.random.default_rng(9).normal(scale=5.0, size=q.shape)
+    M, h = mechanism.dynamics(p, q, w)
+    a = solve(M, h + u)
+    model.armature[:] = 0.0
+    close(mechanism.load({}, q, w, u), np.abs(theirs(model, pin.rnea, q, w, a)))
+
+
+def test_parameters_broadcast_against_states(case):
+    mechanism, _, p, q, w, a, *_ = case
+    several = p * np.array([1.0, 1.1, 0.9])[:, None, None]
+    M, h = mechanism.dynamics(several, q, w)
+    assert M.shape == (3, COUNT, mechanism.n, mechanism.n)
+    for k in range(3):
+        one = mechanism.dynamics(several[k, 0], q, w)
+        close(M[k], one[0])
+        close(h[k], one[1])
+    each = np.broadcast_to(several[:, 0], (3, len(p)))
+    close(mechanism.dynamics(each, q[:3], w[:3])[0], M[np.arange(3), np.arange(3)])
+    close(mechanism.partials(several, q, w, a).by_p[1], mechanism.partials(p, q, w, a).by_p)
+    state = mechanism.terms(p, q[0], w[0])
+    assert state.M.shape == (mechanism.n, mechanism.n) and state.energy.shape == ()
