@@ -26,6 +26,7 @@ LAYERS = (
     "dynamics",
     "identifiers",
     "shooting",
+    "inverse_dynamics",
     *("check", "excitation"),
     "evaluation",
     "comparison",

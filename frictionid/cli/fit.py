@@ -37,7 +37,10 @@ def fit(
         float | None, typer.Option(help="Use samples at least this far apart [s].")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
-    by: Annotated[str | None, typer.Option(help="shooting: refine the fit of the recipe.")] = None,
+    by: Annotated[
+        str | None,
+        typer.Option(help="shooting, or inverse_dynamics: refine the fit of the recipe."),
+    ] = None,
     free: Free = "",
     fixed: Fixed = None,
     windows: Windows = None,
@@ -141,13 +144,16 @@ def _recipe(
     known = None if calibration is None else str(calibration)
     if by is None:
         if free or fixed or shooting:
-            raise InputError("--free, --fixed, --windows and --iterations need --by shooting")
+            raise InputError(
+                "--free and --fixed need --by shooting or --by inverse_dynamics; --windows and "
+                "--iterations need --by shooting"
+            )
         if known is None:
             return recipe_named(name)
         return recipe_of(RecipeEntry(name=f"{name} calibrated", like=name, known=known))
-    if by != "shooting":
-        raise InputError(f"--by {by!r} is unknown; known is shooting")
+    if by not in ("shooting", "inverse_dynamics"):
+        raise InputError(f"--by {by!r} is unknown; known are shooting, inverse_dynamics")
     blocks = [part.strip() for part in free.split(",")] if free else None
-    start = "integral" if name == "shooting" else name
+    start = "integral" if name == by else name
     given = {"free": blocks, "fixed": fixed, "start": start, "known": known, **shooting}
-    return recipe_of(RecipeEntry(name="shooting", by="shooting", **given))
+    return recipe_of(RecipeEntry.model_validate({"name": by, "by": by, **given}))

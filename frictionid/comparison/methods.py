@@ -1,4 +1,4 @@
-"""Methods of fitting: the protocol of `Recipe`, `Shooting`, `CalibratedRecipe` and one's own."""
+"""Methods of fitting: the protocol of all recipes, and of one's own."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Fit(Protocol):
 
 
 class Method(Protocol):
-    """A way of fitting: `Recipe`, `Shooting`, `CalibratedRecipe`, or one's own.
+    """A way of fitting: `Recipe`, `Shooting`, `InverseDynamics`, `CalibratedRecipe`, or one's own.
 
     first_step : the one-step recipe that a fit uses, or begins with
     steps : all one-step recipes whose problems a fit needs
     needs_intervals : whether a fit needs the intervals of the measured angles
     calibrator : the recipe that estimates the calibration a fit needs, or None
-    scheme : "euler", "integral" or "shooting"
+    scheme : "euler", "integral", "shooting" or "inverse dynamics"
     corrects : parts of the calibration that correct the data
     """
 

@@ -21,6 +21,7 @@ from frictionid.comparison.registry import (
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
+from frictionid.inverse_dynamics import InverseDynamics, TorqueSettings
 from frictionid.shooting import CalibratedRecipe, DelayBlock, Settings, Shooting
 from frictionid.shooting.calibrated_recipe import PARTS
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
@@ -31,9 +32,10 @@ Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 ONE_STEP = Kind((Recipe,), internal=frozenset({"name", "states"}))
 SHOOTING = Kind((Settings,))
-_SHOOTING = Shooting()
-_NAMES = (*RECIPES, _SHOOTING.name)
-_BLOCK_KEYS = ("free", "fixed", "priors", "start")  # what only shooting has beside its settings
+TORQUES = Kind((TorqueSettings,))
+_REFINING: Mapping[str, Method] = {own.name: own for own in (Shooting(), InverseDynamics())}
+_NAMES = (*RECIPES, *_REFINING)
+_BLOCK_KEYS = ("free", "fixed", "priors", "start")  # what these have beside their settings
 
 
 class CalibrationEntry(Strict):
@@ -61,6 +63,10 @@ class RecipeEntry(Strict):
     `priors` standard deviations of blocks; `start` is the one-step recipe that it begins with; its
     other keys are those of the `Settings` of shooting.
 
+    With `by` = "inverse_dynamics" it is fitted to the balance of torques, with the same keys;
+    friction, base parameters, delay and bias are free where `free` is missing, and its other keys
+    are those of `TorqueSettings`.
+
     With a `calibration` the data are corrected by it, and fitted by the one-step recipe that `like`
     names. `known` names a model file in place of it: its base parameters, delay, gain, bias and
     offset are held, but for the blocks that shooting frees, which have its standard errors as
@@ -70,7 +76,7 @@ class RecipeEntry(Strict):
     model_config = ConfigDict(extra="allow", frozen=True, **STRICT)
 
     name: Name
-    by: Literal["shooting"] | None = None
+    by: Literal["shooting", "inverse_dynamics"] | None = None
     free: Annotated[list[str], Field(min_length=1)] | None = None
     fixed: list[str] | None = None
     priors: dict[str, Positive] | None = None
@@ -84,14 +90,18 @@ class RecipeEntry(Strict):
         **ONE_STEP.renamed,
         **SHOOTING.renamed,
     }
-    settings: ClassVar[tuple[str, ...]] = (*ONE_STEP.settings, *SHOOTING.settings)
+    settings: ClassVar[tuple[str, ...]] = (
+        *ONE_STEP.settings,
+        *SHOOTING.settings,
+        *(name for name in TORQUES.settings if name not in SHOOTING.settings),
+    )
 
     @property
     def is_one_step(self) -> bool:
-        """Whether it is neither a calibrated recipe nor one of shooting."""
+        """Whether it is neither a calibrated recipe nor one of shooting or inverse dynamics."""
         other = self.by, self.calibration, self.like, self.known
-        own_shooting = self.name == _SHOOTING.name and self.states is None
-        return other == (None,) * 4 and not own_shooting
+        refines = self.name in _REFINING and self.states is None
+        return other == (None,) * 4 and not refines
 
     def beside(self, folder: Path) -> RecipeEntry:
         """The table with its paths from a folder."""
@@ -140,6 +150,8 @@ def recipe_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) 
         raise InputError(
             f"{entry.where}: {steps[0]} belongs to one-step recipes, name one as start"
         )
+    if (entry.by or entry.name) == "inverse_dynamics":
+        return inverse_dynamics_of(entry, one_step)
     return shooting_of(entry, one_step)
 
 
@@ -148,6 +160,8 @@ def one_step_of(entry: RecipeEntry) -> Recipe:
     given = entry.keys(ONE_STEP, "states")
     if shots := list(entry.keys(SHOOTING, *_BLOCK_KEYS)):
         raise InputError(f'{entry.where}: {shots[0]} needs by = "shooting"')
+    if shots := list(entry.keys(TORQUES)):
+        raise InputError(f'{entry.where}: {shots[0]} needs by = "inverse_dynamics"')
     if entry.name in RECIPES:
         if given:
             first = next(iter(given))
@@ -175,11 +189,41 @@ def shooting_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None
     ]
     blocks = blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where)
     if entry.free is None:
-        blocks = tuple(
-            replace(b, where_sampled=True) if isinstance(b, DelayBlock) else b for b in blocks
-        )
-    settings = SHOOTING.build(entry.keys(SHOOTING), entry.where)
+        blocks = _sampled(blocks)
+    settings = SHOOTING.build(_only(SHOOTING, entry), entry.where)
     return Shooting(entry.name, blocks, settings, start, known)
+
+
+def inverse_dynamics_of(
+    entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None
+) -> InverseDynamics:
+    """Inverse dynamics with the blocks and settings of its table."""
+    if entry.known is not None:
+        raise InputError(f'{entry.where}: known needs by = "shooting"')
+    start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
+    settings = TORQUES.build(_only(TORQUES, entry), entry.where)
+    if entry.free is None:
+        own = InverseDynamics()
+        free = [block.name for block in own.blocks]
+        blocks = _sampled(blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where))
+    else:
+        blocks = blocks_of(entry.free, entry.fixed or [], entry.priors or {}, entry.where)
+    return InverseDynamics(entry.name, blocks, settings, start)
+
+
+def _sampled(blocks: tuple[ParameterBlock, ...]) -> tuple[ParameterBlock, ...]:
+    """The blocks, a delay only where a motor's torque is sampled."""
+    return tuple(replace(b, where_sampled=True) if isinstance(b, DelayBlock) else b for b in blocks)
+
+
+def _only(kind: Kind, entry: RecipeEntry) -> dict[str, Any]:
+    """The settings of a kind that the table has; it may have no other kind's."""
+    for other in (SHOOTING, TORQUES):
+        for key in entry.keys(other):
+            if key not in kind.settings:
+                by = "shooting" if other is SHOOTING else "inverse_dynamics"
+                raise InputError(f'{entry.where}: {key} needs by = "{by}"')
+    return entry.keys(kind)
 
 
 def _calibrated(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None) -> CalibratedRecipe:
@@ -250,7 +294,7 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
 def one_step_named(name: str, one_step: Mapping[str, Recipe] | None, where: str) -> Recipe:
     """One-step recipe of a name: "study", "integral", or one of a suite."""
     known = {**RECIPES, **(one_step or {})}
-    if name == _SHOOTING.name:
+    if name in _REFINING:
         raise InputError(f"{where} = {name!r} must be a one-step recipe")
     if name not in known:
         raise InputError(f"recipe {name!r} is unknown; {nearest(name, known)}")
@@ -258,7 +302,7 @@ def one_step_named(name: str, one_step: Mapping[str, Recipe] | None, where: str)
 
 
 def recipe_named(name: str) -> Method:
-    """Recipe that needs no settings: "study", "integral" or "shooting"."""
+    """Recipe that needs no settings: "study", "integral", "shooting" or "inverse_dynamics"."""
     if name not in _NAMES:
         raise InputError(f"recipe {name!r} is unknown; {nearest(name, _NAMES)}")
-    return RECIPES.get(name, _SHOOTING)
+    return RECIPES[name] if name in RECIPES else _REFINING[name]

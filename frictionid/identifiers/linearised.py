@@ -98,7 +98,7 @@ class Linearised(NamedTuple):
 
         The axes after the rows are those of the residual's joint, and of friction's joint j.
         """
-        at_nodes = _torque_gradient(self.friction(theta), self.problem)
+        at_nodes = torque_gradient(self.friction(theta), self.problem)
         F, S, n, P = at_nodes.shape
         mean = self.problem.mean(at_nodes.reshape(F, S, n * P))
         return self.problem.G[..., None] * mean.reshape(F, len(self.problem.r), 1, n, P)
@@ -156,7 +156,7 @@ def _some(problem: Problem, rows: slice) -> Problem:
     return replace(problem, nodes=nodes, stencil=stencil - low, **arrays)
 
 
-def _torque_gradient(friction: Friction, problem: Problem) -> Array:
+def torque_gradient(friction: Friction, problem: Problem) -> Array:
     """dTf_j/dtheta_jp along the nodes, (F, S, n, P)."""
     law, nodes, theta = friction.law, problem.nodes, friction.theta
     shape = (len(theta), *nodes.inputs.w.shape, theta.shape[-1])

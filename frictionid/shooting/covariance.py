@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
@@ -11,7 +13,7 @@ from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.meaningless_parameters import meaningless
-from frictionid.shooting.parameters.parameter_block import Parameter, values_of
+from frictionid.shooting.parameters.parameter_block import FreeBlock, Parameter, values_of
 from frictionid.shooting.problem import ShootingProblem
 from frictionid.shooting.sandwich import (
     SINGULAR,
@@ -25,6 +27,19 @@ _DRAWS = 2000
 # A peak that is not there is searched for at any velocity: over two decades of it, in which
 # velocities a factor of three apart find about independent peaks [Davies1987].
 _TRIALS = 5
+
+
+class FreeParameters(Protocol):
+    """What a covariance needs of a problem: blocks, their parameters, and priors of these (D,)."""
+
+    @property
+    def blocks(self) -> Sequence[FreeBlock]: ...
+    @property
+    def parameters(self) -> tuple[Parameter, ...]: ...
+    @property
+    def prior_precision(self) -> Array: ...
+    @property
+    def prior_mean(self) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +122,24 @@ def covariance_of(
 
     model_error : covariance (D, D) of errors that all recordings share, see `omitted_blocks`
     """
+    owner, clusters = (own[solution.closed] for own in clusters_of(problem, solution))
+    return grouped_covariance(problem, solution, owner, clusters, model_error)
+
+
+def grouped_covariance(
+    problem: FreeParameters,
+    solution: Solution,
+    owner: Array,
+    clusters: Array,
+    model_error: Array | float = 0.0,
+) -> Covariance:
+    """Covariance of a fit whose normal equations (W, D, D) are those of groups: windows, or more.
+
+    owner, clusters : (W,) recording, and cluster whose scatter counts, of each group in use
+    """
     parameters, free = problem.parameters, solution.free
     H = solution.curvature + np.diag(problem.prior_precision)
     singular, lost, words = _undetermined(H, free, parameters)
-    owner, clusters = (own[solution.closed] for own in clusters_of(problem, solution))
     once = free & shown_once(H, solution, clusters)
     keep = np.flatnonzero(free & ~once)
     D, count = len(parameters), len(np.unique(clusters))
@@ -191,7 +220,7 @@ def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -
     return f"{parameters[k].name} means nothing where {names} may be zero"
 
 
-def _left_over(problem: ShootingProblem, solution: Solution, H: Array) -> Array:
+def _left_over(problem: FreeParameters, solution: Solution, H: Array) -> Array:
     """What one more Gauss-Newton step would change in the parameters (D,), H^-1 g.
 
     Next to nothing where a fit has settled; where it has not, an error as good as any other.

@@ -22,7 +22,10 @@ from frictionid.shooting.parameters.parameter_block import (
     Logged,
     Parameter,
     ParameterBlock,
+    all_parameters,
     free_blocks,
+    prior_mean,
+    prior_precision,
 )
 from frictionid.shooting.sample_intervals import Intervals, logged_torque
 from frictionid.shooting.sampled_memory import memory_after_sample
@@ -73,17 +76,17 @@ class ShootingProblem:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """All free parameters, with the values that the fit begins with."""
-        return tuple(p for own in self.blocks for p in own.parameters)
+        return all_parameters(self.blocks)
 
     @property
     def prior_precision(self) -> Array:
         """Precision (D,) of the parameters' priors."""
-        return 1.0 / np.array([p.prior for p in self.parameters]) ** 2
+        return prior_precision(self.parameters)
 
     @property
     def prior_mean(self) -> Array:
         """Mean (D,) of the parameters' priors."""
-        return np.array([p.value if p.mean is None else p.mean for p in self.parameters])
+        return prior_mean(self.parameters)
 
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""

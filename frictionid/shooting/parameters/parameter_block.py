@@ -100,6 +100,21 @@ def free_blocks(blocks: Sequence[ParameterBlock], estimate: Estimate) -> tuple[F
     return tuple(out)
 
 
+def all_parameters(blocks: Sequence[FreeBlock]) -> tuple[Parameter, ...]:
+    """All free parameters, with the values that the fit begins with."""
+    return tuple(p for own in blocks for p in own.parameters)
+
+
+def prior_precision(parameters: Sequence[Parameter]) -> Array:
+    """Precision (D,) of the parameters' priors."""
+    return 1.0 / np.array([p.prior for p in parameters]) ** 2
+
+
+def prior_mean(parameters: Sequence[Parameter]) -> Array:
+    """Mean (D,) of the parameters' priors."""
+    return np.array([p.value if p.mean is None else p.mean for p in parameters])
+
+
 def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) -> Estimate:
     """The estimate with other values (D,) of all free parameters."""
     for own in blocks:
