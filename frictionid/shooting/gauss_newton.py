@@ -30,6 +30,7 @@ from frictionid.shooting.sample_intervals import cut_windows
 from frictionid.shooting.window_steps import (
     Point,
     cost_of,
+    counts_of,
     initial_state_damping,
     linearised_at,
     moved_nodes,
@@ -43,6 +44,8 @@ _WORSE = 1.02  # a cost that grows by more was a step too far
 _ROUNDS = 3  # of Huber weights in an iteration
 _LEAST_SHARE = 0.2  # of a Gauss-Newton step
 _LEADING = 4  # iterations of the stages before the last
+_CIRCLE = 8  # steps that may lead to and fro
+_DAMPED = 1e-2  # Levenberg damping that makes steps small by itself
 _NEAR = 0.5  # [standard errors]: steps with which those end
 _COARSE = 3.0  # times as long are their substeps near rest
 _TRACE = 1e-12  # of the information on the best known parameter
@@ -53,8 +56,8 @@ class Solution(NamedTuple):
 
     estimate; nodes (K, s); windows (W, N); residual (W, N + 1, n) [rad] after the last step, share
     (W, N + 1) and weight of each; sigma (n,) [rad]; normal equations of the windows before the last
-    step, and that step, move (D,); free (D,), parameters that are not at a bound; closed (W,),
-    windows that counted; converged, and the number of iterations.
+    step, as much as each counts, and that step, move (D,); free (D,), parameters that are not at a
+    bound; counts (W,), how much windows count; converged, and the number of iterations.
     """
 
     estimate: Estimate
@@ -67,9 +70,14 @@ class Solution(NamedTuple):
     normal: NormalEquations
     move: Array
     free: Array
-    closed: Array
+    counts: Array
     converged: bool = False
     iterations: int = 0
+
+    @property
+    def closed(self) -> Array:
+        """True (W,) for windows that counted."""
+        return self.counts > 0
 
     @property
     def curvature(self) -> Array:
@@ -94,19 +102,24 @@ class _Stage:
 class _Step(NamedTuple):
     """One iteration: the point of its linearisation, and the solution after its step.
 
-    damping : Levenberg's; share : of the Gauss-Newton step that was taken; largest : move of a
-    parameter [standard errors]
+    damping : Levenberg's; share : of the Gauss-Newton step that was taken; error : standard errors
+    (D,) of the parameters, infinite of those whose moves do not matter
     """
 
     point: Point
     solution: Solution
     damping: float
     share: float
-    largest: float
+    error: Array
+
+    @property
+    def largest(self) -> float:
+        """Largest move of a parameter in standard errors."""
+        return float((np.abs(self.solution.move) / self.error).max(initial=0.0))
 
     def converged(self, tolerance: float) -> bool:
         """Whether it moved no parameter by more than a share of its standard error."""
-        return bool(self.largest <= self.share * tolerance) and self.damping < 1e-2
+        return bool(self.largest <= self.share * tolerance) and self.damping < _DAMPED
 
 
 def solve(
@@ -156,16 +169,35 @@ def _solve_stage(stage: _Stage, estimate: Estimate, nodes: Array, sigma: Array) 
     settings = stage.problem.settings
     point = linearised_at(stage.problem, stage.windows, estimate, nodes, sigma)
     step, before = _next_step(stage, point, sigma, _DAMPING[0], 1.0), None
-    count, what = 1, f"windows of {stage.windows.shape[1]} samples"
-    report_step(what, settings.iterations - count)
-    while count < settings.iterations and not step.converged(settings.tolerance):
+    steps, what = [step], f"windows of {stage.windows.shape[1]} samples"
+    report_step(what, settings.iterations - 1)
+    while len(steps) < settings.iterations and not _converged(stage, steps):
         point, damping = _accepted_or_last(stage, step)
         share = _step_share(step, before)
         before, step = step, _next_step(stage, point, step.solution.sigma, damping, share)
-        count += 1
-        report_step(what, settings.iterations - count)
-    converged = step.converged(settings.tolerance)
-    return step.solution._replace(converged=converged, iterations=count)
+        steps.append(step)
+        report_step(what, settings.iterations - len(steps))
+    return step.solution._replace(converged=_converged(stage, steps), iterations=len(steps))
+
+
+def _converged(stage: _Stage, steps: Sequence[_Step]) -> bool:
+    """Whether the last step was small, or the last few led to and fro and nowhere.
+
+    Where the cost has a kink (a joint that just stops in some window), steps from either side of it
+    point to the other one and never become small. The solution is the kink: over the last steps
+    none of the parameters got on by more than the tolerance, nor left by more than half a standard
+    error.
+    """
+    tolerance, last = stage.problem.settings.tolerance, steps[-1]
+    if last.converged(tolerance):
+        return True
+    few = steps[-_CIRCLE:]
+    if len(few) < _CIRCLE or any(step.damping >= _DAMPED for step in few):
+        return False
+    own = [values_of(step.point.estimate, stage.problem.blocks) for step in few]
+    path = np.stack([*own, values_of(last.solution.estimate, stage.problem.blocks)]) / last.error
+    onward = np.abs(path[-1] - path[0]).max(initial=0.0)
+    return bool(onward <= tolerance and np.ptp(path, axis=0).max(initial=0.0) <= _NEAR)
 
 
 def _accepted_or_last(stage: _Stage, step: _Step) -> tuple[Point, float]:
@@ -220,8 +252,10 @@ def _next_step(stage: _Stage, point: Point, sigma: Array, damping: float, share:
     """The step from a linearised point, by least squares reweighted a few times."""
     weight = np.ones_like(point.prediction.error)
     slow = initial_state_damping(stage.problem, point, sigma)
+    counts = counts_of(point, sigma, stage.problem.settings.huber)
     for _ in range(_ROUNDS):
         normal = eliminate_states(point.prediction, weight, sigma, point.prior, slow)
+        normal = normal.weighted(counts)
         one = _solved(stage, point, normal, sigma, (damping, share))
         weight, sigma = one.weight, one.sigma
     wanted = values_of(point.estimate, stage.problem.blocks) + one.move
@@ -238,14 +272,14 @@ def _next_step(stage: _Stage, point: Point, sigma: Array, damping: float, share:
         normal=one.normal,
         move=one.move,
         free=free,
-        closed=~point.out,
+        counts=counts,
     )
     return _Step(
         point,
         solution,
         damping,
         share,
-        _largest(one.H, one.move, free, stage.problem.prior_precision),
+        _errors(one, free, stage.problem.prior_precision),
     )
 
 
@@ -259,10 +293,10 @@ def _solved(
     control : Levenberg damping, and the share of the Gauss-Newton step
     """
     prediction, value = point.prediction, values_of(point.estimate, stage.problem.blocks)
-    counts, precision, (low, high) = ~point.out * 1.0, stage.problem.prior_precision, stage.bounds
+    precision, (low, high) = stage.problem.prior_precision, stage.bounds
     damping, share = control
-    H = np.einsum("w,wij->ij", counts, normal.H) + np.diag(precision)
-    g = counts @ normal.g + precision * (stage.problem.prior_mean - value)
+    H = normal.H.sum(axis=0) + np.diag(precision)
+    g = normal.g.sum(axis=0) + precision * (stage.problem.prior_mean - value)
     damped = H + _missing_information(H, stage.problem.parameters)
     move = share * _bounded_step(damped, g, low - value, high - value, damping)
     start = normal.start - normal.to_start @ move
@@ -302,16 +336,26 @@ def _noise(residual: Array, share: Array, leverage: Array, sigma: Array) -> Arra
     return np.maximum(_MAD * np.median(np.abs(clean[known]), axis=0), 1e-3 * sigma)
 
 
-def _largest(H: Array, move: Array, free: Array, precision: Array) -> float:
-    """Largest move of a parameter in standard errors by the curvature alone.
+def _errors(one: _Round, free: Array, precision: Array) -> Array:
+    """Standard errors (D,) by which moves are judged.
 
-    Of parameters that are not at a bound and leave a trace, each by the share of its information
-    that comes from the data and not from its prior.
+    Infinite for parameters that are at a bound or leave no trace, and larger where a part of the
+    information comes from a prior. They are those by the curvature, or by the scatter between
+    windows where that is larger: what a model does not explain is an error that the samples of a
+    window share.
+
+        H^-1 (sum_w s_w s_w') H^-1,    s_w = g_w - H_w move
     """
-    own = H[np.ix_(free, free)]
+    own = one.H[np.ix_(free, free)]
     scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-    variance = np.diag(np.linalg.pinv(own / np.outer(scale, scale), hermitian=True)) / scale**2
+    inverse = np.linalg.pinv(own / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+    score = (one.normal.g - one.normal.H @ one.move)[:, free] @ inverse
+    variance = np.diag(inverse)
     by_data = np.clip(1.0 - precision[free] * variance, 0.0, 1.0)
-    known = variance > 0.0
-    size = np.abs(move[free][known]) * np.sqrt(by_data[known] / variance[known])
-    return float(size.max(initial=0.0))
+    known = (variance > 0.0) & (by_data > 0.0)
+    scatter = np.einsum("wd,wd->d", score, score)
+    error = np.full(len(free), np.inf)
+    error[np.flatnonzero(free)[known]] = np.sqrt(
+        np.maximum(variance, scatter)[known] / by_data[known]
+    )
+    return error

@@ -98,10 +98,10 @@ def _that_may_be_free(
 
 
 def _normal_equations(wider: ShootingProblem, solution: Solution) -> NormalEquations:
-    """Normal equations of all windows, under the weights that the fit ended with."""
+    """Normal equations of all windows, as much as each counted in the fit."""
     s = solution
     point = linearised_at(wider, s.windows, s.estimate, s.nodes, s.sigma)
-    return eliminate_states(point.prediction, s.weight, s.sigma, point.prior)
+    return eliminate_states(point.prediction, s.weight, s.sigma, point.prior).weighted(s.counts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,10 @@ from frictionid.shooting.windows import WindowPrediction, initial_state_prior, p
 _LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
 _MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
 _CLOSED, _OPEN = 0.1, 1.0  # [noise]: a typical gap when most have closed, and one that has not
+_HALF = 0.5  # of a lost window's cost: up to there a window counts fully
 _FAR = 2.0  # [noise], and noise per sample: a long step of an initial state
 _FEW = 0.15  # of the windows, which may be left out for good
+_OFTEN = 3  # steps that failed
 _SHUT = 0.05  # [noise]: smaller gaps do not matter
 
 
@@ -29,7 +31,8 @@ class Point(NamedTuple):
     prior : (2, W, 2n), see `eliminate_states`
     gap : (W,), how far nodes are from their window's prediction [standard deviations of the noise]
     damping : (W,) of the step of a window's initial state; out : (W,) windows that do not count
-    kinked : (W,) windows left out for good, as steps of their initial states fail near the solution
+    kinked : (W,) windows left out for good, as steps of their initial states fail again and again
+    failures : (W,) how often such steps have failed since most gaps closed
     """
 
     estimate: Estimate
@@ -41,6 +44,7 @@ class Point(NamedTuple):
     damping: Array
     out: Array
     kinked: Array
+    failures: Array
 
 
 def linearised_at(
@@ -60,12 +64,39 @@ def linearised_at(
     prior = initial_state_prior(intervals, nodes, first, weak, problem.settings.start_velocity)
     gap = (np.abs(prediction.moved[..., :n]) / sigma).max(axis=(1, 2))
     none = np.zeros(len(windows))
-    return Point(estimate, nodes, windows, prediction, prior, gap, none, none > 0, none > 0)
+    return Point(estimate, nodes, windows, prediction, prior, gap, none, none > 0, none > 0, none)
 
 
 def cost_of(prediction: WindowPrediction, out: Array, sigma: Array, huber: float) -> float:
-    """Huber's cost of all windows but those left `out` (W,)."""
-    return float(_costs(prediction, sigma, huber)[~out].sum())
+    """Cost of all windows but those left `out` (W,), tapered as `_taper` says."""
+    lost = _lost_cost(prediction, huber)
+    u = _taper(_costs(prediction, sigma, huber), lost)
+    own = np.minimum(_costs(prediction, sigma, huber), _HALF * lost)
+    more = (1.0 - _HALF) * lost * (u - 2 * u**3 / 3 + u**5 / 5)
+    return float((own + more)[~out].sum())
+
+
+def counts_of(point: Point, sigma: Array, huber: float) -> Array:
+    """How much windows (W,) count once most gaps have closed; all that are not out before.
+
+    The derivative of a window's tapered cost by its own one. It falls from one, at half the cost of
+    a lost window, to zero there: no window jumps between counting and not counting.
+
+        (1 - u^2)^2,    u = max(0, 2 cost / lost - 1)
+    """
+    if not _most_closed(point):
+        return ~point.out * 1.0
+    u = _taper(_costs(point.prediction, sigma, huber), _lost_cost(point.prediction, huber))
+    return np.asarray(~point.out * (1.0 - u**2) ** 2)
+
+
+def _most_closed(point: Point) -> bool:
+    return bool(np.median(point.gap) < _CLOSED)
+
+
+def _taper(cost: Array, lost: Array) -> Array:
+    """How far costs (W,) have gone from half that of a lost window, 0, to it, 1."""
+    return np.clip((cost / np.maximum(lost, 1e-300) - _HALF) / (1.0 - _HALF), 0.0, 1.0)
 
 
 def _costs(prediction: WindowPrediction, sigma: Array, huber: float) -> Array:
@@ -88,20 +119,24 @@ def with_windows_checked(
     These, and windows whose gap stays open, make a smaller step next; one that is not continuous
     does not count meanwhile.
     """
-    if not np.median(point.gap) < _CLOSED:
-        return point._replace(kinked=last.kinked, out=last.kinked)
+    if not _most_closed(point):
+        return point._replace(kinked=last.kinked, out=last.kinked, failures=last.failures)
     before, after = (_costs(x.prediction, sigma, huber) for x in (last, point))
     worse = ~(after < 1.3 * before + 2.0) & (last.gap < _OPEN)
     open_ = (point.gap > _SHUT) & (point.gap > 0.5 * last.gap)
     damping = np.where(worse | open_, np.maximum(10.0 * last.damping, 0.1), last.damping / 10.0)
     damping = np.where(damping < 0.01, 0.0, np.minimum(damping, 1e4))
     out = (damping > 0) & (point.gap > _OPEN) & ~worse
-    out |= ((damping > 0) | last.out) & (after >= 0.999 * _lost_cost(point.prediction, huber))
-    kinked = last.kinked | worse | open_
-    kinked = kinked if near and np.mean(kinked) < _FEW else last.kinked
+    failures = last.failures + (worse | (point.gap > _OPEN) & open_)
+    kinked = last.kinked | (failures >= _OFTEN)
+    if near:
+        kinked |= worse | open_
+    kinked = kinked if np.mean(kinked) < _FEW else last.kinked
     if worse.any():
         point = _with_windows_back(point, last, worse, move)
-    return point._replace(damping=damping, out=out | kinked, kinked=kinked)
+    return point._replace(
+        damping=damping, out=out | kinked, kinked=kinked, failures=failures
+    )
 
 
 def _with_windows_back(point: Point, last: Point, which: Array, move: Array) -> Point:

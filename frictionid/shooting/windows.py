@@ -79,7 +79,7 @@ def predict_windows(
     T[:, : 2 * n, : 2 * n] = np.eye(2 * n)
     for k in range(N):
         i, use, end = index[:, k], on[:, k], last[:, k]
-        moved[:, k], carried[:, k] = g, T
+        moved[use, k], carried[use, k] = g[use], T[use]
         error[use, k] = (intervals.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
         slope[use, k] = T[use, :n]
         weight[use, k] = intervals.weight_before[i][use]
@@ -134,6 +134,12 @@ class NormalEquations(NamedTuple):
     to_start: Array
     start: Array
     leverage: Array
+
+    def weighted(self, counts: Array) -> NormalEquations:
+        """What windows say of the shared parameters, each as much as it counts (W,)."""
+        on = counts > 0  # what is left out may be infinite
+        H = np.where(on[:, None, None], self.H * counts[:, None, None], 0.0)
+        return self._replace(H=H, g=np.where(on[:, None], self.g * counts[:, None], 0.0))
 
 
 def eliminate_states(
