@@ -21,9 +21,9 @@ from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.data_checks import check_blocks, check_data, warnings_of
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
 from frictionid.shooting.gauss_newton import Solution, solve
+from frictionid.shooting.limits_of_data import limits_of_data
 from frictionid.shooting.networks import as_given, on_arrays, with_combinations
 from frictionid.shooting.omitted_blocks import (
-    Omitted,
     model_error,
     omitted_blocks,
     sentences,
@@ -236,17 +236,19 @@ def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) ->
     estimate = solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted = omitted_blocks(problem, solution)
+    covariance = covariance_of(problem, solution, model_error(omitted))
+    more = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
     return Refined(
         as_given(fitted, given),
         fitted,
-        covariance_of(problem, solution, model_error(omitted)),
-        _diagnostics(problem, solution, omitted),
+        covariance,
+        _diagnostics(problem, solution, more),
         estimate.mechanism,
     )
 
 
 def _diagnostics(
-    problem: ShootingProblem, solution: Solution, omitted: Omitted | None
+    problem: ShootingProblem, solution: Solution, more: tuple[str, ...]
 ) -> Diagnostics:
     share = solution.share[..., None] * np.ones_like(solution.residual)
     square = (solution.residual / solution.sigma) ** 2 * share
@@ -259,7 +261,7 @@ def _diagnostics(
         _segments(problem, solution, odd, size),
         solution.converged,
         solution.iterations,
-        (*warnings_of(problem, solution), *sentences(omitted)),
+        (*warnings_of(problem, solution), *more),
     )
 
 

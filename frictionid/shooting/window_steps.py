@@ -134,9 +134,7 @@ def with_windows_checked(
     kinked = kinked if np.mean(kinked) < _FEW else last.kinked
     if worse.any():
         point = _with_windows_back(point, last, worse, move)
-    return point._replace(
-        damping=damping, out=out | kinked, kinked=kinked, failures=failures
-    )
+    return point._replace(damping=damping, out=out | kinked, kinked=kinked, failures=failures)
 
 
 def _with_windows_back(point: Point, last: Point, which: Array, move: Array) -> Point:

@@ -28,7 +28,11 @@ Given = Frictionless | Published
 
 
 def fitted(
-    name: str, data: Path, names: Sequence[str] | None = None, only: str | None = None
+    name: str,
+    data: Path,
+    names: Sequence[str] | None = None,
+    only: str | None = None,
+    free: Sequence[str] | None = None,
 ) -> dict[str, tuple[Friction, Refined]]:
     """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
     file = COMPARISONS / f"{name}_shooting.toml"
@@ -40,15 +44,14 @@ def fitted(
             continue
         dataset, apart = task.benchmark.dataset, task.benchmark.protocol.sample_time
         if names is not None:
-            chosen = tuple(r for r in dataset.recordings if r.name in names)
-            dataset = replace(dataset, recordings=chosen)
+            some = tuple(r for r in dataset.recordings if r.name in names)
+            dataset = replace(dataset, recordings=some)
         begins = []
         for recipe in (STUDY, task.recipe.start):
             problem = training_problem(dataset, plant_of(dataset), recipe, apart, 0.15)
             begins.append(task.identifier.fit(problem, np.ones((1, len(problem.r))), 0)[0])
-        found = refine(
-            begins[1], dataset, task.recipe.blocks, task.recipe.settings, sample_time=apart
-        )
+        blocks = [b for b in task.recipe.blocks if free is None or b.name in free]
+        found = refine(begins[1], dataset, blocks, task.recipe.settings, sample_time=apart)
         out[task.name] = begins[0], found
     return out
 
@@ -71,6 +74,24 @@ def test_a_string_pendulum_is_slowed_by_drag_and_not_by_coulomb_friction(real_da
     assert identified(quadratic) == {"drag of joint 1"}
     assert identified(levels) == {"viscous of joint 1"}
     assert quadratic.diagnostics.sigma < levels.diagnostics.sigma
+
+
+@pytest.mark.parametrize("law", ["coulomb_viscous", "asymmetric"])
+def test_a_carriage_that_stops_in_every_window_converges(real_data, law):
+    """Where predictions have kinks, steps lead to and fro."""
+    _, found = fitted("emps", real_data / "emps", only=law)[law]
+    assert found.diagnostics.converged
+
+
+def test_friction_that_falls_off_over_all_speeds_converges_and_says_so(real_data):
+    """Stribeck friction of the acrobot C.1, whose gears follow another law."""
+    data = real_data / "dfki_double_pendulum"
+    _, found = fitted("dfki_c1", data, only="stribeck", free=("friction", "inertia"))["stribeck"]
+    assert found.diagnostics.converged
+    place = found.friction.law.names.index("coulomb")
+    assert np.asarray(found.friction.theta)[1, place] == 0.0
+    said = " ".join(found.diagnostics.warnings)
+    assert "Coulomb of joint 2 ends at 0: friction falls off over all speeds" in said
 
 
 def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data):

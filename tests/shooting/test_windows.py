@@ -11,6 +11,7 @@ from fixtures import tiny_pendulums as tiny
 
 from frictionid.shooting.problem import Linearisation
 from frictionid.shooting.sample_intervals import cut_windows, intervals_of
+from frictionid.shooting.window_steps import Point, cost_of, counts_of
 from frictionid.shooting.windows import WindowPrediction, eliminate_states, predict_windows
 
 W, N, JOINTS, SHARED = 5, 7, 2, 3
@@ -92,6 +93,58 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
         assert np.isfinite(whole).all()
     assert not held.slope[1].any() and not held.moved[1].any()
     assert (np.abs(held.error[1]) > 100.0).all()
+
+
+def test_a_shorter_window_says_nothing_beyond_its_end():
+    """However far the series' first node is from the end of the first interval."""
+    rng = np.random.default_rng(4)
+    K = 2 * N
+    weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
+    before, after = rng.normal(size=(2, K, JOINTS))
+    intervals = SimpleNamespace(n=JOINTS, before=before, after=after, **weight)
+    nodes = rng.normal(size=(K, STATE))
+    lines = Linearisation(
+        end=nodes[np.r_[1:K, K - 1]] + np.r_[9.0, np.zeros(K - 1)][:, None],
+        by_start=np.tile(np.eye(STATE), (K, 1, 1)),
+        by=rng.normal(size=(K, STATE, SHARED)),
+        angle=np.zeros((SHARED, JOINTS)),
+    )
+    windows = np.stack([np.arange(N), np.where(np.arange(N) < 3, N + np.arange(N), -1)])
+    found = predict_windows(intervals, lines, nodes, windows, 0.0)
+    assert np.abs(found.moved[0]).max() > 1.0
+    assert np.abs(found.moved[1]).max() < 1e-9
+    assert not found.carried[1, 3:].any() and found.carried[1, :3].any()
+
+
+def test_a_window_counts_as_its_cost_grows():
+    """Fully while it is explained, not at all when it is lost, and without a jump."""
+    rng = np.random.default_rng(5)
+    off = np.linspace(0.0, 12.0, 400)
+    one = prediction_of(rng)
+    alike = WindowPrediction(*(np.repeat(x[:1], len(off), axis=0) for x in one))
+    alike = alike._replace(error=off[:, None, None] * np.ones_like(alike.error) * SIGMA)
+    none = np.zeros(len(off))
+    point = Point(None, none, none, alike, none, none, none, none > 0, none > 0, none)
+    counts = counts_of(point, SIGMA, 2.5)
+    assert counts[0] == 1.0 and counts[-1] == 0.0
+    assert (np.diff(counts) <= 0.0).all() and np.abs(np.diff(counts)).max() < 0.05
+    # derivatives of all costs by the logarithm of how far windows are off: those of plain ones
+    # (without an end to the growth of their costs) times what they count
+    step = 1e-5
+
+    def cost(grown):
+        each = alike._replace(error=alike.error * grown)
+        return np.array(
+            [cost_of(each.take([k]), none[:1] > 0, SIGMA, 2.5) for k in range(len(off))]
+        )
+
+    def plain(grown):
+        e = np.abs(alike.error * grown) / SIGMA
+        rho = np.where(e <= 2.5, e**2, 5.0 * e - 2.5**2) * alike.share[..., None]
+        return rho.sum(axis=(1, 2))
+
+    slope, full = ((f(1 + step) - f(1 - step)) / (2 * step) for f in (cost, plain))
+    np.testing.assert_allclose(slope, counts * full, atol=1e-4 * full.max())
 
 
 def test_each_angle_of_a_window_counts_by_its_own_noise():
