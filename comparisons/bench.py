@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from frictionid import simulate as simulated
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import (
     Protocol,
@@ -35,7 +36,6 @@ from frictionid.friction import Friction, along
 from frictionid.friction.laws import AsymmetricStribeck, Spline, Stribeck
 from frictionid.identifiers import LeastSquares, Linear, SINDy
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.simulate import Curve, load_rig, noise_free, simulate
 
 DATA = Path(__file__).parent.parent / "data"

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.data.plants import plant_of
 from frictionid.evaluation import (
     Split,
     curve_error,
@@ -28,7 +29,6 @@ from frictionid.friction import along
 from frictionid.friction.laws import LSTM, MLP
 from frictionid.identifiers import CompressedNetwork, Network
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of, training_problem
-from frictionid.mechanics import plant_of
 
 sys.path.append(str(Path(__file__).parent / "peers"))
 FOLDS, EPOCHS, BATCH = 10, 100, 32

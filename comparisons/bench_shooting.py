@@ -24,6 +24,7 @@ from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 from frictionid.comparison.cross_validate import Benchmark, run
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
@@ -40,7 +41,6 @@ from frictionid.evaluation import (
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.shooting import Refined, Shooting, refine
 from frictionid.shooting.parameters import (
     DelayBlock,

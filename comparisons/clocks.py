@@ -18,6 +18,7 @@ import numpy as np
 from frictionid.acquire.align import align
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
+from frictionid.mechanics import acrobot
 from frictionid.simulate import (
     Camera,
     Curve,
@@ -68,7 +69,7 @@ def tried(recording: Recording) -> list[float] | str:
     torque = recording.torque
     torque = torque._replace(time=(torque.time - OFFSET) / (1 + DRIFT))
     try:
-        found = align({"kind": "acrobot"}, recording.angle, torque)
+        found = align(acrobot(), recording.angle, torque)
     except InputError as error:
         return str(error)
     out = []

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from coverage_cases import DELAY, Case, rig_of
 
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Inputs
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.ols_covariance import half_widths
-from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.simulate.rig import true_system

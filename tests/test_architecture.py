@@ -19,8 +19,8 @@ from fixtures.paths import ROOT
 # From the bottom to the top: a module may import what stands before it, and its own package.
 LAYERS = (
     *("errors", "arrays", "compiled", "files", "shipped", "outputs", "config", "progress"),
-    "data",
     "mechanics",
+    "data",
     "simulate",
     "friction",
     "dynamics",

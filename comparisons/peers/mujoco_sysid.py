@@ -28,12 +28,12 @@ from exchange import Task, save
 from rich.console import Console
 from rich.table import Table
 
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
-from frictionid.mechanics import plant_of
 from frictionid.simulate import Curve, Rig, Stribeck, load_rig, simulate
 
 HERE = Path(__file__).parent

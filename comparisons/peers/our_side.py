@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from exchange import Task, load
 
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.shooting import refine
 
 LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": AsymmetricStribeck()}

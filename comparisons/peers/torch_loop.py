@@ -13,10 +13,10 @@ import numpy as np
 import torch
 
 from frictionid.data.integrals import averages
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Folds
 from frictionid.identifiers.formulation import STUDY, states_of
-from frictionid.mechanics import plant_of
 
 WINDOW = 9  # velocity samples that the dynamic model sees
 

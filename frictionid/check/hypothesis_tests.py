@@ -18,7 +18,7 @@ from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured
 from frictionid.check.rivals import SINGLED_OUT, findings_of, misfit
-from frictionid.mechanics import NO_MOTOR_REMEDY, torque_without_motor
+from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
 
 # A torque is called late where its delay exceeds this many standard errors and this time [s], and
 # removes this share of the sum of squares (healthy: at most 0.03).

@@ -14,10 +14,11 @@ from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import padded_series
 from frictionid.data.outliers import Smoothed, smoothed
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States, noise_left
-from frictionid.mechanics import Mechanism, Plant, plant_of
+from frictionid.mechanics import Mechanism, Plant
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.
 FINEST = 0.004

@@ -22,7 +22,7 @@ from frictionid.check.fine_structure import (
 from frictionid.check.gravity_model import gravity_share
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
-from frictionid.mechanics import Mechanism, mechanism_of
+from frictionid.mechanics import Mechanism
 
 Source = Literal["measured", "commanded", "modelled", "cannot tell"]
 
@@ -86,7 +86,7 @@ def torque_sources(dataset: Dataset) -> tuple[TorqueSource, ...]:
     commanded
     measured
     """
-    mechanism = mechanism_of(dataset.mechanism)
+    mechanism = dataset.mechanism
     out = []
     for j in np.flatnonzero(mechanism.driven).tolist():
         shown = [(r.name, _evidence(r, mechanism, j)) for r in dataset.recordings]

@@ -26,9 +26,9 @@ from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torq
 from frictionid.check.time_unit import in_seconds
 from frictionid.check.torque_source import TorqueSource, torque_sources
 from frictionid.check.unmeasured import unmeasured
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction
-from frictionid.mechanics import plant_of
 
 
 @dataclass(frozen=True, eq=False)

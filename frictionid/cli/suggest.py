@@ -50,7 +50,7 @@ def suggest(
     """Suggest torque signals, and say how well friction will be known from them."""
     from frictionid import excitation
     from frictionid.cli.progress import counted
-    from frictionid.mechanics import Plant, mechanism_of, parameters_of
+    from frictionid.mechanics import Plant, mechanism_of
     from frictionid.outputs import check_outputs
 
     places = _places(out, max(1, recordings))
@@ -59,7 +59,7 @@ def suggest(
     machine = mechanism_of(table)
     most = excitation.limits_of(limits, machine)
     experiment = excitation.Experiment(
-        Plant.from_parameters(machine, parameters_of(table, {})),
+        Plant.from_parameters(machine, machine.nominal()),
         excitation.prior_friction_of(friction, most),
         most,
         length=length,

@@ -10,13 +10,13 @@ from frictionid.check import torque_sources
 from frictionid.comparison.equations import with_equations
 from frictionid.comparison.methods import Method
 from frictionid.comparison.training_set import training_set
+from frictionid.data.plants import plant_of, refuse_torque_without_motor
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import EstimatedStates, Prepared, Protocol, screened, velocity_grid
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics import plant_of, refuse_torque_without_motor
 from frictionid.shooting import document_of
 
 

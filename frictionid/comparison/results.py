@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -50,7 +50,6 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.curves import slow_speed
 from frictionid.files import json_text, write_json
-from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.shooting.result_document import recordings_own
 
 # What a task's document must have for tables and figures.
@@ -111,9 +110,9 @@ def _about(prepared: Prepared) -> dict[str, Any]:
     w = speeds(dataset, prepared.smoothed)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     density = [np.histogram(w[:, j], 60, (grid[0, j], grid[-1, j]))[0] for j in range(w.shape[1])]
-    d = mechanism_of(dataset.mechanism)
+    d = dataset.mechanism
     return {
-        "mechanism": dataset.mechanism,
+        "mechanism": dataset.mechanism.table,
         "own_base": recordings_own(dataset),
         "joints": list(d.joints),
         "torque_unit": d.torque_units[0],
@@ -173,9 +172,8 @@ def _true_parameters(dataset: Dataset) -> dict[str, Any]:
     ]
     out: dict[str, Any] = {"friction": friction}
     if "rig" in table:
-        calibration, nominal = table["rig"], cast(Any, dataset.mechanism)
-        mechanism = mechanism_of(nominal)
-        base = mechanism.base(parameters_of(nominal, calibration.get("parameters", {})))
+        calibration, mechanism = table["rig"], dataset.mechanism
+        base = mechanism.base(mechanism.nominal(calibration.get("parameters", {})))
         out |= {"inertia": dict(zip(mechanism.base_names, base.tolist(), strict=True))}
         out |= {
             "delay": calibration.get("torque_delay", 0.0),

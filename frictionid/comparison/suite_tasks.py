@@ -18,12 +18,12 @@ from frictionid.comparison.suite_identifiers import (
 from frictionid.comparison.suite_recipes import recipes_of
 from frictionid.comparison.tasks import Task
 from frictionid.config import distinct
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import make_folds, true_calibration, true_friction
 from frictionid.identifiers import Published
-from frictionid.mechanics import plant_of
 
 
 def tasks_of(

@@ -52,7 +52,7 @@ class Task(NamedTuple):
     def digest(self) -> str:
         """SHA-256 of everything that the result depends on."""
         b = self.benchmark
-        data = [(d.name, d.mechanism, d.recordings, d.truth) for d in (b.dataset, *b.tests)]
+        data = [(d.name, d.mechanism.table, d.recordings, d.truth) for d in (b.dataset, *b.tests)]
         code = FORMAT, package_digest(), version("numpy"), foreign_source(self.identifier)
         settings = self.identifier, self.recipe, b.protocol, self.seed
         return digest_of((data, b.folds.hash, settings, code))

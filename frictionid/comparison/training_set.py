@@ -9,6 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.comparison.methods import Method
+from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     CalibratedView,
@@ -20,7 +21,6 @@ from frictionid.evaluation import (
 )
 from frictionid.identifiers.formulation import Recipe
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import CalibratedRecipe
 from frictionid.shooting.calibrated_recipe import part_of_calibration
 from frictionid.shooting.sample_intervals import Intervals, intervals_of

@@ -16,6 +16,7 @@ from frictionid.data.servo import Servo
 from frictionid.data.signal_checks import check_clocks, check_signal, column_count
 from frictionid.data.signals import TORQUE_HOLD, Signal
 from frictionid.errors import InputError
+from frictionid.mechanics import Mechanism, as_mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +127,8 @@ class Dataset:
     Attributes
     ----------
     name : str
-    mechanism : mapping
-        The [mechanism] table: kind, parameters and options of the kind.
+    mechanism : Mechanism
+        The nominal one; a [mechanism] table (kind, parameters and options) becomes one.
     recordings : tuple of Recording
         At least one, with different names and equally many joints.
     hashes : mapping of str to str
@@ -141,7 +142,7 @@ class Dataset:
     """
 
     name: str
-    mechanism: Mapping[str, object]
+    mechanism: Mechanism
     recordings: tuple[Recording, ...]
     hashes: Mapping[str, str] = field(default_factory=dict)
     origin: Mapping[str, str] = field(default_factory=dict)
@@ -149,6 +150,7 @@ class Dataset:
     columns: FrameColumns | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "mechanism", as_mechanism(self.mechanism))
         if not self.recordings:
             raise InputError(f"data set {self.name!r} needs at least one recording")
         for name in (self.name, *(r.name for r in self.recordings)):

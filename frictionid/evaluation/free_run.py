@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
@@ -29,7 +30,6 @@ from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
-from frictionid.mechanics.calibration import Calibration
 
 # A servo's torque is held for so long [s]; with 0.5 ms in its place the mean errors of published
 # models on real logs are the same to 1e-4 of 0.06 rad

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.data.sample_faults import LARGEST
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricLuGre, AsymmetricStribeck
-from frictionid.mechanics import mechanism_of, parameters_of
-from frictionid.mechanics.calibration import Calibration
 
 # The law of each kind of truth, and what its table has besides the steady-state curve. Stribeck
 # velocities and what follows stand in the order of the law's parameters.
@@ -84,10 +83,9 @@ def true_calibration(dataset: Dataset) -> Calibration | None:
     table: Any = (dataset.truth or {}).get("rig")
     if not isinstance(table, Mapping):
         return None
-    nominal: Any = dataset.mechanism
-    mechanism, parameters = mechanism_of(nominal), table.get("parameters") or {}
+    mechanism, parameters = dataset.mechanism, table.get("parameters") or {}
     gain, delay = float(table.get("torque_gain", 1.0)), float(table.get("torque_delay", 0.0))
     if not parameters and gain == 1.0 and delay == 0.0:
         return None
-    ideal = Calibration.ideal(mechanism.n, mechanism.base(parameters_of(nominal, parameters)))
+    ideal = Calibration.ideal(mechanism.n, mechanism.base(mechanism.nominal(parameters)))
     return replace(ideal, gain=gain * ideal.gain, delay=np.array(delay))

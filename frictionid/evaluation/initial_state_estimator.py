@@ -13,13 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import States
 from frictionid.dynamics.state import State
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Plant
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import SampleWindows, intervals_of, logged_torque, solve_states
 
 SAMPLES = 20

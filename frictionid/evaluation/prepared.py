@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration, calibrated_dataset, calibrated_plant
+from frictionid.data.plants import plant_of, refuse_torque_without_motor, unit_inertia_plant
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import (
     Estimator,
@@ -40,8 +42,7 @@ from frictionid.identifiers.formulation import (
 )
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.torque_outliers import without_torque_outliers
-from frictionid.mechanics import Plant, plant_of, refuse_torque_without_motor, unit_inertia_plant
-from frictionid.mechanics.calibration import Calibration, calibrated_dataset, calibrated_plant
+from frictionid.mechanics import Plant
 from frictionid.shooting import SampleWindows
 
 

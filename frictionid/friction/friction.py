@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
+from frictionid.data.calibration import Calibration
 from frictionid.friction.constraints import Constraints
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
-from frictionid.mechanics.calibration import Calibration
 
 
 class Nodes(NamedTuple):

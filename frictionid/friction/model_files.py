@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import imported, unknown
+from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.files import TEMPORARY, read_json, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
-from frictionid.mechanics.calibration import Calibration
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"

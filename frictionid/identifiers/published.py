@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import stack_calibrations
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics.calibration import stack_calibrations
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,27 @@ def _kind(table: Mapping[str, Any]) -> tuple[str, Callable[..., Mechanism]]:
     return kind, _KINDS[kind]
 
 
+def as_mechanism(given: Any) -> Mechanism:
+    """A mechanism as it is, and that of a [mechanism] table.
+
+    Raises
+    ------
+    InputError
+        For anything else, and as from `mechanism_of`.
+
+    >>> as_mechanism(pendulum(mass=0.5))
+    pendulum(mass=0.5)
+    """
+    if isinstance(given, Mechanism):
+        return given
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"a mechanism must be one of frictionid.mechanics, such as pendulum(mass=0.4, "
+            f"length=0.25), or a [mechanism] table, not {given!r:.60}"
+        )
+    return mechanism_of(given)
+
+
 def mechanism_options(build: Callable[..., Mechanism]) -> dict[str, Any]:
     """Options of a kind with their defaults; keywords of its constructor are its parameters.
 
@@ -79,16 +100,6 @@ def mechanism_options(build: Callable[..., Mechanism]) -> dict[str, Any]:
     """
     known = inspect.signature(build).parameters.values()
     return {p.name: p.default for p in known if p.kind is not p.KEYWORD_ONLY}
-
-
-def parameters_of(table: Mapping[str, Any], overrides: Mapping[str, float]) -> dict[str, float]:
-    """Physical parameters of the table's mechanism, overrides applied, see `Mechanism.nominal`."""
-    return mechanism_of(table).nominal(overrides)
-
-
-def with_defaults(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The table with the default of each required parameter that it does not give."""
-    return mechanism_of(table).with_defaults().table
 
 
 def _frozen(name: str, value: Any) -> Any:

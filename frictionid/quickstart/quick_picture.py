@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.mechanics import Mechanism, mechanism_of
+from frictionid.mechanics import Mechanism
 from frictionid.quickstart.quick import Candidate, Quick
 from frictionid.report.figures.panels import panel_grid, plain_logarithm, velocity_axis
 from frictionid.report.figures.style import COLOURS, DARK, GREY, drawing, key_above, line, rendered
@@ -22,7 +22,7 @@ def quick_picture(found: Quick) -> bytes:
 
 def quick_figure(found: Quick) -> Any:
     """For each joint friction over velocity, each fold thin; then the errors of the folds."""
-    mechanism = mechanism_of(found.check.regression.measured.dataset.mechanism)
+    mechanism = found.check.regression.measured.dataset.mechanism
     colours = _colours(found)
     joints = len(mechanism.joints)
     picture, panels = panel_grid(joints + 1, 3, 2.7, 0.4)

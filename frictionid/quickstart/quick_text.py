@@ -9,7 +9,6 @@ import numpy as np
 from frictionid.comparison.docstrings import summary
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.files import plain
-from frictionid.mechanics import mechanism_of
 from frictionid.quickstart.quick import FEWEST, Candidate, Quick
 from frictionid.report.console import console
 from frictionid.report.diagnostics import COLOURS
@@ -130,4 +129,4 @@ def _without(found: Quick) -> Candidate:
 
 def _unit(found: Quick) -> str:
     mechanism = found.check.regression.measured.dataset.mechanism
-    return mechanism_of(mechanism).position_units[0]
+    return mechanism.position_units[0]

@@ -14,7 +14,6 @@ from frictionid.check.facts import ClockFacts
 from frictionid.check.questions import answer_of
 from frictionid.check.regression import Estimate
 from frictionid.files import plain
-from frictionid.mechanics import mechanism_of
 from frictionid.report.console import console
 from frictionid.report.numbers import NOTHING
 from frictionid.report.tables import Column, Line, Table, for_terminal, line, text_columns
@@ -41,7 +40,7 @@ def as_json(verdict: Verdict) -> str:
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
-    description = mechanism_of(verdict.regression.measured.dataset.mechanism)
+    description = verdict.regression.measured.dataset.mechanism
     return description.position_units[0], description.torque_units[0]
 
 

@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 import pandas as pd
 
-from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.mechanics import mechanism_of
 from frictionid.report.estimates import Estimate, digits, estimates, interval, value_text
 from frictionid.report.numbers import MINUS, NOTHING
 from frictionid.report.sections import DataDescription, Model
@@ -94,7 +94,7 @@ def given_numbers(
     own = model.document.get("parameters")
     if data.mechanism and own:
         mechanism = mechanism_of(data.mechanism)
-        base = mechanism.base(parameters_of(data.mechanism, own)) + np.asarray(data.own_base)
+        base = mechanism.base(mechanism.nominal(own)) + np.asarray(data.own_base)
         out |= dict(zip(mechanism.base_names, map(float, base), strict=True))
     joints = model.document["joints"]
     for e in read:

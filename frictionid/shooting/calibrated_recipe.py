@@ -14,13 +14,13 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.identifiers.one_step_fit import OneStepFit, checked_fit
 from frictionid.identifiers.residual import Problem
-from frictionid.mechanics.calibration import Calibration, stack_calibrations
 from frictionid.shooting.recipe import Shooting, ShootingData, check_mechanism, refine_folds
 
 # Parts of a calibration that may correct the data, under the names of the blocks that free them.

@@ -8,7 +8,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
 from frictionid.shooting.problem import ShootingProblem
@@ -69,8 +68,8 @@ def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: f
     InputError
         Saying which.
     """
-    table = intervals.dataset.mechanism
-    if mechanism_of(table).position_units[0] == "rad":
+    mechanism = intervals.dataset.mechanism
+    if mechanism.position_units[0] == "rad":
         _check_unwrapped(intervals)
     _check_length(intervals, len(parameters), seconds)
     still = _still(intervals)
@@ -78,7 +77,7 @@ def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: f
         if parameter.block == "friction" and parameter.place and still[parameter.place[0]]:
             raise InputError(
                 f"data set {intervals.dataset.name!r}: joint {parameter.place[0] + 1} of the "
-                f"{table['kind']} never moves by more than the noise of its angle, so "
+                f"{mechanism.kind} never moves by more than the noise of its angle, so "
                 f"{parameter.name!r} does not show: give recordings in which it moves, or a "
                 "mechanism without it"
             )
@@ -155,8 +154,8 @@ def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
 
 def _scaled(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
     base: Array = np.asarray(solution.estimate.calibration.base)
-    mechanism, table = solution.estimate.mechanism, problem.intervals.dataset.mechanism
-    nominal = np.asarray(mechanism.base(parameters_of(table, {})))
+    mechanism = problem.intervals.dataset.mechanism
+    nominal = np.asarray(mechanism.base(mechanism.nominal()))
     size = float(np.median(np.abs(base) / np.maximum(np.abs(nominal), 1e-12)))
     if not 1 / _SCALE < size < _SCALE:
         yield (

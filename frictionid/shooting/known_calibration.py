@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.mechanics import mechanism_of
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.parameters.parameter_block import ParameterBlock
 
 _BLOCKS = ("inertia", "delay", "gain", "bias", "offset")
@@ -37,7 +36,7 @@ class KnownCalibration:
         InputError
             Where joints or base parameters are not as many.
         """
-        mechanism, base = mechanism_of(dataset.mechanism), self.calibration.base
+        mechanism, base = dataset.mechanism, self.calibration.base
         sizes = (self.calibration.gain.shape[-1], None if base is None else base.shape[-1])
         if sizes[0] != mechanism.n or sizes[1] not in (None, len(mechanism.base_names)):
             raise InputError(

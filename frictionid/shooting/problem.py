@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import calibrated_dataset, calibrated_plant
 from frictionid.data.signals import sample
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.mechanics import Plant
-from frictionid.mechanics.calibration import calibrated_dataset, calibrated_plant
 from frictionid.shooting.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,

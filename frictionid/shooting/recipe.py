@@ -10,12 +10,12 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array, namespace
+from frictionid.data.calibration import stack_calibrations
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe, TrainingData
 from frictionid.identifiers.one_step_fit import OneStepFit
-from frictionid.mechanics.calibration import stack_calibrations
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
 from frictionid.shooting.known_calibration import KnownCalibration
 from frictionid.shooting.parameters import ParameterBlock

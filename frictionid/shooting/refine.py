@@ -10,13 +10,13 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States, slowest_speeds
 from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.torque_outliers import without_torque_outliers
-from frictionid.mechanics import mechanism_of, parameters_of, plant_of
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.data_checks import check_blocks, check_data, warnings_of
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
@@ -201,9 +201,8 @@ def prepare_fit(
 
     use : (K,) true for the intervals that may be used, all by default
     """
-    table = intervals.dataset.mechanism
-    mechanism = mechanism_of(table)
-    base = mechanism.base(parameters_of(table, friction.parameters))
+    mechanism = intervals.dataset.mechanism
+    base = mechanism.base(mechanism.nominal(friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use

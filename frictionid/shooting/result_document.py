@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.mechanics import mechanism_of, parameters_of, plant_of
 from frictionid.shooting.combination_law import CombinationLaw
 from frictionid.shooting.parameters.parameter_block import Parameter
 from frictionid.shooting.refine import Refined
@@ -91,8 +91,8 @@ def recordings_own(dataset: Dataset) -> Array:
 
 
 def _table_base(dataset: Dataset) -> Array:
-    table: Any = dataset.mechanism
-    return np.asarray(mechanism_of(table).base(parameters_of(table, {})), dtype=float)
+    mechanism = dataset.mechanism
+    return np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
 
 
 def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | None:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, relative_noise, sample
@@ -15,7 +16,6 @@ from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.residual import GAP
-from frictionid.mechanics.calibration import Calibration
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration, calibrated_plant
 from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.calibration import Calibration, calibrated_plant
 from frictionid.shooting.sample_intervals import Intervals, logged_torque
 
 _COUNT = 500

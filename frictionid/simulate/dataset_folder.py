@@ -27,7 +27,6 @@ from frictionid.data.two_clock_table import (
 )
 from frictionid.errors import InputError
 from frictionid.files import exchange, read_bytes
-from frictionid.mechanics import mechanism_of
 from frictionid.outputs import check_writable
 from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
 
@@ -71,7 +70,7 @@ def write_dataset(
 
 def _files(dataset: Dataset) -> dict[str, bytes]:
     """Content of each file by its name."""
-    driven = mechanism_of(dataset.mechanism).driven
+    driven = dataset.mechanism.driven
     tables = {f"{r.name}.csv": _table(r, driven) for r in dataset.recordings}
     document = _document(dataset, driven)
     document["sha256"] = {name: hashlib.sha256(text).hexdigest() for name, text in tables.items()}
@@ -91,7 +90,7 @@ def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
     return {
         "name": dataset.name,
         **dataset.origin,
-        "mechanism": dict(dataset.mechanism),
+        "mechanism": dataset.mechanism.table,
         "columns": columns,
         "recordings": {"patterns": ["*.csv"]},
     }

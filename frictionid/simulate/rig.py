@@ -10,7 +10,7 @@ from pydantic import Field
 from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.mechanics import Mechanism, mechanism_of, parameters_of, with_defaults
+from frictionid.mechanics import Mechanism, as_mechanism
 from frictionid.simulate.load_friction import LoadFriction
 from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.torques import AnyCommand
@@ -65,8 +65,8 @@ class Rig:
     Parameters
     ----------
     name : str
-    mechanism : dict
-        Nominal [mechanism] table; what it does not give has the default, see `nominal_table`.
+    mechanism : Mechanism, or a [mechanism] table, which becomes one
+        The nominal one; what it does not give has the default, see `nominal_mechanism`.
     friction : Stribeck, FilmLag, LuGre or LoadFriction
     camera : Camera
     recordings : tuple of Run
@@ -85,7 +85,7 @@ class Rig:
     """
 
     name: str
-    mechanism: dict[str, Any]
+    mechanism: Any
     friction: AnyFriction
     camera: Camera
     recordings: tuple[Run, ...]
@@ -99,13 +99,14 @@ class Rig:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        object.__setattr__(self, "mechanism", as_mechanism(self.mechanism))
         mechanism = nominal_mechanism(self)
         if self.friction.curve.n != mechanism.n:
             raise InputError(
                 f"friction has numbers for {self.friction.curve.n} joints, "
-                f"the {self.mechanism['kind']} has {mechanism.n}"
+                f"the {mechanism.kind} has {mechanism.n}"
             )
-        parameters_of(nominal_table(self), self.true_parameters)
+        mechanism.nominal(self.true_parameters)
         if not self.recordings:
             raise InputError("a rig needs at least one recording")
         seen: set[str] = set()
@@ -116,20 +117,16 @@ class Rig:
             _check_run(run, mechanism)
 
 
-def nominal_table(rig: Rig) -> dict[str, Any]:
-    """Nominal [mechanism] table of the data set, complete: the machine is what the rig says."""
-    return with_defaults(rig.mechanism)
-
-
 def nominal_mechanism(rig: Rig) -> Mechanism:
-    """Mechanism of the rig; its parameters, nominal or true, are arguments."""
-    return mechanism_of(rig.mechanism)
+    """Mechanism of the rig, complete: the machine is what the rig says."""
+    mechanism: Mechanism = rig.mechanism
+    return mechanism.with_defaults()
 
 
 def true_system(rig: Rig) -> TrueSystem:
     """Mechanism with its true parameters and true friction."""
     mechanism = nominal_mechanism(rig)
-    parameters = parameters_of(nominal_table(rig), rig.true_parameters)
+    parameters = mechanism.nominal(rig.true_parameters)
     p: Array = mechanism.base(parameters)
     return TrueSystem(mechanism, p, rig.friction, parameters)
 

@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.simulate.integrate import integrate_motion
-from frictionid.simulate.rig import Rig, Run, nominal_mechanism, nominal_table, true_system
+from frictionid.simulate.rig import Rig, Run, nominal_mechanism, true_system
 
 ORIGIN = "simulated by frictionid simulate"
 # Commands are multiples of 1e-6 N m, so that the tables hold them exactly.
@@ -47,7 +47,7 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
     texts = {"description": rig.description, "licence": rig.licence, "citation": rig.citation}
     return Dataset(
         name=rig.name,
-        mechanism=nominal_table(rig),
+        mechanism=nominal_mechanism(rig),
         recordings=tuple(recordings),
         origin={"origin": ORIGIN, **{key: text for key, text in texts.items() if text}},
         truth={**rig.friction.table(), "rig": _rig_table(rig, seed)},

@@ -34,7 +34,7 @@ from frictionid.check.motion import motions_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.mechanics import mechanism_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
 from frictionid.simulate.film import write_film
 from frictionid.simulate.rig_file import load_film
@@ -350,7 +350,7 @@ def test_one_pulse_of_torque_is_found_in_the_log():
     angle, log = pulsed(4.0)
     mechanism = mechanism_of(TABLE)
     still = Recording("motion", angle, Signal(angle.time, 0 * angle.value))
-    nominal = mechanism.base(parameters_of(TABLE, {}))
+    nominal = mechanism.base(mechanism.nominal())
     found = coarse_offset(mechanism, nominal, unit_rows(mechanism, motions_of([still])), angle, log)
     assert found.offset == pytest.approx(OFFSET, abs=5e-3)
     assert found.unexplained < 0.1 and found.runner_up[1] > 0.2

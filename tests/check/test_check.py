@@ -22,6 +22,7 @@ from frictionid.check.verdict import judge
 from frictionid.cli import main
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.integrals import integrals_of
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
@@ -30,7 +31,6 @@ from frictionid.evaluation import Protocol, prepare
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
-from frictionid.mechanics import plant_of
 from frictionid.report.diagnostics import as_json
 from frictionid.report.figures.diagnostics import write_pictures
 from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate

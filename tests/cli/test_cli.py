@@ -16,12 +16,12 @@ from frictionid.comparison.registry import friction_of
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
 from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.files import read_json
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.identifiers.one_step_fit import checked_fit
-from frictionid.mechanics import plant_of
 
 COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
 

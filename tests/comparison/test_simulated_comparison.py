@@ -8,12 +8,12 @@ from fixtures.paths import DATA
 
 from frictionid import load_dataset
 from frictionid.arrays import Array
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.simulate import load_rig, noise_free, simulate
 
 

@@ -41,7 +41,7 @@ def test_values_arrive_unchanged_in_si(tmp_path):
 def test_the_descriptions_tables_are_kept_as_they_stand(tmp_path):
     document = described(truth={"law": "stribeck", "theta": [1, 2.5]}, licence="MIT")
     dataset = load(tmp_path, document)
-    assert dataset.mechanism == document["mechanism"]
+    assert dataset.mechanism.table == document["mechanism"]
     assert dataset.truth == document["truth"]
     assert dataset.origin == {"licence": "MIT"}
     content = (tmp_path / "a.csv").read_bytes()

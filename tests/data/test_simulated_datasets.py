@@ -11,7 +11,6 @@ from fixtures.paths import DATA
 from frictionid.arrays import Array, inverse, times
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
-from frictionid.mechanics import mechanism_of, parameters_of
 from frictionid.simulate import load_rig, simulate
 
 NAMES = ("acrobot_sim", "acrobot_clean", "acrobot_lag", "acrobot_lugre")
@@ -109,8 +108,8 @@ HISTORY = 9
 
 def one_step(dataset: Dataset) -> tuple[Array, Array, Array, Array]:
     """Euler residual r (K, n), G (K, n, n), last velocities (K, 9, n), number of recording (K,)."""
-    mechanism = mechanism_of(dataset.mechanism)
-    p = mechanism.base(parameters_of(dataset.mechanism, {}))
+    mechanism = dataset.mechanism
+    p = mechanism.base(mechanism.nominal())
     parts = []
     for number, recording in enumerate(dataset.recordings):
         q, u = recording.angle.value, recording.torque.value

@@ -8,12 +8,12 @@ from fixtures.tiny_pendulums import dataset, recordings, shortened
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Split, make_folds
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
-from frictionid.mechanics import plant_of
 
 KINDS = ("recordings", "blocks", "shuffled")
 

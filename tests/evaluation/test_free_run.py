@@ -11,6 +11,8 @@ from fixtures.tiny_pendulums import recordings as torque_driven_recordings
 from scipy.integrate import solve_ivp
 
 from frictionid.comparison.cross_validate import Benchmark, run
+from frictionid.data.calibration import Calibration
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import Signal
@@ -37,8 +39,6 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.mechanics import plant_of
-from frictionid.mechanics.calibration import Calibration
 
 MASS, LENGTH, KT, R = 0.5, 0.1, 0.37, 2.9
 TABLE = {"kind": "pendulum", "motor": True, "parameters": {"mass": MASS, "length": LENGTH}}

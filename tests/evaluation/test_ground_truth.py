@@ -5,12 +5,12 @@ import pytest
 from fixtures.paths import DATA
 
 from frictionid import load_dataset
+from frictionid.data.plants import plant_of
 from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.evaluation import make_initial_states, steady_state, true_friction
 from frictionid.evaluation.rollouts import predict
 from frictionid.friction import Friction, at_rest
-from frictionid.mechanics import plant_of
 from frictionid.simulate import Curve, FilmLag, LuGre
 
 CURVE = Curve((0.1, 0.05), (0.12, 0.06), (0.01, 0.0), (0.04, 0.03), (0.02, 0.05), (1.0, 2.0))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from frictionid.comparison.registry import friction_of
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.state_estimators import KalmanFilter
 from frictionid.evaluation import (
@@ -22,7 +23,6 @@ from frictionid.evaluation import (
 from frictionid.friction.laws import MotorLoad
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 
 pytestmark = pytest.mark.real
 

@@ -16,6 +16,7 @@ from fixtures.tiny_pendulums import (
     shortened,
 )
 
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import KalmanFilter, States
@@ -36,7 +37,6 @@ from frictionid.evaluation import (
 )
 from frictionid.friction import Friction, Nodes, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction
-from frictionid.mechanics import plant_of
 
 HORIZONS = (0.1, 0.3)
 

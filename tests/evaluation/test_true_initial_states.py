@@ -9,6 +9,8 @@ from fixtures.score_frames import select
 from fixtures.tiny_pendulums import TRUTH, dataset
 
 from frictionid import load_dataset
+from frictionid.data.calibration import Calibration, stack_calibrations
+from frictionid.data.plants import plant_of
 from frictionid.evaluation import (
     Protocol,
     Split,
@@ -21,8 +23,6 @@ from frictionid.evaluation import (
 )
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.mechanics import plant_of
-from frictionid.mechanics.calibration import Calibration, stack_calibrations
 
 PROTOCOL = Protocol(horizons=(0.5,), true_initial_states=True)
 

@@ -8,13 +8,14 @@ import pytest
 from fixtures import tiny_pendulums as tiny
 from fixtures.paths import ROOT
 
+from frictionid.data.plants import plant_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import Quadratic as BuiltIn
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
-from frictionid.mechanics import Plant, double_pendulum, plant_of
+from frictionid.mechanics import Plant, double_pendulum
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.parameters import FrictionBlock
 

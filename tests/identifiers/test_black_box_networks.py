@@ -11,6 +11,7 @@ from fixtures.black_box_pendulum import acceleration, fitted, pendulum
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.data.plants import unit_inertia_plant
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction, along
@@ -20,7 +21,6 @@ from frictionid.identifiers import BlackBox, Identifier, Network, StateNetwork, 
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem
-from frictionid.mechanics import unit_inertia_plant
 
 KINDS = ["blackbox_mlp", "blackbox_lstm"]
 # Errors that each stays below: of acceleration, relative, and of the angle after 0.25 s [rad].

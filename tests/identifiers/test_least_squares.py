@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 from frictionid.arrays import times
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
@@ -24,7 +25,6 @@ from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.identifiers.initial_guess import best_initial_guess
 from frictionid.identifiers.residual import mask_stiction
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.mechanics import plant_of
 
 CLEAN = DATA / "acrobot_clean"
 STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])

@@ -17,6 +17,7 @@ from frictionid.comparison.suite import IdentifierEntry, load_suite
 from frictionid.comparison.suite_identifiers import identifier_of
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import prepare_benchmarks, run_tasks
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.files import read_json
@@ -24,7 +25,6 @@ from frictionid.friction import Friction, along
 from frictionid.friction.laws import check_law
 from frictionid.identifiers import Frictionless, Identifier, check_identifier
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
-from frictionid.mechanics import plant_of
 
 FILE = ROOT / "comparisons" / "own_friction.py"
 

@@ -15,6 +15,7 @@ from frictionid.cli import main
 from frictionid.comparison.equations import with_equations
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.files import read_json
@@ -26,7 +27,6 @@ from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.identifiers.ols_covariance import half_widths
 from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting
 from frictionid.shooting.parameters import FrictionBlock
 from frictionid.shooting.parameters.friction import on_support

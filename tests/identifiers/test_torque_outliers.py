@@ -7,6 +7,7 @@ import pytest
 from fixtures.paths import DATA
 from scipy.sparse import block_diag, csr_array
 
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
@@ -15,7 +16,6 @@ from frictionid.identifiers.torque_outliers import (
     torque_outliers,
     without_torque_outliers,
 )
-from frictionid.mechanics import plant_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
 
 

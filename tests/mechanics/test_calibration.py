@@ -8,20 +8,21 @@ import numpy as np
 import pytest
 
 from frictionid.comparison.registry import LAWS
+from frictionid.data.calibration import (
+    Calibration,
+    calibrated_dataset,
+    calibrated_plant,
+    stack_calibrations,
+)
 from frictionid.data.integrals import averages
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.mechanics import mechanism_of, plant_of
-from frictionid.mechanics.calibration import (
-    Calibration,
-    calibrated_dataset,
-    calibrated_plant,
-    stack_calibrations,
-)
+from frictionid.mechanics import mechanism_of
 
 ACROBOT = {"kind": "acrobot", "parameters": {"m4": 0.084}}
 

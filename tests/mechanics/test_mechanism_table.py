@@ -15,7 +15,6 @@ from frictionid.mechanics import (
     acrobot,
     double_pendulum,
     mechanism_of,
-    parameters_of,
     pendulum,
 )
 from frictionid.mechanics.lagrange import equations_of_motion
@@ -35,12 +34,12 @@ def test_table_builds_the_mechanism_with_its_options():
 
 def test_table_parameters_go_before_defaults_and_overrides_before_both():
     table = {"kind": "acrobot", "parameters": {"m4": 0.1, "m3": 0.2}}
-    p = parameters_of(table, {"m4": 0})
+    p = mechanism_of(table).nominal({"m4": 0})
     assert p == acrobot().defaults | {"m3": 0.2, "m4": 0}
     assert table["parameters"] == {"m4": 0.1, "m3": 0.2}
     given = {"mass": 2.0, "length": 0.5}
     table = {"kind": "pendulum", "parameters": given}
-    assert parameters_of(table, {}) == pendulum().defaults | given
+    assert mechanism_of(table).nominal({}) == pendulum().defaults | given
 
 
 @pytest.mark.parametrize(
@@ -80,15 +79,15 @@ def test_a_wrong_table_is_reported_with_the_mistake(table, message):
     with pytest.raises(InputError, match=message):
         mechanism_of(table)
     with pytest.raises(InputError, match=message):
-        parameters_of(table, {})
+        mechanism_of(table).nominal({})
 
 
 def test_a_wrong_override_is_reported_with_the_mistake():
     table = {"kind": "acrobot"}
     with pytest.raises(InputError, match="no parameter 'rotr'; did you mean 'rotor'"):
-        parameters_of(table, {"rotr": 1.0})
+        mechanism_of(table).nominal({"rotr": 1.0})
     with pytest.raises(InputError, match="m4 = None must be a finite number"):
-        parameters_of(table, {"m4": None})
+        mechanism_of(table).nominal({"m4": None})
 
 
 @pytest.mark.parametrize(
@@ -115,12 +114,12 @@ def test_a_wrong_override_is_reported_with_the_mistake():
 def test_a_machine_that_cannot_be_is_refused_by_name(kind, given, message):
     """Without a mass or length nothing is assumed, and none is negative."""
     with pytest.raises(InputError, match=message):
-        parameters_of({"kind": kind, "parameters": given}, {})
+        mechanism_of({"kind": kind, "parameters": given}).nominal({})
 
 
 def test_what_a_recording_gives_need_not_stand_in_the_table():
     table = {"kind": "pendulum", "parameters": {"length": 0.5}}
-    assert parameters_of(table, {"mass": 2.0})["mass"] == 2.0
+    assert mechanism_of(table).nominal({"mass": 2.0})["mass"] == 2.0
 
 
 def test_wrong_options_are_refused_by_the_mechanisms_themselves():

@@ -6,10 +6,11 @@ import torch
 from fixtures.random_machines import MECHANISMS, assert_same_terms, close, physical, states
 
 from frictionid.arrays import plain
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.mechanics import Plant, acrobot, pendulum, plant_of
+from frictionid.mechanics import Plant, acrobot, pendulum
 
 
 def recording(name, parameters):
@@ -80,7 +81,7 @@ def test_recordings_keep_their_own_parameters_before_replacements_and_the_table(
     replaced = plant_of(data, {"m4": 0.5, "m3": 0.3})
     np.testing.assert_array_equal(replaced.parameters["m4"], [0.5, 0.0])
     np.testing.assert_array_equal(replaced.parameters["m3"], [0.3, 0.3])
-    assert data.mechanism["parameters"] == {"m4": 0.084, "m3": 0.2}
+    assert data.mechanism.values == {"m4": 0.084, "m3": 0.2}
 
 
 def test_plant_of_a_data_set_refuses_a_wrong_replacement():

@@ -8,10 +8,10 @@ from matplotlib.colors import to_hex
 
 from frictionid.check.balance_windows import unit_rows
 from frictionid.check.motion import motions_of
+from frictionid.data.plants import plant_of
 from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loops
 from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
-from frictionid.mechanics import plant_of
 from frictionid.report.figures.alignment import least_squares_friction
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.loops import loop_pictures

@@ -8,6 +8,7 @@ from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 
 from frictionid.comparison.suite import load_suite
+from frictionid.data.plants import plant_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.evaluation.hysteresis import (
@@ -18,7 +19,6 @@ from frictionid.evaluation.hysteresis import (
 )
 from frictionid.friction import Friction, Law, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
-from frictionid.mechanics import plant_of
 from frictionid.report.figures.learning import learning_curves, losses_of
 from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.style import drawing, rendered, styles

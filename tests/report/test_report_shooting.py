@@ -22,7 +22,7 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.identifiers import LeastSquares
-from frictionid.mechanics import mechanism_of, parameters_of
+from frictionid.mechanics import mechanism_of
 from frictionid.report import show_refined, write
 from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.correlation import STRONG, correlation
@@ -126,7 +126,7 @@ def test_numbers_are_those_of_the_fit(numbers, document):
 
 def test_nominal_and_true_values_stand_beside(numbers):
     mechanism = mechanism_of(PENDULUM)
-    nominal, true = (mechanism.base(parameters_of(PENDULUM, p)) for p in ({}, HEAVIER))
+    nominal, true = (mechanism.base(mechanism.nominal(p)) for p in ({}, HEAVIER))
     inertia = numbers[numbers["block"] == "inertia"]
     assert inertia["nominal"].to_numpy() == pytest.approx(nominal, rel=1e-8)
     assert inertia["true"].to_numpy() == pytest.approx(true, rel=1e-8)
@@ -148,7 +148,7 @@ def test_numbers_of_given_models_stand_beside(computed):
     assert [column.name for column in table.columns if column.name.startswith("M")] == ["M1"]
     beside = {line.cells[1].text: line.cells[-1].text for line in table.lines}
     mechanism = mechanism_of(PENDULUM)
-    base = mechanism.base(parameters_of(PENDULUM, HEAVIER))
+    base = mechanism.base(mechanism.nominal(HEAVIER))
     for name, value in zip(mechanism.base_names, base, strict=True):
         assert float(beside[name]) == pytest.approx(value, rel=0.01)
     assert float(beside["coulomb"]) == 0.5
@@ -383,7 +383,7 @@ def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
         found[name] = [p for p in document["parameters"] if p["block"] == "inertia"]
     mechanism = mechanism_of(PENDULUM)
     for k, (table, own) in enumerate(zip(found["table"], found["own"], strict=True)):
-        true = float(mechanism.base(parameters_of(PENDULUM, HEAVIER))[k])
+        true = float(mechanism.base(mechanism.nominal(HEAVIER))[k])
         assert own["nominal"] == pytest.approx(true, rel=1e-12)
         # the motion says the same, whatever is nominal
         assert own["value"] == pytest.approx(table["value"], rel=1e-3)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from frictionid.data.calibration import Calibration
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.mechanics import mechanism_of
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.meaningless_parameters import meaningless
 from frictionid.shooting.parameters import Estimate, FrictionBlock

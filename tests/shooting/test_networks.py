@@ -11,13 +11,13 @@ import torch
 from fixtures.learned_laws import Film, Recurrent, Static
 
 from frictionid.data.integrals import averages
+from frictionid.data.plants import plant_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation.curves import curve_error, curves, velocity_grid
 from frictionid.evaluation.ground_truth import steady_state
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import AsymmetricStribeck, WindowMLP, check_law
-from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, Shooting, document_of, refine, refine_folds
 from frictionid.shooting.combination_law import CombinationLaw
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock

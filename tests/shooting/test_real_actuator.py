@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from frictionid.comparison.registry import friction_of
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.friction.laws import MotorLoad
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.parameters import ActuatorBlock, FrictionBlock
 

@@ -13,12 +13,12 @@ from fixtures.paths import ROOT
 from frictionid.comparison.registry import friction_of
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model, score_value, with_parameters
 from frictionid.friction import Friction
 from frictionid.identifiers import Frictionless, Published
 from frictionid.identifiers.formulation import STUDY, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.shooting import Refined, Shooting, refine
 
 pytestmark = pytest.mark.real

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.parameters import (
     BiasBlock,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from frictionid.comparison.registry import LAWS
+from frictionid.data.calibration import Calibration, calibrated_dataset, stack_calibrations
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, applied_voltage, servo_torque
 from frictionid.data.signals import Signal, sample
@@ -17,7 +18,6 @@ from frictionid.evaluation.prepared import with_calibration
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.mechanics.calibration import Calibration, calibrated_dataset, stack_calibrations
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.parameters import (
     ActuatorBlock,

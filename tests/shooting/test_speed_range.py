@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures.command_line import run_command
 
+from frictionid.data.plants import plant_of
 from frictionid.errors import InputError
 from frictionid.evaluation import curves, velocity_grid
 from frictionid.evaluation.curves import curve_error
@@ -16,7 +17,6 @@ from frictionid.friction import SpeedRange, constraints_of
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.shooting import refine
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, simulate, write_dataset
 from frictionid.simulate import Stribeck as Truth

@@ -116,7 +116,7 @@ def test_the_noise_free_twin_has_the_same_motion() -> None:
 
 def test_what_the_rig_does_not_tell_is_in_the_truth() -> None:
     dataset = simulate(RIG)
-    assert dataset.mechanism == {"kind": "acrobot", "parameters": {"m4": 0.05}}
+    assert dataset.mechanism.table == {"kind": "acrobot", "parameters": {"m4": 0.05}}
     assert dataset.truth == {
         "kind": "stribeck",
         "coulomb_positive": [0.16, 0.05],

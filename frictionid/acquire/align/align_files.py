@@ -178,7 +178,7 @@ def _aligned(
         middle = float(angle.time[0] + angle.time[-1]) / 2 - options.offset
         known = Clock(options.offset, 0.0, middle)
     try:
-        return align(rig.tables["mechanism"], angle, torque, known=known)
+        return align(rig.mechanism, angle, torque, known=known)
     except InputError as error:
         if marker is None or known is None:
             raise

@@ -15,15 +15,16 @@ from frictionid.check.balance_windows import Rows, unit_rows
 from frictionid.check.delay import delay_of
 from frictionid.check.motion import motions_of
 from frictionid.check.partial_regression import PARAMETER_PRIOR
+from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import integrals_of
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, states_of, training_problem
-from frictionid.mechanics import plant_of
-from frictionid.mechanics.calibration import Calibration
+from frictionid.mechanics import Mechanism
 from frictionid.shooting import (
     Covariance,
     Estimate,
@@ -140,7 +141,7 @@ class Alignment:
 
 
 def align(
-    mechanism_table: dict[str, object],
+    mechanism: Mechanism,
     angle: Signal,
     torque: Signal,
     settings: Settings | None = None,
@@ -153,7 +154,7 @@ def align(
 
     Parameters
     ----------
-    mechanism_table : the [mechanism] table
+    mechanism : with its nominal values
     angle : n columns, by the camera's clock; torque : n columns, by the log's
     settings : of the shooting; by default short windows, then long ones where these converge
     known : Clock, optional, such as a marker's, in place of the cross-correlation
@@ -163,7 +164,7 @@ def align(
     InputError
         Where the log explains the motion nowhere, or in several places.
     """
-    dataset = Dataset("align", mechanism_table, (Recording("motion", angle, _silent(angle)),))
+    dataset = Dataset("align", mechanism, (Recording("motion", angle, _silent(angle)),))
     plant = plant_of(dataset)
     nominal = np.asarray(plant.p)[0]
     rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.calibration import Calibration
+from frictionid.data.calibration import Calibration
 from frictionid.shooting import (
     DelayBlock,
     Estimate,

@@ -21,7 +21,6 @@ from frictionid.config import NotNegative, Positive, check_settings, nearest
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
-from frictionid.mechanics import mechanism_of
 
 # A commanded drive that has had no command for SILENCE [s] ramps its torque down within RAMP [s].
 SILENCE, RAMP = 0.2, 0.3
@@ -230,7 +229,7 @@ def torque_of(dataset: Dataset, name: str = "") -> Signal:
             f"data set {dataset.name!r} has no recording {name!r}; {nearest(name, known)}"
         )
     recording = dataset.recordings[known.index(name) if name else 0]
-    driven = np.array(mechanism_of(dataset.mechanism).driven)
+    driven = np.array(dataset.mechanism.driven)
     torque, last = recording.torque, float(recording.angle.time[-1])
     time, value = torque.time, torque.value[:, driven]
     if last > time[-1]:

@@ -22,6 +22,7 @@ from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
+from frictionid.mechanics import Mechanism, mechanism_of
 
 
 def load_dataset(
@@ -66,12 +67,19 @@ def load_dataset(
     origin = {key: getattr(toml, key) for key in ("description", "origin", "licence", "citation")}
     return Dataset(
         name=toml.name,
-        mechanism=document["mechanism"],
+        mechanism=_mechanism(document["mechanism"], file),
         recordings=tuple(recordings),
         hashes=hashes,
         origin={key: text for key, text in origin.items() if text},
         truth=toml.truth,
     )
+
+
+def _mechanism(table: dict[str, Any], file: Path) -> Mechanism:
+    try:
+        return mechanism_of(table)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
 
 
 def dataset_files(path: str | Path, data: str | Path | None = None) -> list[Path]:

@@ -12,8 +12,8 @@ from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
 from frictionid.check.motion import motions_of
 from frictionid.data.integrals import integrals_of
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.mechanics import plant_of
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -73,7 +73,7 @@ def _correlation(ax: Any, one: AlignedRecording) -> None:
 
 def _torques(ax: Any, one: AlignedRecording) -> None:
     recording = Recording("motion", one.angle, one.torque)
-    plant = plant_of(Dataset("picture", one.rig.tables["mechanism"], (recording,)))
+    plant = plant_of(Dataset("picture", one.mechanism, (recording,)))
     rows = unit_rows(plant.mechanism, motions_of([recording]))
     asked = rows.required(np.asarray(plant.p))
     logged = rows.means(integrals_of([recording.torque]))

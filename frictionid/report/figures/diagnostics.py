@@ -13,7 +13,6 @@ from frictionid.check.motion import Motion
 from frictionid.check.published import one_way
 from frictionid.data.recordings import Recording
 from frictionid.files import write_bytes
-from frictionid.mechanics import mechanism_of
 from frictionid.report.figures.panels import panel_grid
 from frictionid.report.figures.style import (
     COLOURS,
@@ -48,7 +47,7 @@ def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
-    description = mechanism_of(verdict.regression.measured.dataset.mechanism)
+    description = verdict.regression.measured.dataset.mechanism
     return description.position_units[0], description.torque_units[0]
 
 

@@ -14,7 +14,6 @@ from frictionid.evaluation.ground_truth import steady_state
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.mechanics import mechanism_of
 from frictionid.report.figures.panels import panel_grid, velocity_axis
 from frictionid.report.figures.style import (
     COLOURS,
@@ -58,7 +57,7 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
     """
     w = speeds(dataset, EstimatedStates(dataset).by(INTEGRAL.states))
     grid = velocity_grid(w)
-    description = mechanism_of(dataset.mechanism)
+    description = dataset.mechanism
     curve = curves(friction, grid)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     half = _half_widths(friction, grid)

@@ -9,10 +9,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.calibration import Calibration
 
 _ORDER = ("friction", "base", "torque", "angle", "actuator")
 

@@ -10,6 +10,7 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from frictionid.comparison.registry import friction_of
 from frictionid.data.integrals import averages
+from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.public_collections import check_file, collections
 from frictionid.data.readers.reader_names import READERS
@@ -19,7 +20,6 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 
 pytestmark = pytest.mark.real
 

@@ -64,7 +64,7 @@ def test_torques_are_in_newton_metres(dataset):
 
 def test_the_torques_have_the_sign_of_the_work_they_do(dataset):
     """Energy from rest can only come from the drives: their work is at least the energy gained."""
-    p = dataset.mechanism["parameters"]
+    p = dataset.mechanism.values
     for recording in dataset.recordings:
         time, angle = recording.angle.time, recording.angle.value
         work = (averages(recording.torque, time) * np.diff(angle, axis=0)).sum()

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import servo_torque
 from frictionid.errors import InputError
-from frictionid.mechanics import Plant, mechanism_of, parameters_of, plant_of
+from frictionid.mechanics import Plant
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,8 @@ def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
     plant = plant_of(dataset)
     if calibration.base is None:
         return plant
-    table: Any = dataset.mechanism
-    nominal = mechanism_of(table).base(parameters_of(table, {}))
+    mechanism = dataset.mechanism
+    nominal = mechanism.base(mechanism.nominal())
     if np.shape(calibration.base)[-1] != len(nominal):
         names = ", ".join(plant.mechanism.base_names)
         raise InputError(
@@ -103,7 +104,7 @@ def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
 
 def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
     """The data set with gain, delay, bias and offset removed, as ideal sensors would record it."""
-    driven = mechanism_of(dataset.mechanism).motors
+    driven = dataset.mechanism.motors
     recordings = tuple(_calibrated(r, calibration, driven) for r in dataset.recordings)
     return replace(dataset, recordings=recordings)
 

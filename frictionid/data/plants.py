@@ -1,0 +1,86 @@
+"""Plants of data sets: the mechanism with the parameters of each recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.mechanics import Mechanism, Plant, unit_inertia
+
+
+def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) -> Plant:
+    """Plant of a data set with one batch entry for each recording, shape (R,).
+
+    `parameters` replace those of the mechanism (such as a published model's inertias); parameters
+    of a recording (such as an exchangeable mass) take precedence.
+
+    Raises
+    ------
+    InputError
+        For parameters that a machine cannot have (see `Mechanism.nominal`), columns that are
+        not one per joint.
+    """
+    mechanism = dataset.mechanism
+    _check_columns(dataset, mechanism)
+    each = [mechanism.nominal({**(parameters or {}), **r.parameters}) for r in dataset.recordings]
+    return Plant.from_parameters(
+        mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults}
+    )
+
+
+def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
+    """Refuse recordings of other joints than the mechanism's."""
+    kind, n = mechanism.kind, mechanism.n
+    for recording in dataset.recordings:
+        for quantity, signal in (("angle", recording.angle), ("torque", recording.torque)):
+            columns = np.shape(signal.value)[1]
+            if columns != n:
+                raise InputError(
+                    f"data set {dataset.name!r}, recording {recording.name!r}: {columns} columns "
+                    f"of {quantity}, but {kind} has {n} joint{'s' if n > 1 else ''}; give one "
+                    "column per joint, or another kind in [mechanism]"
+                )
+
+
+def torque_without_motor(dataset: Dataset) -> dict[int, str]:
+    """Joints (from 0) without motor that have a torque, each with a sentence; none is right.
+
+    >>> from frictionid.data.recordings import Recording
+    >>> from frictionid.data.signals import Signal
+    >>> from frictionid.mechanics import acrobot
+    >>> both = Signal(np.array([0.0, 1.0]), np.array([[0.2, 0.1], [0.0, 0.3]]))
+    >>> machine = Dataset("rig", acrobot(), (Recording("a", both, both),))
+    >>> torque_without_motor(machine)
+    {0: "torque 1 is up to 0.2 N m (recording 'a'), but joint 1 of acrobot has no motor"}
+    """
+    mechanism = dataset.mechanism
+    out = {}
+    for j in np.flatnonzero(~np.array(mechanism.driven)).tolist():
+        tops = [float(np.abs(r.torque.value[:, j]).max()) for r in dataset.recordings]
+        if max(tops) > 0:
+            name = dataset.recordings[int(np.argmax(tops))].name
+            out[j] = (
+                f"torque {j + 1} is up to {max(tops):.3g} {mechanism.torque_units[j]} "
+                f"(recording {name!r}), but joint {j + 1} of {mechanism.kind} has no motor"
+            )
+    return out
+
+
+NO_MOTOR_REMEDY = (
+    'leave its column empty (""), or declare the motor (driven, or another kind, in [mechanism])'
+)
+
+
+def refuse_torque_without_motor(dataset: Dataset) -> None:
+    """Raise InputError where a joint without motor has a torque: no fit could use it."""
+    for sentence in torque_without_motor(dataset).values():
+        raise InputError(f"data set {dataset.name!r}: {sentence}; {NO_MOTOR_REMEDY}")
+
+
+def unit_inertia_plant(dataset: Dataset) -> Plant:
+    """Plant of unit inertias, see `unit_inertia`, with one batch entry for each recording."""
+    mechanism = unit_inertia(dataset.mechanism.position_units)
+    return Plant.from_parameters(mechanism, {"inertia": np.ones(len(dataset.recordings))})
