@@ -8,7 +8,10 @@ from typing import Annotated
 import typer
 
 Trust = Annotated[
-    bool, typer.Option("--trust", help="Run the reader that a data set names by its module.")
+    bool,
+    typer.Option(
+        "--trust", help="Run the reader or mechanism that a data set names by its module."
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")]
 Replace = Annotated[

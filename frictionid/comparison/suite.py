@@ -35,7 +35,8 @@ class DatasetEntry(Strict):
     """A data set to fit, and data sets that only test what was fitted to it.
 
     `name` in place of its own, `folds` in place of the suite's, `recipes` where only some are used:
-    so one data set can stand there twice, split in two ways.
+    so one data set can stand there twice, split in two ways. `mechanism` names a function of one's
+    own, `module:function`, that gives their mechanism in place of the kind that they name.
     """
 
     path: str
@@ -43,6 +44,7 @@ class DatasetEntry(Strict):
     name: Name | None = None
     folds: Annotated[Split | None, BeforeValidator(_split)] = None
     recipes: Annotated[list[str], Field(min_length=1)] | None = None
+    mechanism: Annotated[str, Field(pattern="^[^:]+:[^:]+$")] | None = None
 
 
 class IdentifierEntry(Strict):

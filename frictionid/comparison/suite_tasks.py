@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.methods import Method
@@ -17,13 +18,14 @@ from frictionid.comparison.suite_identifiers import (
 )
 from frictionid.comparison.suite_recipes import recipes_of
 from frictionid.comparison.tasks import Task
-from frictionid.config import distinct
+from frictionid.config import distinct, imported_for_suite
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import make_folds, true_calibration, true_friction
 from frictionid.identifiers import Published
+from frictionid.mechanics import Mechanism, mechanism_of
 
 
 def tasks_of(
@@ -120,18 +122,37 @@ def benchmarks_of(
             f"--data names the folder of one data set, suite {suite.name!r} has several ({names}): "
             "set FRICTIONID_DATA to the folder that holds their collections"
         )
-    paths = dict.fromkeys(path for entry in suite.datasets for path in (entry.path, *entry.tests))
-    loaded = {path: load_dataset(folder / path, data, trust=trust) for path in paths}
+    places = dict.fromkeys(
+        (path, entry.mechanism) for entry in suite.datasets for path in (entry.path, *entry.tests)
+    )
+    loaded = {
+        (path, own): load_dataset(
+            folder / path, data, trust=trust, mechanism=_own_mechanism(own, folder)
+        )
+        for path, own in places
+    }
     benchmarks = [_benchmark(suite, entry, loaded) for entry in suite.datasets]
     distinct([d.name for b in benchmarks for d in (b.dataset, *b.tests)], "data sets")
     return benchmarks
 
 
-def _benchmark(suite: Suite, entry: DatasetEntry, loaded: dict[str, Dataset]) -> Benchmark:
-    dataset = loaded[entry.path]
+def _own_mechanism(reference: str | None, folder: Path) -> Mechanism | None:
+    """What a function of one's own gives, of a module beside the suite or of a package."""
+
+    def code(kind: str) -> Any:
+        return imported_for_suite(kind, folder, "datasets")
+
+    return None if reference is None else mechanism_of({"kind": reference}, code)
+
+
+def _benchmark(
+    suite: Suite, entry: DatasetEntry, loaded: Mapping[tuple[str, str | None], Dataset]
+) -> Benchmark:
+    dataset = loaded[entry.path, entry.mechanism]
+    tests = tuple(loaded[test, entry.mechanism] for test in entry.tests)
     dataset = dataset if entry.name is None else replace(dataset, name=entry.name)
     folds = make_folds(dataset.recordings, entry.folds or suite.folds)
-    return Benchmark(dataset, folds, suite.protocol, tuple(loaded[test] for test in entry.tests))
+    return Benchmark(dataset, folds, suite.protocol, tests)
 
 
 def _truth(benchmark: Benchmark) -> list[NamedIdentifier]:

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from joblib import cpu_count
 
 from frictionid.comparison.cross_validate import (
@@ -29,6 +30,7 @@ from frictionid.errors import InputError
 from frictionid.files import read_json, write_json
 from frictionid.friction.model_files import model_document
 from frictionid.identifiers import Identifier
+from frictionid.mechanics import Mechanism
 from frictionid.shooting import document_of
 
 FORMAT = 1  # of the result files
@@ -52,10 +54,26 @@ class Task(NamedTuple):
     def digest(self) -> str:
         """SHA-256 of everything that the result depends on."""
         b = self.benchmark
-        data = [(d.name, d.mechanism.table, d.recordings, d.truth) for d in (b.dataset, *b.tests)]
+        data = [
+            (d.name, d.mechanism.table, equations_at(d.mechanism), d.recordings, d.truth)
+            for d in (b.dataset, *b.tests)
+        ]
         code = FORMAT, package_digest(), version("numpy"), foreign_source(self.identifier)
         settings = self.identifier, self.recipe, b.protocol, self.seed
         return digest_of((data, b.folds.hash, settings, code))
+
+
+def equations_at(mechanism: Mechanism) -> list[str]:
+    """Numbers of the equations of motion at one state, which differ where those of one's own do.
+
+    >>> from frictionid.mechanics import pendulum
+    >>> equations_at(pendulum(mass=1.0, length=0.5, g=10.0))
+    ['0.25', '5', '0.25', '-1.47760103']
+    """
+    joints = np.arange(1.0, mechanism.n + 1)
+    p = np.asarray(mechanism.base(mechanism.defaults))
+    M, h = mechanism.dynamics(p, 0.3 * joints, 0.7 * joints)
+    return [f"{number:.9g}" for number in (*p, *M.ravel(), *h)]
 
 
 def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from frictionid.config import nearest
@@ -16,6 +17,9 @@ from frictionid.mechanics.mechanism import Mechanism
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.rigid_body.described import FORMATS
 
+# From `module:function` to the function.
+Code = Callable[[str], Any]
+
 _KINDS: Mapping[str, Callable[..., Mechanism]] = {
     "acrobot": acrobot,
     "double_pendulum": double_pendulum,
@@ -24,8 +28,21 @@ _KINDS: Mapping[str, Callable[..., Mechanism]] = {
 }
 
 
-def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
+def mechanism_of(
+    table: Mapping[str, Any], code: Code | None = None, folder: Path | None = None
+) -> Mechanism:
     """Mechanism of a [mechanism] table: its `kind`, with the options and parameters given there.
+
+    A file that describes it, such as `urdf`, stands in place of the kind. A kind `module:function`
+    is a function of one's own that gives a mechanism: code, which runs only where the caller says
+    how it is imported.
+
+    Parameters
+    ----------
+    table : mapping
+    code : function from "module:function" to the function, optional
+    folder : Path, optional
+        Where the file of a description is, if not in the current folder.
 
     Raises
     ------
@@ -35,40 +52,15 @@ def mechanism_of(table: Mapping[str, Any]) -> Mechanism:
     >>> mechanism_of({"kind": "pendulum", "parameters": {"mass": 0.5}})
     pendulum(mass=0.5)
     """
-    kind, build = _kind(table)
-    given = {k: v for k, v in table.items() if k not in ("kind", "parameters")}
-    options = given if kind in FORMATS else {k: _frozen(k, v) for k, v in given.items()}
-    known = mechanism_options(build)
-    for name in options:
-        if name not in known:
-            raise InputError(f"[mechanism] {kind} has no option {name!r}; {nearest(name, known)}")
-    try:
-        mechanism = build(**options)
-    except ValueError as error:
-        raise InputError(f"[mechanism] {error}") from None
+    kind, build = _kind(table, code)
+    options = {key: value for key, value in table.items() if key not in ("kind", "parameters")}
+    if kind in FORMATS and folder is not None and isinstance(options[kind], str):
+        options[kind] = str(folder / options[kind])
+    mechanism = _built(build, kind, options)
     parameters = table.get("parameters", {})
     if not isinstance(parameters, Mapping):
         raise InputError(f"[mechanism] parameters = {parameters!r} must be a table: name = number")
-    return replace(mechanism, options=given).with_values(parameters)
-
-
-def _kind(table: Mapping[str, Any]) -> tuple[str, Callable[..., Mechanism]]:
-    """Name of the kind of a table, and what builds it; a file's format is a kind as well."""
-    described = [name for name in FORMATS if name in table]
-    if described and "kind" in table or len(described) > 1:
-        raise InputError(
-            f"[mechanism] names {' and '.join([*described, *('kind',) * ('kind' in table)])}; "
-            "a mechanism is one of them: remove the others"
-        )
-    if described:
-        return described[0], FORMATS[described[0]]
-    kind = str(table.get("kind", ""))
-    if kind not in _KINDS:
-        raise InputError(
-            f"[mechanism] kind = {kind!r} is unknown; {nearest(kind, _KINDS)}; or name the file "
-            'that describes it: urdf = "arm.urdf"'
-        )
-    return kind, _KINDS[kind]
+    return replace(mechanism, kind=kind, options=options).with_values(parameters)
 
 
 def as_mechanism(given: Any) -> Mechanism:
@@ -90,6 +82,71 @@ def as_mechanism(given: Any) -> Mechanism:
             f"length=0.25), or a [mechanism] table, not {given!r:.60}"
         )
     return mechanism_of(given)
+
+
+def mechanism_file(table: Mapping[str, Any]) -> str | None:
+    """Name of the file that describes the mechanism of a [mechanism] table, if one does.
+
+    >>> mechanism_file({"urdf": "arm.urdf"}), mechanism_file({"kind": "acrobot"})
+    ('arm.urdf', None)
+    """
+    return next((str(table[name]) for name in FORMATS if name in table), None)
+
+
+def _kind(table: Mapping[str, Any], code: Code | None) -> tuple[str, Callable[..., Mechanism]]:
+    """Name of the kind of a table, and what builds it; a file's format is a kind as well."""
+    described = [name for name in FORMATS if name in table]
+    if described and "kind" in table or len(described) > 1:
+        raise InputError(
+            f"[mechanism] names {' and '.join([*described, *('kind',) * ('kind' in table)])}; "
+            "a mechanism is one of them: remove the others"
+        )
+    if described:
+        return described[0], FORMATS[described[0]]
+    kind = str(table.get("kind", ""))
+    if ":" in kind:
+        return kind, _own(kind, code)
+    if kind not in _KINDS:
+        raise InputError(
+            f"[mechanism] kind = {kind!r} is unknown; {nearest(kind, _KINDS)}; or name the file "
+            'that describes it: urdf = "arm.urdf"'
+        )
+    return kind, _KINDS[kind]
+
+
+def _own(kind: str, code: Code | None) -> Callable[..., Mechanism]:
+    """A function of one's own that gives a mechanism."""
+    if code is None:
+        raise InputError(
+            f"[mechanism] kind = {kind!r} is code, which runs with your rights: read it, and give "
+            "--trust (trust=True in Python) where it is harmless"
+        )
+    build: Callable[..., Mechanism] = code(kind)
+    if not callable(build):
+        raise InputError(f"[mechanism] kind = {kind!r} is no function that gives a mechanism")
+    return build
+
+
+def _built(build: Callable[..., Mechanism], kind: str, options: Mapping[str, Any]) -> Mechanism:
+    """What the function of a kind gives for the options of a table."""
+    known = mechanism_options(build)
+    for name in options:
+        if name not in known:
+            raise InputError(f"[mechanism] {kind} has no option {name!r}; {nearest(name, known)}")
+    plain = kind in _KINDS or ":" in kind
+    given = {name: _frozen(name, v) if plain else v for name, v in options.items()}
+    try:
+        mechanism = build(**given)
+    except InputError:
+        raise
+    except Exception as error:
+        own = f"{kind!r} failed, {type(error).__name__}: " if ":" in kind else ""
+        raise InputError(f"[mechanism] {own}{error}") from error
+    if not isinstance(mechanism, Mechanism):
+        raise InputError(
+            f"[mechanism] {kind!r} must give a mechanism, not a {type(mechanism).__name__}"
+        )
+    return mechanism
 
 
 def mechanism_options(build: Callable[..., Mechanism]) -> dict[str, Any]:

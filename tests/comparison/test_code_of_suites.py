@@ -67,3 +67,30 @@ def test_a_module_beside_the_suite_is_its_own(tmp_path):
     (tmp_path / "beside_the_suite.py").write_text(text)
     file = write_suite(tmp_path, [("identifiers", [{"kind": "beside_the_suite:beside"}])])
     assert {task.name for task in tasks_of(load_suite(file), file)} == {"beside", "truth"}
+
+
+OWN_ARM = """
+from frictionid.mechanics import pendulum
+
+def arm():
+    return pendulum(mass=0.3, length=0.2, inertia=0.001)
+"""
+
+
+def test_a_suite_names_the_mechanism_of_its_data_sets(tmp_path):
+    (tmp_path / "arm_beside.py").write_text(OWN_ARM)
+    file = write_suite(tmp_path, [("datasets.0.mechanism", "arm_beside:arm")])
+    own = {task.benchmark.dataset.mechanism for task in tasks_of(load_suite(file), file)}
+    plain = write_suite(tmp_path, name="plain.toml")
+    table = {task.benchmark.dataset.mechanism for task in tasks_of(load_suite(plain), plain)}
+    (mechanism,), (usual,) = own, table
+    assert mechanism.nominal() == usual.nominal() | {"inertia": 0.001}
+    digests = [{t.digest for t in tasks_of(load_suite(f), f)} for f in (file, plain)]
+    assert not digests[0] & digests[1]
+
+
+@pytest.mark.parametrize("kind", ["subprocess:Popen", "os:system", "nowhere:x"])
+def test_a_mechanism_from_elsewhere_is_not_imported(tmp_path, kind):
+    file = write_suite(tmp_path, [("datasets.0.mechanism", kind)])
+    with pytest.raises(InputError, match="is neither in a module beside the file nor in an"):
+        tasks_of(load_suite(file), file)

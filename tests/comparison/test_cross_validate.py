@@ -249,7 +249,10 @@ ABSURD = {
         r"\[truth\] is not that of 1 joints",
     ),
     "half a truth": ({"data": dataset(truth={**TRUTH, "viscous": "x"})}, r"\[truth\] viscous"),
-    "unknown mechanism": ({"data": dataset(mechanism={"kind": "pendulun"})}, "'pendulum'"),
+    "incomplete mechanism": (
+        {"data": dataset(mechanism={"kind": "pendulum", "parameters": {"mass": 0.4}})},
+        r"pendulum needs length \[m\]",
+    ),
 }
 
 

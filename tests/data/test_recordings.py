@@ -48,6 +48,16 @@ def test_the_descriptions_tables_are_kept_as_they_stand(tmp_path):
     assert dataset.hashes == {"a.csv": hashlib.sha256(content).hexdigest()}
 
 
+def test_a_mechanism_that_does_not_exist_is_named_with_the_file(tmp_path):
+    with pytest.raises(InputError, match=r"dataset\.toml: \[mechanism\] kind = 'acrobott' is unk"):
+        load(tmp_path, described(mechanism__kind="acrobott"))
+    recordings = load(tmp_path).recordings
+    with pytest.raises(InputError, match=r"kind = 'acrobott' is unknown; did you mean 'acrobot'"):
+        Dataset("rig", {"kind": "acrobott"}, recordings)
+    with pytest.raises(InputError, match=r"a mechanism must be one of .*, not 'acrobot'"):
+        Dataset("rig", "acrobot", recordings)
+
+
 def test_folder_and_file_name_the_same_data_set(tmp_path):
     by_folder = load(tmp_path)
     by_file = load_dataset(str(tmp_path / "dataset.toml"))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.config import nearest, read_toml
+from frictionid.config import imported, nearest, read_toml
 from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
@@ -26,7 +26,11 @@ from frictionid.mechanics import Mechanism, mechanism_of
 
 
 def load_dataset(
-    path: str | Path, data: str | Path | None = None, *, trust: bool = False
+    path: str | Path,
+    data: str | Path | None = None,
+    *,
+    trust: bool = False,
+    mechanism: Mechanism | None = None,
 ) -> Dataset:
     """The data set of a dataset.toml.
 
@@ -38,7 +42,10 @@ def load_dataset(
         Folder of the tables. Default: that of dataset.toml or, where it names a collection, the
         folder of that name in $FRICTIONID_DATA or in the cache.
     trust : bool
-        Whether a reader that dataset.toml names by its module may run.
+        Whether a reader or mechanism that dataset.toml names by its module may run.
+    mechanism : Mechanism, optional
+        In place of the kind that dataset.toml names; parameters are those of dataset.toml where it
+        gives them.
 
     Returns
     -------
@@ -67,7 +74,7 @@ def load_dataset(
     origin = {key: getattr(toml, key) for key in ("description", "origin", "licence", "citation")}
     return Dataset(
         name=toml.name,
-        mechanism=_mechanism(document["mechanism"], file),
+        mechanism=_mechanism(document["mechanism"], file, mechanism, trust),
         recordings=tuple(recordings),
         hashes=hashes,
         origin={key: text for key, text in origin.items() if text},
@@ -75,9 +82,16 @@ def load_dataset(
     )
 
 
-def _mechanism(table: dict[str, Any], file: Path) -> Mechanism:
+def _mechanism(
+    table: dict[str, Any], file: Path, given: Mechanism | None, trust: bool
+) -> Mechanism:
+    def code(kind: str) -> Any:
+        return imported(kind, file.parent, "[mechanism] kind")
+
     try:
-        return mechanism_of(table)
+        if given is not None:
+            return given.with_values(table.get("parameters", {}))
+        return mechanism_of(table, code if trust else None)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 

@@ -2,13 +2,18 @@
 
 import sys
 
+import numpy as np
 import pytest
+import tomli_w
 from fixtures.command_line import run_command
+from fixtures.dataset_files import csv_bytes, described
 from fixtures.own_reader import read_by
 
 from frictionid.data.readers import reader_names
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.emps import read_emps
 from frictionid.errors import InputError
+from frictionid.mechanics import pendulum
 
 EVIL = """
 from pathlib import Path
@@ -54,3 +59,73 @@ def test_an_installed_package_offers_readers_by_name(tmp_path, monkeypatch):
     assert reader_names.reader_of("emps", tmp_path) is read_emps
     with pytest.raises(InputError, match=r"the reader 'mylab' failed|a\.log"):
         read_by(tmp_path, {"kind": "mylab"}, trust=False)
+
+
+OWN = """
+from pathlib import Path
+
+from frictionid.mechanics import pendulum
+
+Path(__file__).with_name("imported").touch()
+
+def heavy(driven=True):
+    return pendulum(driven, mass=3.0, length=0.5)
+
+def broken():
+    raise RuntimeError("no such machine")
+
+number = 3
+"""
+
+
+def write_own(folder, kind, **options):
+    (folder / "own_arm.py").write_text(OWN)
+    sys.modules.pop("own_arm", None)
+    time = np.linspace(0.0, 1.0, 21)
+    table = {"time": time, "q1": np.cos(3 * time), "u1": np.sin(time)}
+    (folder / "a.csv").write_bytes(csv_bytes(table))
+    document = described(mechanism={"kind": kind, "parameters": {"length": 0.25}, **options})
+    document["columns"] = {"time": "time", "angle": "q1", "torque": "u1"}
+    (folder / "dataset.toml").write_text(tomli_w.dumps(document))
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["own_arm:heavy", "subprocess:Popen"])
+def test_a_mechanism_of_a_data_set_runs_only_where_it_is_trusted(tmp_path, kind):
+    with pytest.raises(InputError, match=r"dataset\.toml: .*is code, .*give --trust"):
+        load_dataset(write_own(tmp_path, kind))
+    assert not (tmp_path / "imported").exists()
+
+
+def test_a_trusted_mechanism_has_the_options_and_parameters_of_its_table(tmp_path):
+    data = load_dataset(write_own(tmp_path, "own_arm:heavy", driven=False), trust=True)
+    assert data.mechanism.nominal() == pendulum(mass=3.0, length=0.25).nominal()
+    assert data.mechanism.driven == (False,)
+    assert data.mechanism.table == {
+        "kind": "own_arm:heavy",
+        "driven": False,
+        "parameters": {"mass": 3.0, "length": 0.25},
+    }
+
+
+def test_a_mechanism_may_be_given_in_place_of_the_one_that_is_named(tmp_path):
+    own = pendulum(mass=2.0, length=1.0)
+    data = load_dataset(write_own(tmp_path, "own_arm:heavy"), mechanism=own)
+    assert data.mechanism == pendulum(mass=2.0, length=0.25)
+    assert not (tmp_path / "imported").exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "message"),
+    [
+        ("own_arm:broken", {}, r"'own_arm:broken' failed, RuntimeError: no such machine"),
+        ("own_arm:number", {}, r"'own_arm:number' is no function that gives a mechanism"),
+        ("own_arm:Path", {}, r"'own_arm:Path' must give a mechanism, not a"),
+        ("own_arm:heavy", {"drivn": True}, r"no option 'drivn'; did you mean 'driven'"),
+        ("own_arm:lost", {}, r"'own_arm:lost' cannot be imported"),
+    ],
+)
+def test_a_mechanism_of_ones_own_that_does_not_work_is_one_line(tmp_path, kind, options, message):
+    with pytest.raises(InputError, match=message) as caught:
+        load_dataset(write_own(tmp_path, kind, **options), trust=True)
+    assert "dataset.toml" in str(caught.value) and "\n" not in str(caught.value)
