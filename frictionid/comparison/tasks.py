@@ -55,7 +55,7 @@ class Task(NamedTuple):
         """SHA-256 of everything that the result depends on."""
         b = self.benchmark
         data = [
-            (d.name, d.mechanism.table, equations_at(d.mechanism), d.recordings, d.truth)
+            (d.name, mechanism_digest(d.mechanism), d.recordings, d.truth)
             for d in (b.dataset, *b.tests)
         ]
         code = FORMAT, package_digest(), version("numpy"), foreign_source(self.identifier)
@@ -63,17 +63,21 @@ class Task(NamedTuple):
         return digest_of((data, b.folds.hash, settings, code))
 
 
-def equations_at(mechanism: Mechanism) -> list[str]:
-    """Numbers of the equations of motion at one state, which differ where those of one's own do.
+def mechanism_digest(mechanism: Mechanism) -> str:
+    """SHA-256 of a mechanism: of its table, and of its equations of motion at one state.
+
+    The table says too little where a file or a function of one's own makes the equations; where a
+    file lies does not count.
 
     >>> from frictionid.mechanics import pendulum
-    >>> equations_at(pendulum(mass=1.0, length=0.5, g=10.0))
-    ['0.25', '5', '0.25', '-1.47760103']
+    >>> mechanism_digest(pendulum(mass=1.0)) == mechanism_digest(pendulum(mass=1.1))
+    False
     """
+    table = {k: Path(v).name if k in ("urdf", "mjcf") else v for k, v in mechanism.table.items()}
     joints = np.arange(1.0, mechanism.n + 1)
     p = np.asarray(mechanism.base(mechanism.defaults))
     M, h = mechanism.dynamics(p, 0.3 * joints, 0.7 * joints)
-    return [f"{number:.9g}" for number in (*p, *M.ravel(), *h)]
+    return digest_of((table, [f"{number:.9g}" for number in (*p, *M.ravel(), *h)]))
 
 
 def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:

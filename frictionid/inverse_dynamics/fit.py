@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.friction import Friction, along, constraints_of
 from frictionid.friction.laws import NoFriction
@@ -20,8 +20,6 @@ from frictionid.inverse_dynamics.residual import TorqueProblem, left_to_friction
 from frictionid.inverse_dynamics.settings import TorqueSettings
 from frictionid.inverse_dynamics.solve import TorqueSolution, normal_equations, solve
 from frictionid.inverse_dynamics.torque_balance import TorqueBalance
-from frictionid.mechanics import mechanism_of, parameters_of
-from frictionid.mechanics.calibration import Calibration
 from frictionid.shooting.covariance import grouped_covariance
 from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.parameters import ParameterBlock
@@ -100,9 +98,8 @@ def _best(
 
 def _nominal(balance: TorqueBalance) -> Estimate:
     """The nominal calibration, without friction."""
-    table: Any = balance.dataset.mechanism
-    mechanism = mechanism_of(table)
-    calibration = Calibration.ideal(mechanism.n, mechanism.base(parameters_of(table, {})))
+    mechanism = balance.dataset.mechanism
+    calibration = Calibration.ideal(mechanism.n, mechanism.base(mechanism.nominal()))
     none = Friction(NoFriction(), np.zeros((mechanism.n, 0)))
     return Estimate(none, calibration, mechanism)
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import stack_calibrations
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
@@ -16,7 +17,6 @@ from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.inverse_dynamics.fit import fit_torques
 from frictionid.inverse_dynamics.settings import TorqueSettings
 from frictionid.inverse_dynamics.torque_balance import TorqueBalance, torque_balance
-from frictionid.mechanics.calibration import stack_calibrations
 from frictionid.shooting.default_blocks import applicable
 from frictionid.shooting.parameters import (
     BiasBlock,

@@ -11,19 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes
 from frictionid.identifiers.residual import GAP, Problem, stiction_mask
-from frictionid.mechanics import Mechanism, Plant, parameters_of, plant_of
+from frictionid.mechanics import Mechanism, Plant
 from frictionid.mechanics.momentum_balance import with_midpoints
 
 _NODES = 4000  # whose regressor is computed at a time
@@ -121,8 +122,7 @@ def torque_balance(
     inputs = Inputs(*map(np.concatenate, zip(*(part.inputs for part in parts), strict=True)))
     stencil = np.concatenate([p.stencil + f for p, f in zip(parts, first[:-1], strict=True)])
     recording = np.repeat(np.arange(len(parts)), [len(part.start) for part in parts])
-    table: Any = dataset.mechanism
-    nominal = plant.mechanism.base(parameters_of(table, {}))
+    nominal = plant.mechanism.base(plant.mechanism.nominal())
     balance = TorqueBalance(
         dataset,
         Nodes(inputs, np.concatenate([part.time for part in parts]), first, 2),

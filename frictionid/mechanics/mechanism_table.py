@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from frictionid.config import nearest
@@ -28,9 +27,7 @@ _KINDS: Mapping[str, Callable[..., Mechanism]] = {
 }
 
 
-def mechanism_of(
-    table: Mapping[str, Any], code: Code | None = None, folder: Path | None = None
-) -> Mechanism:
+def mechanism_of(table: Mapping[str, Any], code: Code | None = None) -> Mechanism:
     """Mechanism of a [mechanism] table: its `kind`, with the options and parameters given there.
 
     A file that describes it, such as `urdf`, stands in place of the kind. A kind `module:function`
@@ -41,8 +38,6 @@ def mechanism_of(
     ----------
     table : mapping
     code : function from "module:function" to the function, optional
-    folder : Path, optional
-        Where the file of a description is, if not in the current folder.
 
     Raises
     ------
@@ -54,8 +49,6 @@ def mechanism_of(
     """
     kind, build = _kind(table, code)
     options = {key: value for key, value in table.items() if key not in ("kind", "parameters")}
-    if kind in FORMATS and folder is not None and isinstance(options[kind], str):
-        options[kind] = str(folder / options[kind])
     mechanism = _built(build, kind, options)
     parameters = table.get("parameters", {})
     if not isinstance(parameters, Mapping):
@@ -82,15 +75,6 @@ def as_mechanism(given: Any) -> Mechanism:
             f"length=0.25), or a [mechanism] table, not {given!r:.60}"
         )
     return mechanism_of(given)
-
-
-def mechanism_file(table: Mapping[str, Any]) -> str | None:
-    """Name of the file that describes the mechanism of a [mechanism] table, if one does.
-
-    >>> mechanism_file({"urdf": "arm.urdf"}), mechanism_file({"kind": "acrobot"})
-    ('arm.urdf', None)
-    """
-    return next((str(table[name]) for name in FORMATS if name in table), None)
 
 
 def _kind(table: Mapping[str, Any], code: Code | None) -> tuple[str, Callable[..., Mechanism]]:
@@ -140,8 +124,12 @@ def _built(build: Callable[..., Mechanism], kind: str, options: Mapping[str, Any
     except InputError:
         raise
     except Exception as error:
-        own = f"{kind!r} failed, {type(error).__name__}: " if ":" in kind else ""
-        raise InputError(f"[mechanism] {own}{error}") from error
+        if ":" in kind:
+            said = f"{kind!r} failed, {type(error).__name__}: {error}"
+            raise InputError(f"[mechanism] {said}") from error
+        if isinstance(error, ValueError):
+            raise InputError(f"[mechanism] {error}") from None
+        raise
     if not isinstance(mechanism, Mechanism):
         raise InputError(
             f"[mechanism] {kind!r} must give a mechanism, not a {type(mechanism).__name__}"

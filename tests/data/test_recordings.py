@@ -10,11 +10,12 @@ import tomli_w
 from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_bytes
 from fixtures.paths import ROOT
 
-from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.dataset import dataset_files, load_dataset
 from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, check_dataset_toml
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.errors import InputError
+from frictionid.mechanics import pendulum
 
 
 def assert_same(left, right):
@@ -355,3 +356,42 @@ def test_a_torque_that_ends_early_or_begins_late_is_refused_and_a_silent_one_is_
         Recording("cut", angle, push)
     Recording("idle", angle, push._replace(value=0 * push.value))
     Recording("almost", angle, Signal(time[2:-3], np.cos(time[2:-3])[:, None]))
+
+
+TILTING = """<robot name="tilting"><link name="base"/><link name="arm"><inertial>
+<origin xyz="0 0 -0.2"/><mass value="0.5"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/>
+<axis xyz="0 -1 0"/></joint></robot>"""
+
+
+def with_urdf(folder, **changes):
+    document = described(mechanism=None, columns__angle=["q1"], columns__torque=["u1"], **changes)
+    document["mechanism"] = {"urdf": "arm/tilting.urdf"}
+    return load(folder, document)
+
+
+def test_a_urdf_beside_the_data_set_describes_its_mechanism(tmp_path, monkeypatch):
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "arm" / "tilting.urdf").write_text(TILTING)
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    data = with_urdf(tmp_path)
+    p = data.mechanism.base({})
+    alike = pendulum(mass=0.5, length=0.2, inertia=0.01)
+    at = np.array([0.3]), np.array([2.0])
+    for one, other in zip(
+        data.mechanism.dynamics(p, *at), alike.dynamics(alike.base({}), *at), strict=True
+    ):
+        np.testing.assert_allclose(one, other)
+    digest = hashlib.sha256(TILTING.encode()).hexdigest()
+    assert data.hashes["arm/tilting.urdf"] == digest
+    assert tmp_path / "arm" / "tilting.urdf" in dataset_files(tmp_path)
+    assert with_urdf(tmp_path, sha256={"arm/tilting.urdf": digest}).hashes == data.hashes
+    with pytest.raises(InputError, match=r"tilting\.urdf is not the described file"):
+        with_urdf(tmp_path, sha256={"arm/tilting.urdf": "0" * 64})
+
+
+def test_a_urdf_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"tilting\.urdf"):
+        with_urdf(tmp_path)

@@ -14,6 +14,8 @@ from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.data.calibration import Calibration
+from frictionid.data.plants import plant_of
 from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
@@ -22,8 +24,7 @@ from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.inverse_dynamics import InverseDynamics, TorqueSettings, torque_balance
 from frictionid.inverse_dynamics.residual import TorqueProblem
-from frictionid.mechanics import double_pendulum, plant_of
-from frictionid.mechanics.calibration import Calibration
+from frictionid.mechanics import double_pendulum
 from frictionid.shooting.parameters import (
     BiasBlock,
     DelayBlock,

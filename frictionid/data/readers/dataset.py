@@ -61,7 +61,9 @@ def load_dataset(
     document = read_toml(file)
     toml = check_dataset_toml(document, str(file))
     folder, names = _tables(toml, file, data)
-    _check_names(toml.sha256, names, f"{file}: sha256")
+    machine = None if mechanism is not None else _mechanism_file(toml, file, folder)
+    described = [] if machine is None else [toml.mechanism.file]
+    _check_names(toml.sha256, [*names, *described], f"{file}: sha256")
     _check_names(toml.recordings.parameters, names, f"{file}: recordings.parameters")
     read = None if toml.reader is None else reader_of(toml.reader.kind, file, trust=trust)
     recordings, hashes = [], {}
@@ -71,10 +73,13 @@ def load_dataset(
         if toml.collection is not None:
             check_file(toml.collection, name, hashes[name], folder)
         recordings.append(_recording(content, folder, name, toml, read))
+    if machine is not None:
+        name = toml.mechanism.file
+        hashes[name] = _sha256(read_bytes(machine), machine, toml.sha256.get(name))
     origin = {key: getattr(toml, key) for key in ("description", "origin", "licence", "citation")}
     return Dataset(
         name=toml.name,
-        mechanism=_mechanism(document["mechanism"], file, mechanism, trust),
+        mechanism=_mechanism(document["mechanism"], file, machine, mechanism, trust),
         recordings=tuple(recordings),
         hashes=hashes,
         origin={key: text for key, text in origin.items() if text},
@@ -82,8 +87,17 @@ def load_dataset(
     )
 
 
+def _mechanism_file(toml: DatasetToml, file: Path, folder: Path) -> Path | None:
+    """File that describes the mechanism: beside dataset.toml, or in the folder of the tables."""
+    name = toml.mechanism.file
+    if not name:
+        return None
+    places = [file.parent / name, folder / name]
+    return next((place for place in places if place.is_file()), places[0])
+
+
 def _mechanism(
-    table: dict[str, Any], file: Path, given: Mechanism | None, trust: bool
+    table: dict[str, Any], file: Path, machine: Path | None, given: Mechanism | None, trust: bool
 ) -> Mechanism:
     def code(kind: str) -> Any:
         return imported(kind, file.parent, "[mechanism] kind")
@@ -91,13 +105,15 @@ def _mechanism(
     try:
         if given is not None:
             return given.with_values(table.get("parameters", {}))
+        if machine is not None:
+            table = {k: str(machine) if k in ("urdf", "mjcf") else v for k, v in table.items()}
         return mechanism_of(table, code if trust else None)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
 
 
 def dataset_files(path: str | Path, data: str | Path | None = None) -> list[Path]:
-    """Files that `load_dataset` reads: dataset.toml and its tables.
+    """Files that `load_dataset` reads: dataset.toml, its tables, what describes the mechanism.
 
     Raises
     ------
@@ -105,8 +121,10 @@ def dataset_files(path: str | Path, data: str | Path | None = None) -> list[Path
         Where dataset.toml is damaged, or its tables are missing.
     """
     file = dataset_path(Path(path))
-    folder, names = _tables(check_dataset_toml(read_toml(file), str(file)), file, data)
-    return [file, *(folder / name for name in names)]
+    toml = check_dataset_toml(read_toml(file), str(file))
+    folder, names = _tables(toml, file, data)
+    machine = _mechanism_file(toml, file, folder)
+    return [file, *([] if machine is None else [machine]), *(folder / name for name in names)]
 
 
 def _tables(toml: DatasetToml, file: Path, data: str | Path | None) -> tuple[Path, list[str]]:

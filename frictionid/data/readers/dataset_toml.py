@@ -242,12 +242,29 @@ class Recordings(Strict):
 
 
 class Mechanism(BaseModel):
-    """Kind and parameters of the mechanism; other keys are options of the kind."""
+    """Kind, or file that describes the mechanism, and parameters; other keys are options."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
 
-    kind: str
+    kind: str | None = None
+    urdf: str | None = None
+    mjcf: str | None = None
     parameters: dict[str, float] = {}
+
+    @property
+    def file(self) -> str:
+        """Name of the file that describes the mechanism, or ""."""
+        return self.urdf or self.mjcf or ""
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Self:
+        if self.kind is self.urdf is self.mjcf is None:
+            raise PydanticCustomError(
+                "missing_kind",
+                "the key 'mechanism.kind' is missing; add it, or name the file that describes the "
+                'mechanism, such as urdf = "arm.urdf"',
+            )
+        return self
 
 
 class Reader(BaseModel):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from frictionid import load_dataset
+from frictionid.data.plants import plant_of
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import double_pendulum, plant_of, urdf
+from frictionid.mechanics import double_pendulum, urdf
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.parameters import DelayBlock, FrictionBlock
 
