@@ -13,6 +13,7 @@ from typing import Any
 
 import bench_networks
 import bench_shooting
+import bench_trees
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -190,6 +191,7 @@ def main() -> None:
     with threadpool_limits(1):
         rows = fits(clean) + rollouts(clean) + linear(clean)
         rows += bench_networks.networks(clean)
+        rows += bench_trees.rows()
         rows += supports(load_rig(DATA / "acrobot_clean" / "rig.toml"))
         rows += accuracy("acrobot_clean", clean) + accuracy("noise-free twin", twin)
         rows += accuracy("acrobot_sim", load_dataset(DATA / "acrobot_sim"))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numba
 
-inlined = numba.njit(error_model="numpy")  # for functions that compiled ones call
+inlined = numba.njit(error_model="numpy", forceinline=True)  # for functions that compiled ones call
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

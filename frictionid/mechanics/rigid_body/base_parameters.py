@@ -17,13 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.rigid_body.regressor import torque_regressor
+from frictionid.mechanics.rigid_body import loops
+from frictionid.mechanics.rigid_body.loops import Geometry
 from frictionid.mechanics.rigid_body.tree import MOMENT_UNITS, MOMENTS, Tree
 
 # A column that this little of the largest one is left of, beyond the columns before, is dependent:
 # files round right angles to four digits or more, and an axis that is off by that much has
 # parameters that only the rounding tells apart.
 _TOLERANCE = 1e-4
+_UNHEARD = 1e-11  # of the torques
 _MOTIONS = 100
 
 
@@ -36,18 +38,16 @@ class BaseParameters:
     names, units : of the leading inertial parameters, to which others may add
     leading : array of int, shape (nb,), inertial parameters that the base parameters lead
     regrouping : array, shape (nb, N): p = regrouping pi
-    expansion : array, shape (N, nb): inertial parameters expansion p have the same torques. Where
-        p is that of the tree's own parameters, so are these.
     silent, carrier : array, shape (N,), and int
-        What the base parameter `carrier` brings beyond the leading parameter: inertial parameters
-        of no torque but for roundings in the file.
+        What pi = p has beyond the leading parameters, in proportion to the base parameter
+        `carrier`: of no torque but for roundings in the file, so that the torques of the tree's own
+        parameters come out exactly.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     leading: Array
     regrouping: Array
-    expansion: Array
     silent: Array
     carrier: int
 
@@ -69,19 +69,16 @@ def base_parameters(tree: Tree, own: Array) -> BaseParameters:
     regrouping = K * (scale[leading][:, None] / scale)
     p = regrouping @ own
     carrier = int(np.argmax(np.abs(p) / scale[leading]))
-    expansion = np.zeros((len(own), len(leading)))
-    expansion[leading, np.arange(len(leading))] = 1.0
-    # a machine of no mass at all is refused elsewhere
-    silent = (own - expansion @ p) / (p[carrier] or 1.0)
-    expansion[:, carrier] += silent
-    heard = np.abs(Y @ (silent / scale)).max() > 1e-13 * np.abs(Y[:, leading[carrier]]).max()
+    silent = own.copy()
+    silent[leading] -= p
+    silent /= p[carrier] or 1.0  # a machine of no mass at all is refused elsewhere
+    heard = np.abs(Y @ (silent / scale)).max() > _UNHEARD * np.abs(Y[:, leading[carrier]]).max()
     names, units = _names(tree)
     return BaseParameters(
         tuple(names[i] for i in leading),
         tuple(units[i] for i in leading),
         leading,
         regrouping,
-        expansion,
         silent if heard else np.zeros(len(own)),
         carrier,
     )
@@ -115,17 +112,35 @@ def _scaled_regressor(tree: Tree) -> Array:
     return (Y * rows).reshape(-1, Y.shape[-1]) * _scales(tree)
 
 
-def regressor(tree: Tree, q: Array, w: Array, a: Array, columns: Array) -> Array:
-    """Torques (K, n, C) of motions with one unit inertial parameter each, of bodies or rotors."""
-    pose = tree.pose(q, np.zeros((1, tree.n, 10)))
-    v, _, acceleration = tree.motion(pose.S, w, a)
-    bodies = columns[columns < 10 * tree.n]
-    Y = np.empty((*np.shape(a), len(columns)))
-    Y[..., columns < 10 * tree.n] = torque_regressor(
-        tree.parent, pose.R, pose.o, pose.S, v, acceleration, bodies
+def geometry(tree: Tree, reduction: BaseParameters | None = None) -> Geometry:
+    """What the loops over samples need of a tree; without base parameters p is all of pi."""
+    count = 10 * tree.n + len(tree.rotors)
+    leading = np.arange(count) if reduction is None else reduction.leading
+    silent = np.zeros(count) if reduction is None else reduction.silent
+    return Geometry(
+        tree.parent,
+        tree.prismatic,
+        tree.axis,
+        tree.turn,
+        tree.shift,
+        tree.gravity,
+        tree.rotors,
+        leading,
+        silent,
+        0 if reduction is None else reduction.carrier,
     )
-    turning = tree.rotors[columns[columns >= 10 * tree.n] - 10 * tree.n]
-    Y[..., columns >= 10 * tree.n] = turning.T * (a @ turning.T)[..., None, :]
+
+
+def regressor(tree: Tree, q: Array, w: Array, a: Array, columns: Array) -> Array:
+    """Torques (K, n, C) of motions (K, n) with one unit inertial parameter each.
+
+    columns : array of int, shape (C,), in order, of the ten of each body and those of the rotors
+    """
+    bodies = columns[columns < 10 * tree.n]
+    Y = np.empty((*q.shape, len(columns)))
+    loops.regressor(geometry(tree), bodies, q, w, a, Y)
+    turning = tree.rotors[columns[len(bodies) :] - 10 * tree.n]
+    Y[..., len(bodies) :] = turning.T * (a @ turning.T)[:, None]
     return Y
 
 

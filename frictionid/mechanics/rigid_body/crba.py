@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from frictionid.arrays import Array
-from frictionid.compiled import compiled
+from frictionid.compiled import inlined
 from frictionid.mechanics.rigid_body.spatial import dot, momentum
 
 
-@compiled
-def mass_matrix(parent: Array, S: Array, carried: Array) -> Array:
-    """M (K, n, n) without rotors: M_ji = S_j' I_i S_i for every j that carries i.
+@inlined
+def add_mass_matrix(parent: Any, S: Any, carried: Any, M: Any) -> None:
+    """Add S_j' I_i S_i to M_ji and M_ij (n, n) for every joint j that carries joint i.
 
-    carried : array, shape (K, n, 10), inertia of all that each joint carries
+    carried : array, shape (n, 10), inertia I_i of all that joint i carries
     """
-    K, n = S.shape[0], S.shape[1]
-    M, force = np.zeros((K, n, n)), np.empty(6)
-    for k in range(K):
-        for i in range(n):
-            momentum(carried[k, i], S[k, i], force)
-            j = i
-            while j >= 0:
-                M[k, j, i] = dot(S[k, j], force)
-                M[k, i, j] = M[k, j, i]
-                j = parent[j]
-    return M
+    for i in range(len(parent)):
+        force = momentum(carried[i], S[i])
+        M[i, i] += dot(S[i], force)
+        j = parent[i]
+        while j >= 0:
+            value = dot(S[j], force)
+            M[j, i] += value
+            M[i, j] += value
+            j = parent[j]

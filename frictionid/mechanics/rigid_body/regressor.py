@@ -4,87 +4,78 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from frictionid.arrays import Array
-from frictionid.compiled import compiled, inlined
+from frictionid.compiled import inlined
 from frictionid.mechanics.rigid_body.spatial import dot
 
-_FIRST = np.array([0, 0, 0, 1, 1, 2])  # rows and columns of Ixx, Ixy, Ixz, Iyy, Iyz, Izz
-_SECOND = np.array([0, 1, 2, 1, 2, 2])
+
+@inlined
+def _cross(x: Any, y: Any) -> Any:
+    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
 
 
 @inlined
-def _cross(x: Any, y: Any, out: Any) -> None:
-    out[0] = x[1] * y[2] - x[2] * y[1]
-    out[1] = x[2] * y[0] - x[0] * y[2]
-    out[2] = x[0] * y[1] - x[1] * y[0]
+def _dot(x: Any, y: Any) -> float:
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 @inlined
-def _of_first_moment(e: Any, rate: Any, omega: Any, scratch: Any, out: Any) -> None:
-    """Acceleration of a point at e against the body's origin: rate x e + omega x (omega x e)."""
-    _cross(omega, e, scratch)
-    _cross(omega, scratch, out)
-    _cross(rate, e, scratch)
-    for c in range(3):
-        out[c] += scratch[c]
+def _relative(e: Any, rate: Any, omega: Any) -> Any:
+    """Acceleration of a point at e against its body's origin: rate x e + omega x (omega x e)."""
+    first, second = _cross(rate, e), _cross(omega, _cross(omega, e))
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
 
 
 @inlined
-def _wrench(kind: int, R: Any, o: Any, v: Any, a: Any, work: Any, out: Any) -> None:
-    """Force about the base's origin (6,) that a unit of one of a body's ten parameters needs."""
-    omega, rate = v[:3], a[:3]
-    s, point, e, force = work[0], work[1], work[2], work[3]
+def _wrenches(R: Any, o: Any, v: Any, a: Any, out: Any) -> None:
+    """Forces about the base's origin (10, 6) that units of a body's ten parameters need."""
+    omega, rate = (v[0], v[1], v[2]), (a[0], a[1], a[2])
+    turned, own = _cross(omega, (v[3], v[4], v[5])), _relative(o, rate, omega)
     # acceleration of the body's origin less gravity
-    _of_first_moment(o, rate, omega, s, point)
-    _cross(omega, v[3:], s)
+    point = (a[3] + turned[0] + own[0], a[4] + turned[1] + own[1], a[5] + turned[2] + own[2])
+    moment = _cross(o, point)
     for c in range(3):
-        point[c] += a[3 + c] + s[c]
-    if kind == 0:
-        _cross(o, point, out[:3])
-        out[3:] = point
-    elif kind < 4:
-        e[:] = R[:, kind - 1]
-        _of_first_moment(e, rate, omega, s, force)
-        _cross(o, force, out[:3])
-        _cross(e, point, s)
+        out[0, c], out[0, 3 + c] = moment[c], point[c]
+    for axis in range(3):
+        e = (R[0, axis], R[1, axis], R[2, axis])
+        force = _relative(e, rate, omega)
+        first, second = _cross(o, force), _cross(e, point)
         for c in range(3):
-            out[c] += s[c]
-            out[3 + c] = force[c]
-    else:
-        i, j = _FIRST[kind - 4], _SECOND[kind - 4]
-        half = 0.5 if i == j else 1.0
-        first, second = R[:, i], R[:, j]
-        wi = first[0] * omega[0] + first[1] * omega[1] + first[2] * omega[2]
-        wj = second[0] * omega[0] + second[1] * omega[1] + second[2] * omega[2]
-        ai = first[0] * rate[0] + first[1] * rate[1] + first[2] * rate[2]
-        aj = second[0] * rate[0] + second[1] * rate[1] + second[2] * rate[2]
-        for c in range(3):
-            e[c] = half * (first[c] * wj + second[c] * wi)
-        _cross(omega, e, out[:3])
-        for c in range(3):
-            out[c] += half * (first[c] * aj + second[c] * ai)
-        out[3:] = 0.0
+            out[1 + axis, c], out[1 + axis, 3 + c] = first[c] + second[c], force[c]
+    k = 4
+    for i in range(3):
+        x = (R[0, i], R[1, i], R[2, i])
+        for j in range(i, 3):
+            y = (R[0, j], R[1, j], R[2, j])
+            half = 0.5 if i == j else 1.0
+            wx, wy = half * _dot(x, omega), half * _dot(y, omega)
+            ax, ay = half * _dot(x, rate), half * _dot(y, rate)
+            spin = (x[0] * wy + y[0] * wx, x[1] * wy + y[1] * wx, x[2] * wy + y[2] * wx)
+            gyro = _cross(omega, spin)
+            for c in range(3):
+                out[k, c], out[k, 3 + c] = x[c] * ay + y[c] * ax + gyro[c], 0.0
+            k += 1
 
 
-@compiled
+@inlined
 def torque_regressor(
-    parent: Array, R: Array, o: Array, S: Array, v: Array, a: Array, columns: Array
-) -> Array:
-    """Torques (K, n, C) of a motion with one unit parameter each.
+    parent: Any, frames: Any, S: Any, v: Any, a: Any, columns: Any, wrench: Any, out: Any
+) -> None:
+    """Write the torques (n, C) of a motion with one unit parameter each.
 
-    columns : array of int, shape (C,), of the 10 n parameters of all bodies; the other arguments
-        as in `kinematics` and `rnea`
+    frames : R and o of the bodies, see `kinematics.placements`
+    columns : array of int, shape (C,), in order, of the 10 n parameters of all bodies
+    wrench : scratch (10, 6)
     """
-    K, n = S.shape[0], S.shape[1]
-    out, work, wrench = np.zeros((K, n, len(columns))), np.empty((4, 3)), np.empty(6)
-    for k in range(K):
-        for c in range(len(columns)):
-            body = columns[c] // 10
-            _wrench(columns[c] % 10, R[k, body], o[k, body], v[k, body], a[k, body], work, wrench)
-            j = body
-            while j >= 0:
-                out[k, j, c] = dot(S[k, j], wrench)
-                j = parent[j]
-    return out
+    R, o = frames
+    last = -1
+    for c in range(len(columns)):
+        body = columns[c] // 10
+        if body != last:
+            _wrenches(R[body], o[body], v[body], a[body], wrench)
+            last = body
+        for i in range(len(parent)):
+            out[i, c] = 0.0
+        j = body
+        while j >= 0:
+            out[j, c] = dot(S[j], wrench[columns[c] % 10])
+            j = parent[j]

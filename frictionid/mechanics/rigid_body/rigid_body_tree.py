@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import Array, solve
+from frictionid.arrays import Array, solve, times
 from frictionid.errors import InputError
 from frictionid.mechanics.mechanism import Mechanism, Parameter, Partials, Terms
-from frictionid.mechanics.rigid_body import equations
-from frictionid.mechanics.rigid_body.base_parameters import BaseParameters
+from frictionid.mechanics.rigid_body import loops
+from frictionid.mechanics.rigid_body.base_parameters import (
+    BaseParameters,
+    geometry,
+    regressor,
+)
+from frictionid.mechanics.rigid_body.loops import Geometry
 from frictionid.mechanics.rigid_body.robot import Attached, moved
 from frictionid.mechanics.rigid_body.tree import Tree
 
-_ROWS = 256  # samples at a time, so that what one algorithm leaves the next one finds in the cache
 PAYLOAD = (
     ("mass", "kg", "mass of the payload"),
     ("x", "m", "its centre of mass, in the frame of the link that carries it"),
@@ -64,21 +70,34 @@ class RigidBodyTree(Mechanism):
         return self._inertial({**self.defaults, **parameters}) @ self.reduction.regrouping.T
 
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
-        M, h = self._evaluate(equations.dynamics, p, q, w)
+        n = self.n
+        M, h = self._evaluate(loops.dynamics, ((n, n), (n,)), p, q, w)
         return M, h
 
     def inertia(self, p: Array, q: Array) -> Array:
-        return self._evaluate(lambda *x: (equations.inertia(*x),), p, q)[0]
+        return self._evaluate(loops.inertia, ((self.n, self.n),), p, q)[0]
 
     def terms(self, p: Array, q: Array, w: Array) -> Terms:
-        M, h, momentum, dLdq, energy = self._evaluate(equations.terms, p, q, w)
-        return Terms(M, h, momentum, dLdq, self.B, energy)
+        M, h = self.dynamics(p, q, w)
+        slope, potential = self._evaluate(loops.lagrangian, ((self.n,), ()), p, q, w)
+        momentum = times(M, w)
+        return Terms(M, h, momentum, slope, self.B, (momentum * w).sum(-1) / 2 + potential)
 
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
-        def rows(tree: Tree, *x: Array) -> tuple[Array, ...]:
-            return equations.partials(tree, self.reduction, *x)
+        n, reduction = self.n, self.reduction
+        by_q, by_w = self._evaluate(loops.derivatives, ((n, n), (n, n)), p, q, w, a)
+        lead = by_q.shape[:-2]
+        states = [_flat(x, lead) for x in (q, w, a)]
+        by_p = regressor(self.tree, states[0], states[1], states[2], reduction.leading)
+        if reduction.rounded:
+            by_p[..., reduction.carrier] += self._silent_torques(states[0], states[1], states[2])
+        return Partials(by_q, by_w, by_p.reshape((*lead, *by_p.shape[1:])))
 
-        return Partials(*self._evaluate(rows, p, q, w, a))
+    def _silent_torques(self, q: Array, w: Array, a: Array) -> Array:
+        """Torques (K, n) of the silent parameters, see `BaseParameters`."""
+        M, h = np.empty((*q.shape, self.n)), np.empty(q.shape)
+        loops.dynamics(geometry(self.tree), self.reduction.silent[None], q, w, M, h)
+        return times(M, a) - h
 
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         """Torque that each joint's gear passes on in friction-free motion, shape (..., n) [N m].
@@ -117,33 +136,37 @@ class RigidBodyTree(Mechanism):
             axis=-1,
         )
 
+    @cached_property
+    def _geometry(self) -> Geometry:
+        return geometry(self.tree, self.reduction)
+
     def _evaluate(
-        self, rows: Callable[..., tuple[Array, ...]], p: Array, *states: Array
+        self, loop: Callable[..., object], shapes: tuple[tuple[int, ...], ...], *arrays: Array
     ) -> list[Array]:
-        """Arrays of `rows(tree, pi, *states)`, for batch axes that broadcast, some at a time."""
-        for x in (p, *states):
+        """Arrays of these shapes that a loop fills, of p and states whose batch axes broadcast."""
+        for x in arrays:
             if hasattr(x, "detach"):
                 raise InputError(
                     f"{self.kind}: trees of rigid bodies are evaluated on NumPy arrays, not on "
                     "tensors; convert them with .numpy()"
                 )
-        lead = np.broadcast_shapes(np.shape(p)[:-1], *(np.shape(x)[:-1] for x in states))
-        count, E = int(np.prod(lead)), self.reduction.expansion
-        same = all(size == 1 for size in np.shape(p)[:-1])
-        own = np.reshape(p, (1, -1)) if same else _flat(p, lead)
-        flat = [_flat(np.asarray(x, dtype=float), lead) for x in states]
-        pi, parts = own @ E.T if same else None, []
-        for k in range(0, max(count, 1), _ROWS):
-            some = slice(k, k + _ROWS)
-            parts.append(
-                rows(self.tree, own[some] @ E.T if pi is None else pi, *(x[some] for x in flat))
-            )
-        wholes = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
-        return [x.reshape((*lead, *x.shape[1:])) for x in wholes]
+        p, *states = arrays
+        lead = np.broadcast_shapes(*(np.shape(x)[:-1] for x in arrays))
+        one = math.prod(np.shape(p)[:-1]) == 1
+        own = _flat(p, (1,)) if one else _flat(p, lead)
+        out = [np.empty((math.prod(lead), *shape)) for shape in shapes]
+        loop(self._geometry, own, *(_flat(x, lead) for x in states), *out)
+        return [x.reshape((*lead, *x.shape[1:])) for x in out]
 
 
 def _flat(x: Array, lead: tuple[int, ...]) -> Array:
-    return np.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1])
+    """Rows (K, n) of an array whose batch axes broadcast to `lead`."""
+    x = np.asarray(x, dtype=float)
+    if x.shape[:-1] != lead and x.size > x.shape[-1]:
+        x = np.broadcast_to(x, (*lead, x.shape[-1]))
+    x = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
+    rows = math.prod(lead)
+    return x if len(x) == rows else np.ascontiguousarray(np.broadcast_to(x, (rows, x.shape[-1])))
 
 
 def _payload_inertia(values: Mapping[str, Any], at: Attached) -> Array:

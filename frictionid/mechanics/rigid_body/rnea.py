@@ -2,59 +2,52 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from frictionid.arrays import Array
-from frictionid.compiled import compiled
-from frictionid.mechanics.rigid_body.spatial import body_force, dot, momentum
+from frictionid.compiled import inlined
+from frictionid.mechanics.rigid_body.inertia import add_to_parents
+from frictionid.mechanics.rigid_body.spatial import cross_force, dot, momentum
 
 
-@compiled
-def torques(parent: Array, S: Array, v: Array, a: Array, inertia: Array) -> Array:
-    """Torques (K, n) of a motion, without those of the rotors: S_i' of all forces beyond joint i.
+@inlined
+def torques(parent: Any, S: Any, v: Any, a: Any, inertia: Any, force: Any, out: Any) -> None:
+    """Write the torques (n,) of a motion without those of the rotors, and the forces (n, 6).
+
+    The torque of joint i is S_i' of the forces I a + v x* I v of all bodies that it carries.
 
     v, a, inertia : velocities, accelerations less gravity and inertias of the bodies
     """
-    K, n = S.shape[0], S.shape[1]
-    out, force, scratch = np.empty((K, n)), np.empty((n, 6)), np.empty(6)
-    for k in range(K):
-        for i in range(n):
-            body_force(inertia[k, i], v[k, i], a[k, i], scratch, force[i])
-        for i in range(n - 1, -1, -1):
-            out[k, i] = dot(S[k, i], force[i])
-            if parent[i] >= 0:
-                for c in range(6):
-                    force[parent[i], c] += force[i, c]
-    return out
+    for i in range(len(parent)):
+        inert = momentum(inertia[i], a[i])
+        carried = cross_force(v[i], momentum(inertia[i], v[i]))
+        for c in range(6):
+            force[i, c] = inert[c] + carried[c]
+    add_to_parents(parent, force, 6)
+    for i in range(len(parent)):
+        out[i] = dot(S[i], force[i])
 
 
-@compiled
-def slopes_of_lagrangian(
-    parent: Array, gravity: Array, S: Array, v: Array, dS: Array, inertia: Array, carried: Array
-) -> tuple[Array, Array]:
-    """dL/dq (K, n) and the potential energy (K,) [J], zero in the origin of the base.
+@inlined
+def lagrangian_slopes(
+    tree: Any, S: Any, v: Any, dS: Any, inertia: Any, carried: Any, moving: Any, out: Any
+) -> float:
+    """Write dL/dq (n,) without that of the rotors; the potential energy [J], zero in the origin.
 
     Where joint i moves all that it carries, momentum and all, its kinetic energy stays; so dT/dq_i
     is the momentum's product with v_p x S_i, and -dV/dq_i the power of gravity on S_i.
+
+    carried : inertia of all that each joint carries; moving (n, 6) : scratch, for their momenta
     """
-    K, n = S.shape[0], S.shape[1]
-    slope, energy = np.empty((K, n)), np.zeros(K)
-    moving, weight = np.empty((n, 6)), np.empty(6)
-    g0, g1, g2 = gravity
-    for k in range(K):
-        for i in range(n):
-            momentum(inertia[k, i], v[k, i], moving[i])
-            energy[k] -= inertia[k, i, 1] * g0 + inertia[k, i, 2] * g1 + inertia[k, i, 3] * g2
-        for i in range(n - 1, -1, -1):
-            m, h0, h1, h2 = carried[k, i, :4]
-            weight[0], weight[1], weight[2] = (
-                h1 * g2 - h2 * g1,
-                h2 * g0 - h0 * g2,
-                h0 * g1 - h1 * g0,
-            )
-            weight[3], weight[4], weight[5] = m * g0, m * g1, m * g2
-            slope[k, i] = dot(dS[k, i], moving[i]) + dot(S[k, i], weight)
-            if parent[i] >= 0:
-                for c in range(6):
-                    moving[parent[i], c] += moving[i, c]
-    return slope, energy
+    g0, g1, g2 = tree.gravity[0], tree.gravity[1], tree.gravity[2]
+    energy = 0.0
+    for i in range(len(out)):
+        own = momentum(inertia[i], v[i])
+        for c in range(6):
+            moving[i, c] = own[c]
+        energy -= inertia[i, 1] * g0 + inertia[i, 2] * g1 + inertia[i, 3] * g2
+    add_to_parents(tree.parent, moving, 6)
+    for i in range(len(out)):
+        m, h0, h1, h2 = carried[i, 0], carried[i, 1], carried[i, 2], carried[i, 3]
+        weight = (h1 * g2 - h2 * g1, h2 * g0 - h0 * g2, h0 * g1 - h1 * g0, m * g0, m * g1, m * g2)
+        out[i] = dot(dS[i], moving[i]) + dot(S[i], weight)
+    return energy

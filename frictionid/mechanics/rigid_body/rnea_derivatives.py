@@ -17,13 +17,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from frictionid.arrays import Array
-from frictionid.compiled import compiled, inlined
+from frictionid.compiled import inlined
+from frictionid.mechanics.rigid_body.inertia import add_to_parents
 from frictionid.mechanics.rigid_body.spatial import (
-    add_cross_force,
-    body_force,
+    cross_force,
     cross_motion,
     dot,
     momentum,
@@ -44,68 +41,86 @@ def _coriolis(inertia: Any, v: Any, moving: Any, out: Any) -> None:
         out[3 + c] = -2.0 * (v[2] * s0 - v[0] * s2 + v[4] * h)
         out[6 + c] = -2.0 * (v[0] * s1 - v[1] * s0 + v[5] * h)
         out[4 * c] += power
-        out[9 + c] = 2.0 * moving[3 + c]
+    out[9], out[10], out[11] = 2.0 * moving[3], 2.0 * moving[4], 2.0 * moving[5]
 
 
 @inlined
-def _add_coriolis(B: Any, x: Any, out: Any) -> None:
-    """Add 2 B x."""
-    out[0] += B[0] * x[0] + B[1] * x[1] + B[2] * x[2]
-    out[1] += B[3] * x[0] + B[4] * x[1] + B[5] * x[2]
-    out[2] += B[6] * x[0] + B[7] * x[1] + B[8] * x[2]
-    out[3] += x[1] * B[11] - x[2] * B[10]
-    out[4] += x[2] * B[9] - x[0] * B[11]
-    out[5] += x[0] * B[10] - x[1] * B[9]
+def _times(B: Any, x: Any) -> Any:
+    """2 B x."""
+    return (
+        B[0] * x[0] + B[1] * x[1] + B[2] * x[2],
+        B[3] * x[0] + B[4] * x[1] + B[5] * x[2],
+        B[6] * x[0] + B[7] * x[1] + B[8] * x[2],
+        x[1] * B[11] - x[2] * B[10],
+        x[2] * B[9] - x[0] * B[11],
+        x[0] * B[10] - x[1] * B[9],
+    )
 
 
 @inlined
-def _transposed(B: Any, x: Any, out: Any) -> None:
+def _transposed_times(B: Any, x: Any) -> Any:
     """(2 B)' x, of which only the first three numbers are not zero."""
-    out[0] = B[0] * x[0] + B[3] * x[1] + B[6] * x[2] + B[10] * x[5] - B[11] * x[4]
-    out[1] = B[1] * x[0] + B[4] * x[1] + B[7] * x[2] + B[11] * x[3] - B[9] * x[5]
-    out[2] = B[2] * x[0] + B[5] * x[1] + B[8] * x[2] + B[9] * x[4] - B[10] * x[3]
+    return (
+        B[0] * x[0] + B[3] * x[1] + B[6] * x[2] + B[10] * x[5] - B[11] * x[4],
+        B[1] * x[0] + B[4] * x[1] + B[7] * x[2] + B[11] * x[3] - B[9] * x[5],
+        B[2] * x[0] + B[5] * x[1] + B[8] * x[2] + B[9] * x[4] - B[10] * x[3],
+    )
 
 
-@compiled
+@inlined
+def prepare(tree: Any, S: Any, v: Any, dS: Any, a: Any, inertia: Any, B: Any, twice: Any) -> None:
+    """Write 2 B (n, 12) of all that each joint carries, and ddS (n, 6)."""
+    for i in range(len(S)):
+        p = tree.parent[i]
+        _coriolis(inertia[i], v[i], momentum(inertia[i], v[i]), B[i])
+        if p >= 0:
+            first, second = cross_motion(a[p], S[i]), cross_motion(v[p], dS[i])
+            for c in range(6):
+                twice[i, c] = first[c] + second[c]
+        else:
+            g = tree.gravity
+            first = cross_motion((0.0, 0.0, 0.0, -g[0], -g[1], -g[2]), S[i])
+            for c in range(6):
+                twice[i, c] = first[c]
+    add_to_parents(tree.parent, B, 12)
+
+
+@inlined
 def torque_derivatives(
-    parent: Array, gravity: Array, S: Array, v: Array, dS: Array, a: Array, inertia: Array
-) -> tuple[Array, Array]:
-    """Derivatives by q and by w (K, n, n) of the torques of a motion, see `rnea.torques`."""
-    K, n = S.shape[0], S.shape[1]
-    by_q, by_w = np.zeros((K, n, n)), np.zeros((K, n, n))
-    J, B, f = np.empty((n, 10)), np.empty((n, 12)), np.empty((n, 6))
-    twice, base = np.empty((n, 6)), np.zeros(6)
-    x, y, row, inert = np.empty(6), np.empty(6), np.zeros(6), np.empty(6)
-    base[3:] = -gravity
-    for k in range(K):
-        for i in range(n):
-            p = parent[i]
-            J[i] = inertia[k, i]
-            body_force(J[i], v[k, i], a[k, i], x, f[i])
-            _coriolis(J[i], v[k, i], x, B[i])
-            cross_motion(a[k, p] if p >= 0 else base, S[k, i], twice[i])
-            if p >= 0:
-                cross_motion(v[k, p], dS[k, i], x)
-                twice[i] += x
-        for i in range(n - 1, -1, -1):
-            momentum(J[i], twice[i], x)
-            _add_coriolis(B[i], dS[k, i], x)
-            add_cross_force(S[k, i], f[i], x)
-            momentum(J[i], dS[k, i], y)
-            y *= 2.0
-            _add_coriolis(B[i], S[k, i], y)
-            _transposed(B[i], S[k, i], row)
-            momentum(J[i], S[k, i], inert)
-            j = i
-            while j >= 0:
-                by_q[k, j, i], by_w[k, j, i] = dot(S[k, j], x), dot(S[k, j], y)
-                if j != i:
-                    by_q[k, i, j] = dot(dS[k, j], row) + dot(twice[j], inert)
-                    by_w[k, i, j] = dot(S[k, j], row) + 2.0 * dot(dS[k, j], inert)
-                j = parent[j]
-            p = parent[i]
-            if p >= 0:
-                J[p] += J[i]
-                B[p] += B[i]
-                f[p] += f[i]
-    return by_q, by_w
+    parent: Any, S: Any, dS: Any, twice: Any, J: Any, B: Any, f: Any, by_q: Any, by_w: Any
+) -> None:
+    """Write the derivatives by q and by w (n, n) of the torques of a motion, see `rnea.torques`.
+
+    J, B, f, twice : inertia (n, 10), 2 B and force (n, 6) of all that each joint carries, and ddS
+    """
+    by_q[:], by_w[:] = 0.0, 0.0
+    for i in range(len(parent)):
+        x0, x1, x2 = momentum(J[i], twice[i]), _times(B[i], dS[i]), cross_force(S[i], f[i])
+        y0, y1 = momentum(J[i], dS[i]), _times(B[i], S[i])
+        x = (
+            x0[0] + x1[0] + x2[0],
+            x0[1] + x1[1] + x2[1],
+            x0[2] + x1[2] + x2[2],
+            x0[3] + x1[3] + x2[3],
+            x0[4] + x1[4] + x2[4],
+            x0[5] + x1[5] + x2[5],
+        )
+        y = (
+            2.0 * y0[0] + y1[0],
+            2.0 * y0[1] + y1[1],
+            2.0 * y0[2] + y1[2],
+            2.0 * y0[3] + y1[3],
+            2.0 * y0[4] + y1[4],
+            2.0 * y0[5] + y1[5],
+        )
+        row, inert = _transposed_times(B[i], S[i]), momentum(J[i], S[i])
+        by_q[i, i], by_w[i, i] = dot(S[i], x), dot(S[i], y)
+        j = parent[i]
+        while j >= 0:
+            d, s = dS[j], S[j]
+            by_q[j, i], by_w[j, i] = dot(s, x), dot(s, y)
+            turned = row[0] * d[0] + row[1] * d[1] + row[2] * d[2]
+            by_q[i, j] = turned + dot(twice[j], inert)
+            turned = row[0] * s[0] + row[1] * s[1] + row[2] * s[2]
+            by_w[i, j] = turned + 2.0 * dot(d, inert)
+            j = parent[j]

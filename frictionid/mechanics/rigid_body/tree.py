@@ -3,38 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.rigid_body.inertia import composite, world_inertias
-from frictionid.mechanics.rigid_body.kinematics import accelerations, placements, velocities
 
 MOMENTS = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 MOMENT_UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
-
-
-class Pose(NamedTuple):
-    """Frames, joint motions and inertias of all bodies at K samples, in the frame of the base.
-
-    R (K, n, 3, 3), o (K, n, 3), S (K, n, 6), see `kinematics`; inertia and carried (K, n, 10), of
-    each body and of all that its joint carries.
-    """
-
-    R: Array
-    o: Array
-    S: Array
-    inertia: Array
-    carried: Array
-
-
-class Motion(NamedTuple):
-    """Velocities v, changes dS of the joint motions and accelerations less gravity, (K, n, 6)."""
-
-    v: Array
-    dS: Array
-    a: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,16 +59,3 @@ class Tree:
         """Units of the rotors' inertias: kg at prismatic joints."""
         at = [int(np.argmax(np.abs(row))) for row in self.rotors]
         return tuple("kg" if self.prismatic[i] else "kg m^2" for i in at)
-
-    def pose(self, q: Array, inertia: Array) -> Pose:
-        """Frames and inertias at angles q (K, n); inertia (1, n, 10) or (K, n, 10)."""
-        q = np.ascontiguousarray(q)
-        R, o, S = placements(self.parent, self.prismatic, self.axis, self.turn, self.shift, q)
-        own = world_inertias(np.ascontiguousarray(inertia), R, o)
-        return Pose(R, o, S, own, composite(self.parent, own))
-
-    def motion(self, S: Array, w: Array, rate: Array) -> Motion:
-        """Motion of the bodies at joint velocities w and their rates dw/dt (K, n)."""
-        w, rate = np.ascontiguousarray(w), np.ascontiguousarray(rate)
-        v, dS = velocities(self.parent, S, w)
-        return Motion(v, dS, accelerations(self.parent, self.gravity, S, dS, w, rate))

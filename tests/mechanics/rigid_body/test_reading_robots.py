@@ -128,7 +128,7 @@ def test_a_payload_is_a_body_fixed_to_its_link(read):
         np.testing.assert_allclose(ours, theirs, atol=1e-12)
     several = arm.base({"payload_mass": np.array([0.0, 0.7])})
     assert several.shape == (2, len(arm.base_names))
-    np.testing.assert_array_equal(several[0], arm.base({}))
+    np.testing.assert_allclose(several[0], arm.base({}), rtol=0, atol=1e-15)
 
 
 MIMIC = '<axis xyz="0 0 1"/><mimic joint="shoulder"/>'

@@ -1,0 +1,154 @@
+"""Loops over samples: the algorithms of this folder at K states, compiled.
+
+Base parameters p have shape (1, nb) or (K, nb); results are written to the arrays that come last.
+Numba keeps this file's code with what it calls: whoever changes an algorithm next door changes
+`VERSION`, by which Numba notices.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.compiled import compiled, inlined
+from frictionid.mechanics.rigid_body.crba import add_mass_matrix
+from frictionid.mechanics.rigid_body.inertia import add_to_parents, world_inertias
+from frictionid.mechanics.rigid_body.kinematics import motion, placements
+from frictionid.mechanics.rigid_body.regressor import torque_regressor
+from frictionid.mechanics.rigid_body.rnea import lagrangian_slopes, torques
+from frictionid.mechanics.rigid_body.rnea_derivatives import prepare, torque_derivatives
+
+VERSION = 1
+
+
+class Geometry(NamedTuple):
+    """Arrays of a `Tree` that the algorithms read, and which parameters the base parameters lead.
+
+    silent (N,) times base parameter `carrier` adds to the leading ones, see `BaseParameters`.
+    """
+
+    parent: Array
+    prismatic: Array
+    axis: Array
+    turn: Array
+    shift: Array
+    gravity: Array
+    rotors: Array
+    leading: Array
+    silent: Array
+    carrier: int
+
+
+@inlined
+def _expand(tree: Any, p: Any, pi: Any, rotor: Any) -> None:
+    """Write inertial parameters (N,) of base parameters, and the rotors' share in M (n, n)."""
+    n = len(tree.parent)
+    for k in range(len(pi)):
+        pi[k] = p[tree.carrier] * tree.silent[k]
+    for k in range(len(p)):
+        pi[tree.leading[k]] += p[k]
+    rotor[:] = 0.0
+    for r in range(len(tree.rotors)):
+        for i in range(n):
+            if tree.rotors[r, i] != 0.0:
+                for j in range(n):
+                    rotor[i, j] += pi[10 * n + r] * tree.rotors[r, i] * tree.rotors[r, j]
+
+
+@inlined
+def _scratch(tree: Any) -> Any:
+    """Arrays for pi, rotors, R, o, S, inertia, v, dS, a, force of one sample."""
+    n = len(tree.parent)
+    return (
+        np.empty(len(tree.silent)),
+        np.empty((n, n)),
+        np.empty((n, 3, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 6)),
+        np.empty((n, 10)),
+        np.empty((n, 6)),
+        np.empty((n, 6)),
+        np.empty((n, 6)),
+        np.empty((n, 6)),
+    )
+
+
+@compiled
+def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
+    """Mass matrices M (K, n, n)."""
+    pi, rotor, R, o, S, own, _, _, _, _ = _scratch(tree)
+    for k in range(len(q)):
+        if k == 0 or len(p) > 1:
+            _expand(tree, p[k], pi, rotor)
+        placements(tree, q[k], R, o, S)
+        world_inertias(pi, R, o, own)
+        add_to_parents(tree.parent, own, 10)
+        M[k] = rotor
+        add_mass_matrix(tree.parent, S, own, M[k])
+
+
+@compiled
+def dynamics(tree: Geometry, p: Array, q: Array, w: Array, M: Array, h: Array) -> None:
+    """Mass matrices M (K, n, n) and h (K, n)."""
+    pi, rotor, R, o, S, own, v, dS, a, force = _scratch(tree)
+    rate = np.zeros(q.shape[1])
+    for k in range(len(q)):
+        if k == 0 or len(p) > 1:
+            _expand(tree, p[k], pi, rotor)
+        placements(tree, q[k], R, o, S)
+        world_inertias(pi, R, o, own)
+        motion(tree, S, w[k], rate, v, dS, a)
+        torques(tree.parent, S, v, a, own, force, h[k])
+        for i in range(len(rate)):
+            h[k, i] = -h[k, i]
+        add_to_parents(tree.parent, own, 10)
+        M[k] = rotor
+        add_mass_matrix(tree.parent, S, own, M[k])
+
+
+@compiled
+def lagrangian(tree: Geometry, p: Array, q: Array, w: Array, slope: Array, energy: Array) -> None:
+    """dL/dq (K, n) and potential energies (K,) [J]."""
+    pi, rotor, R, o, S, own, v, dS, a, moving = _scratch(tree)
+    carried = np.empty_like(own)
+    for k in range(len(q)):
+        if k == 0 or len(p) > 1:
+            _expand(tree, p[k], pi, rotor)
+        placements(tree, q[k], R, o, S)
+        world_inertias(pi, R, o, own)
+        motion(tree, S, w[k], w[k], v, dS, a)
+        carried[:] = own
+        add_to_parents(tree.parent, carried, 10)
+        energy[k] = lagrangian_slopes(tree, S, v, dS, own, carried, moving, slope[k])
+
+
+@compiled
+def derivatives(
+    tree: Geometry, p: Array, q: Array, w: Array, rate: Array, by_q: Array, by_w: Array
+) -> None:
+    """Derivatives of M dw/dt - h by q and w (K, n, n)."""
+    pi, rotor, R, o, S, own, v, dS, a, force = _scratch(tree)
+    B, twice, out = np.empty((len(o), 12)), np.empty_like(S), np.empty(len(o))
+    for k in range(len(q)):
+        if k == 0 or len(p) > 1:
+            _expand(tree, p[k], pi, rotor)
+        placements(tree, q[k], R, o, S)
+        world_inertias(pi, R, o, own)
+        motion(tree, S, w[k], rate[k], v, dS, a)
+        torques(tree.parent, S, v, a, own, force, out)
+        prepare(tree, S, v, dS, a, own, B, twice)
+        add_to_parents(tree.parent, own, 10)
+        torque_derivatives(tree.parent, S, dS, twice, own, B, force, by_q[k], by_w[k])
+
+
+@compiled
+def regressor(tree: Geometry, columns: Array, q: Array, w: Array, rate: Array, Y: Array) -> None:
+    """Torques (K, n, C) of motions with one unit parameter each, of the 10 n of all bodies."""
+    _, _, R, o, S, _, v, dS, a, _ = _scratch(tree)
+    wrench = np.empty((10, 6))
+    for k in range(len(q)):
+        placements(tree, q[k], R, o, S)
+        motion(tree, S, w[k], rate[k], v, dS, a)
+        torque_regressor(tree.parent, (R, o), S, v, a, columns, wrench, Y[k])
