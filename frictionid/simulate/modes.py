@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -35,11 +34,14 @@ class TrueSystem:
     friction: TrueFriction
     parameters: Mapping[str, float] = field(default_factory=dict)
 
-    @cached_property
-    def combinations(self) -> Array:
-        """All modes, shape (3^n, n), or (2^n, n) without stick; sticking first: it wins ties."""
+    def combinations(self, rests: NDArray[np.bool_]) -> Array:
+        """All modes (C, n) of the joints that rest (n,), zero elsewhere.
+
+        C = 3^k of k such joints, or 2^k without stick; sticking first: it wins ties.
+        """
         each = (0.0, 1.0, -1.0) if self.friction.sticks else (1.0, -1.0)
-        return np.array(list(product(each, repeat=self.mechanism.n)))
+        choices = [each if rest else (0.0,) for rest in rests]
+        return np.array(list(product(*choices)))
 
     def torque(self, y: Array, u: Array, mode: Array, w: Array | None = None) -> Array:
         """Friction torque (..., n) [N m] in a mode at states y (3, R, n) under motor torques u.
@@ -119,7 +121,7 @@ def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     M, h = system.mechanism.dynamics(system.p, q, w)
     f = h + u
     rests = w == 0
-    mode = np.where(rests, system.combinations[:, None, :], np.sign(w))
+    mode = np.where(rests, system.combinations(rests.any(axis=0))[:, None, :], np.sign(w))
     a = accelerations(M, f, system.torque(y, u, mode), mode != 0)
     hold = f - (M * a[..., None, :]).sum(-1)
     sticking = -_within(system, y, u, hold)

@@ -1,0 +1,66 @@
+"""Motion under a position controller: the same torques give the same motion, batch equals alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from frictionid.errors import InputError
+from frictionid.mechanics import Plant, double_pendulum
+from frictionid.simulate.integrate import integrate_motion
+from frictionid.simulate.modes import TrueSystem
+from frictionid.simulate.tracking import Controller, Fourier, track
+from frictionid.simulate.true_friction import Curve, Stribeck
+
+MACHINE = double_pendulum(m1=0.6, m2=0.5, l1=0.25, r1=0.12, r2=0.13, I1=0.013, I2=0.012)
+NOMINAL = Plant.from_parameters(MACHINE, {})
+TRUE = TrueSystem(MACHINE, 1.1 * NOMINAL.p, Stribeck(Curve((0.2, 0.1), (0.2, 0.1), (0.05, 0.02))))
+CONTROLLER = Controller((40.0, 15.0), (2.0, 0.8))
+REFERENCES = [
+    [Fourier((1.0, 0.4), (0.2, 0.3), 0.5), Fourier((0.5, -0.8), (0.6, 0.0), 0.5, offset=0.3)],
+    [Fourier((-0.7,), (0.5,), 0.7), Fourier((0.9,), (-0.4,), 0.7)],
+]
+TIME = np.arange(200) * 0.002
+
+
+def motion(references=REFERENCES, **settings):
+    return track(TRUE, NOMINAL, CONTROLLER, references, TIME, **settings)
+
+
+def test_a_reference_is_the_integral_of_its_velocity():
+    fine = np.linspace(0.0, 3.0, 30001)
+    q, w, a = REFERENCES[0][1].motion(fine)
+    assert np.gradient(q, fine)[1:-1] == pytest.approx(w[1:-1], abs=1e-6)
+    assert np.gradient(w, fine)[1:-1] == pytest.approx(a[1:-1], abs=1e-5)
+
+
+def test_the_reference_is_followed_and_friction_costs_torque():
+    done = motion()
+    wanted = np.array([[joint.motion(TIME)[0] for joint in own] for own in REFERENCES])
+    assert np.abs(done.states[:, 0] - np.moveaxis(wanted, -1, 0)).max() < 0.05
+    power = np.mean(done.torque * done.states[:, 1])
+    assert power > 0.9 * np.mean(0.2 * np.abs(done.states[:, 1, :, 0])) / 2
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0013, 0.005])
+def test_its_torques_alone_give_the_same_motion(delay):
+    """Played as commands without controller, to the controller's sampling."""
+    done = motion(delay=delay, substeps=8)
+    edges = np.unique(np.concatenate([TIME, TIME + delay]).round(12))
+    edges = edges[edges <= TIME[-1]]
+    middle = (edges[1:] + edges[:-1]) / 2
+    k = np.maximum(np.floor((middle - delay) / 0.002 + 1e-9).astype(int), 0)
+    q, w = done.states[0, :2]
+    states = integrate_motion(TRUE, q, w, done.torque[k], edges, 0.00025)
+    again = states[np.searchsorted(edges, TIME - 1e-9)]
+    assert again[:, 0] == pytest.approx(done.states[:, 0], abs=1e-6)
+
+
+def test_alone_as_in_a_batch():
+    both, alone = motion(), motion(REFERENCES[1:])
+    assert both.states[:, :, 1:] == pytest.approx(alone.states, abs=1e-12)
+
+
+def test_sines_and_cosines_go_together():
+    with pytest.raises(InputError, match="as many sines as cosines"):
+        Fourier((1.0, 2.0), (1.0,), 0.5)
