@@ -28,7 +28,8 @@ from frictionid.simulate.modes import TrueSystem, next_modes
 class Fourier:
     """Periodic reference of one joint's position [Swevers1997].
 
-        q = offset + sum_k (sines[k] sin(k W t) - cosines[k] cos(k W t)) / (k W),  W = 2 pi frequency
+        q = offset + sum_k (sines[k] sin(k W t) - cosines[k] cos(k W t)) / (k W)
+        W = 2 pi frequency
 
     sines, cosines : amplitudes of the velocity's harmonics [rad/s]; frequency [Hz]
 
@@ -89,20 +90,19 @@ def track(
 ) -> Tracked:
     """Motion of R recordings side by side under the controller, one reference per joint each.
 
-    nominal : the model in the controller; time : (T,) [s], evenly spaced samples of the controller;
-    delay : [s], by which a command acts later; gain : by which it acts stronger; substeps : steps of
-    the integration between two samples
+    nominal : the model in the controller
+    time : (T,) [s], evenly spaced samples of the controller
+    delay : [s], by which a command acts later; gain : by which it acts stronger
+    substeps : steps of the integration between two samples
 
     >>> from frictionid.mechanics import pendulum
     >>> from frictionid.simulate.true_friction import Curve, Stribeck
     >>> machine = pendulum(mass=1.0, length=0.5)
     >>> nominal = Plant.from_parameters(machine, {})
     >>> system = TrueSystem(machine, nominal.p, Stribeck(Curve((0.5,), (0.5,), (0.1,))))
-    >>> wanted = Fourier((1.0,), (0.0,), 0.5)
-    >>> done = track(
-    ...     system, nominal, Controller((400.0,), (20.0,)), [[wanted]], np.arange(500) * 0.002
-    ... )
-    >>> bool(np.abs(done.states[:, 0, 0, 0] - wanted.motion(np.arange(500) * 0.002)[0]).max() < 0.003)
+    >>> wanted, time = Fourier((1.0,), (0.0,), 0.5), np.arange(500) * 0.002
+    >>> done = track(system, nominal, Controller((400.0,), (20.0,)), [[wanted]], time)
+    >>> bool(np.abs(done.states[:, 0, 0, 0] - wanted.motion(time)[0]).max() < 0.003)
     True
     """
     motions = [[joint.motion(time) for joint in own] for own in references]
