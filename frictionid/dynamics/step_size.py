@@ -11,7 +11,7 @@ from frictionid.dynamics.sliding_friction import SLOW
 from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
-from frictionid.mechanics import Plant
+from frictionid.mechanics import Plant, configurations
 
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
 _LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
@@ -69,12 +69,11 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
 def stiffness(plant: Plant, friction: Friction, beyond: float = 0.0) -> float:
     """Fastest rate [1/s] at which friction slows a joint: largest eigenvalue of M^-1 dTf/dw.
 
-    The worst case over a grid of configurations and over the batches of plant and friction, at
+    The worst case over `configurations` and over the batches of plant and friction, at
     speeds `beyond` some [rad/s]; where friction grows with the load or the motor torque, under
     those that hold the joints still.
     """
-    grid = np.linspace(-np.pi, np.pi, 9)
-    q = np.stack(np.meshgrid(*[grid] * plant.n, indexing="ij"), axis=-1).reshape(-1, plant.n)
+    q = configurations(plant.n, 9)
     p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
     A = inverse(plant.mechanism.inertia(p[:, None], q))
     root = np.sqrt(slopes(friction, beyond, *_holding(plant, friction, p, q)))

@@ -2,6 +2,7 @@
 
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.check_mechanism import check_mechanism
+from frictionid.mechanics.configurations import configurations
 from frictionid.mechanics.description import Base, Body, Description
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.linear_axis import linear_axis
@@ -28,6 +29,7 @@ __all__ = [
     "acrobot",
     "as_mechanism",
     "check_mechanism",
+    "configurations",
     "double_pendulum",
     "linear_axis",
     "mechanism_of",

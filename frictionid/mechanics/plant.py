@@ -17,6 +17,7 @@ class Plant:
     `parameters` are arrays of one batch shape (...), often one entry per recording or row; p has
     shape (..., nb). An index into a plant picks from the batch.
 
+    >>> import numpy as np
     >>> from frictionid.mechanics import pendulum
     >>> Plant.from_parameters(pendulum(), {"mass": np.array([0.5, 1.0])})[1].p
     array([1.  , 9.81])

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics import Mechanism
+from frictionid.mechanics import Mechanism, configurations
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -19,8 +18,6 @@ from frictionid.shooting.parameters.parameter_block import (
     with_known,
 )
 
-_GRID = np.linspace(-np.pi, np.pi, 13)
-_FEW, _POINTS = 2, 500  # joints with a grid; points of more joints
 _KEPT = 0.05  # of the mass matrix that a step may leave in any direction
 
 
@@ -77,28 +74,9 @@ def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:
     >>> inside(m, np.array([1.0, 2.0]), np.array([-4.0, 2.0])).round(9)
     array([0.05, 2.  ])
     """
-    q = configurations(mechanism.n)
+    q = configurations(mechanism.n, 13)
     now, then = (mechanism.inertia(p, q) for p in (np.asarray(base, float), wanted))
     root = np.linalg.inv(np.linalg.cholesky(now))
     least = float(np.linalg.eigvalsh(root @ then @ np.swapaxes(root, -1, -2)).min())
     share = 1.0 if least >= _KEPT else (1.0 - _KEPT) / (1.0 - least)
     return base + share * (wanted - base)
-
-
-@cache
-def configurations(n: int) -> Array:
-    """Positions (K, n) at which M is looked at: a grid of one or two joints, else 500 points.
-
-    Of more joints by a sequence that fills the space evenly: multiples of the powers of 1/g modulo
-    one, with g^(n + 1) = g + 1 [Roberts2018].
-
-    >>> configurations(2).shape, configurations(7).shape
-    ((169, 2), (500, 7))
-    """
-    if n <= _FEW:
-        return np.stack(np.meshgrid(*[_GRID] * n, indexing="ij"), axis=-1).reshape(-1, n)
-    g = 1.0
-    for _ in range(60):
-        g = (1.0 + g) ** (1.0 / (n + 1))
-    steps = g ** -np.arange(1.0, n + 1)
-    return np.pi * (2.0 * (np.outer(np.arange(1, _POINTS + 1), steps) % 1.0) - 1.0)
