@@ -5,6 +5,7 @@ from frictionid.mechanics.check_mechanism import check_mechanism
 from frictionid.mechanics.configurations import configurations
 from frictionid.mechanics.description import Base, Body, Description
 from frictionid.mechanics.double_pendulum import double_pendulum
+from frictionid.mechanics.from_bodies import Joint, from_bodies
 from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.mechanism import Mechanism, Parameter, Partials, Terms
 from frictionid.mechanics.mechanism_table import as_mechanism, mechanism_of
@@ -19,6 +20,7 @@ __all__ = [
     "Base",
     "Body",
     "Description",
+    "Joint",
     "Mechanism",
     "Parameter",
     "Partials",
@@ -31,6 +33,7 @@ __all__ = [
     "check_mechanism",
     "configurations",
     "double_pendulum",
+    "from_bodies",
     "linear_axis",
     "mechanism_of",
     "mjcf",

@@ -126,7 +126,7 @@ def _description(inertias: str, link2_rate: str) -> Description:
     s = {name: sp.Symbol(name) for name in table}
     J1, J2 = _printed(s) if inertias == "printed" else _shapes(s)
     m1, m2, m3, m4, L1, L2, L3, L4, rotor, gear, g = (s[k] for k in PARAMETERS)
-    q1, q2, w1, w2 = sp.symbols("q1 q2 w1 w2")
+    q1, q2 = sp.symbols("q1 q2")
     turn = sp.Integer(link2_rate == "absolute")
 
     def at(first: sp.Expr, second: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
@@ -135,10 +135,10 @@ def _description(inertias: str, link2_rate: str) -> Description:
 
     none = sp.Integer(0)
     bodies = (
-        Body(m1, *at(L1, none), J1, w1, 0),
-        Body(m2, *at(L2, none), none, w1, 0),
-        Body(m3, *at(L2, L3), J2, turn * w1 + w2, 1),
-        Body(m4, *at(L2, L4), none, w1 + w2, 1),
+        Body(m1, *at(L1, none), J1, q1, 0),
+        Body(m2, *at(L2, none), none, q1, 0),
+        Body(m3, *at(L2, L3), J2, turn * q1 + q2, 1),
+        Body(m4, *at(L2, L4), none, q1 + q2, 1),
     )
     swing = m3 * L3**2 + m4 * L4**2
     fixed = J1 + m1 * L1**2 + (m2 + m3 + m4) * L2**2
@@ -154,11 +154,10 @@ def _description(inertias: str, link2_rate: str) -> Description:
         kind="acrobot",
         joints=("joint 1", "joint 2"),
         q=(q1, q2),
-        w=(w1, w2),
         gravity=g,
         parameters=tuple(Parameter(k, *table[k]) for k in table),
         bodies=bodies,
-        rotors=((rotor, w1 - gear * w2),),
+        rotors=((rotor, q1 - gear * q2),),
         driven=(False, True),
         base=base,
     )

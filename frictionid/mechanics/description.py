@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import sympy as sp
 
@@ -18,15 +18,22 @@ class Base(NamedTuple):
     unit: str
 
 
-class Body(NamedTuple):
-    """A rigid body: mass, centre of mass (x, y), inertia about it, angular rate, carrying joint."""
+Expression: TypeAlias = Any  # of SymPy, or a number
 
-    mass: sp.Expr
-    x: sp.Expr
-    y: sp.Expr
-    inertia: sp.Expr
-    rate: sp.Expr
-    joint: int
+
+class Body(NamedTuple):
+    """A rigid body in a vertical plane, y upwards.
+
+    mass ; x, y : its centre of mass ; inertia : about that ; angle : by which it turns ; joint :
+    the last one, from 0, that lies between it and the ground
+    """
+
+    mass: Expression
+    x: Expression
+    y: Expression
+    inertia: Expression = 0
+    angle: Expression = 0
+    joint: int = 0
 
 
 @dataclass(frozen=True)
@@ -36,10 +43,11 @@ class Description:
     Attributes
     ----------
     kind, joints : names of the mechanism and of its joints
-    q, w, gravity : symbols of angles, velocities and g
+    q : symbols of the positions ; gravity : of g, or 0
     parameters, bodies, base : see `Parameter`, `Body` and `Base`; the symbol of a parameter has its
         name
-    rotors : pairs (inertia, angular rate)
+    rotors : pairs (inertia, angle by which it turns)
+    potential : energy beside that of gravity, as of springs
     driven : which joints have a motor
     position_units : "rad" or "m" of each joint; all "rad" where there are none
     torque_units : of each joint, where they do not follow from those of the positions
@@ -48,15 +56,20 @@ class Description:
     kind: str
     joints: tuple[str, ...]
     q: tuple[sp.Symbol, ...]
-    w: tuple[sp.Symbol, ...]
-    gravity: sp.Symbol
+    gravity: Expression
     parameters: tuple[Parameter, ...]
     bodies: tuple[Body, ...]
-    rotors: tuple[tuple[sp.Expr, sp.Expr], ...]
+    rotors: tuple[tuple[Expression, Expression], ...]
     driven: tuple[bool, ...]
     base: tuple[Base, ...]
     position_units: tuple[str, ...] = ()
     torque_units: tuple[str, ...] = ()
+    potential: Expression = 0
+
+    @property
+    def w(self) -> tuple[sp.Symbol, ...]:
+        """Symbols of the velocities."""
+        return tuple(sp.Symbol(f"_w{j}") for j in range(len(self.q)))
 
     @property
     def symbols(self) -> list[sp.Symbol]:

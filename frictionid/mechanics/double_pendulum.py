@@ -74,12 +74,12 @@ def double_pendulum(
 def _description(driven: tuple[bool, bool]) -> Description:
     s = {name: sp.Symbol(name) for name in PARAMETERS}
     m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = s.values()
-    q1, q2, w1, w2 = sp.symbols("q1 q2 w1 w2")
+    q1, q2 = sp.symbols("q1 q2")
     first, second = (sp.Integer(bool(d)) for d in driven)
     x2, y2 = l1 * sp.sin(q1) + r2 * sp.sin(q1 + q2), -l1 * sp.cos(q1) - r2 * sp.cos(q1 + q2)
     bodies = (
-        Body(m1, r1 * sp.sin(q1), -r1 * sp.cos(q1), I1 - m1 * r1**2, w1, 0),
-        Body(m2, x2, y2, I2 - m2 * r2**2, w1 + w2, 1),
+        Body(m1, r1 * sp.sin(q1), -r1 * sp.cos(q1), I1 - m1 * r1**2, q1, 0),
+        Body(m2, x2, y2, I2 - m2 * r2**2, q1 + q2, 1),
     )
     reflected = first * gr**2 * Ir + second * Ir
     inertia_12 = Base("inertia_12", I2 - gr * Ir, "kg m^2")
@@ -95,13 +95,12 @@ def _description(driven: tuple[bool, bool]) -> Description:
         kind="double_pendulum",
         joints=("joint 1", "joint 2"),
         q=(q1, q2),
-        w=(w1, w2),
         gravity=g,
         parameters=tuple(
             Parameter(k, *PARAMETERS[k], required=k not in OPTIONAL) for k in PARAMETERS
         ),
         bodies=bodies,
-        rotors=((first * Ir, gr * w1), (second * Ir, w1 - gr * w2)),
+        rotors=((first * Ir, gr * q1), (second * Ir, q1 - gr * q2)),
         driven=(bool(driven[0]), bool(driven[1])),
         base=base,
     )

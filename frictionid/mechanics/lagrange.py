@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from frictionid.mechanics.description import Description
+from frictionid.mechanics.description import Description, Expression
 
 
 class Equations(NamedTuple):
@@ -52,18 +52,24 @@ def full_matrix(upper: Sequence[Any], n: int) -> dict[tuple[int, int], Any]:
 
 
 def _energies_in_base(d: Description) -> tuple[sp.Expr, sp.Expr, list[sp.Symbol]]:
-    kinetic = sum((inertia * rate**2 / 2 for inertia, rate in d.rotors), sp.Integer(0))
-    potential = sp.Integer(0)
-    for body in d.bodies:
-        vx, vy = (_rate(z, d.q, d.w) for z in (body.x, body.y))
-        kinetic += body.mass * (vx**2 + vy**2) / 2 + body.inertia * body.rate**2 / 2
-        potential += body.mass * d.gravity * body.y
+    kinetic, potential = energies(d)
     symbols = [sp.Symbol(f"_b{i}") for i in range(len(d.base))]
-    kinetic = _in_base(_polynomial(kinetic, d.q), d, symbols)
-    return kinetic, _in_base(sp.expand(potential), d, symbols), symbols
+    return _in_base(kinetic, d, symbols), _in_base(potential, d, symbols), symbols
 
 
-def _rate(z: sp.Expr, q: Sequence[sp.Symbol], w: Sequence[sp.Symbol]) -> sp.Expr:
+def energies(d: Description) -> tuple[sp.Expr, sp.Expr]:
+    """Kinetic and potential energy, as sums of physical parameters times functions of the state."""
+    kinetic, potential = sp.Integer(0), sp.sympify(d.potential)
+    for inertia, angle in d.rotors:
+        kinetic += inertia * _rate(angle, d.q, d.w) ** 2 / 2
+    for body in d.bodies:
+        vx, vy, turn = (_rate(z, d.q, d.w) for z in (body.x, body.y, body.angle))
+        kinetic += body.mass * (vx**2 + vy**2) / 2 + body.inertia * turn**2 / 2
+        potential += body.mass * d.gravity * body.y
+    return _polynomial(kinetic, d.q), sp.expand(potential)
+
+
+def _rate(z: Expression, q: Sequence[sp.Symbol], w: Sequence[sp.Symbol]) -> sp.Expr:
     return sum((sp.diff(z, qi) * wi for qi, wi in zip(q, w, strict=True)), sp.Integer(0))
 
 
@@ -77,15 +83,20 @@ def _polynomial(e: sp.Expr, q: Sequence[sp.Symbol]) -> sp.Expr:
 
 def _in_base(e: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
     """An energy that is linear in the base parameters, with a symbol for each of them."""
-    state = {*d.q, *d.w}
+    out = sp.Integer(0)
+    for motion, coefficient in by_motion(e, d).items():
+        if motion.free_symbols:  # where an energy has its zero changes no motion
+            out += _match(coefficient, d, symbols) * motion
+    return out
+
+
+def by_motion(e: sp.Expr, d: Description) -> dict[sp.Expr, sp.Expr]:
+    """Coefficients of an energy, in physical parameters, by the functions of the state."""
     coefficients: dict[sp.Expr, sp.Expr] = {}
     for term in sp.Add.make_args(e):
-        constant, motion = term.as_independent(*state)
+        constant, motion = term.as_independent(*d.q, *d.w)
         coefficients[motion] = coefficients.get(motion, sp.Integer(0)) + constant
-    out = sp.Integer(0)
-    for motion, coefficient in coefficients.items():
-        out += _match(sp.expand(coefficient), d, symbols) * motion
-    return out
+    return {motion: sp.expand(coefficient) for motion, coefficient in coefficients.items()}
 
 
 def _match(coefficient: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
@@ -95,10 +106,32 @@ def _match(coefficient: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -
         ratio = sp.cancel(coefficient / base.expression)
         if ratio.is_number:
             return ratio * symbol
+    factors = combination(coefficient, [base.expression for base in d.base])
+    if factors is not None:
+        return sum((f * s for f, s in zip(factors, symbols, strict=True)), sp.Integer(0))
     raise ValueError(
         f"{d.kind}: the coefficient {coefficient} of the Lagrangian is no multiple of a base "
         f"parameter ({', '.join(b.name for b in d.base)}): add one to `base`"
     )
+
+
+def combination(e: sp.Expr, terms: Sequence[sp.Expr]) -> list[sp.Expr] | None:
+    """Numbers by which `terms` add up to an expression, or None where none do.
+
+    >>> a, b = sp.symbols("a b")
+    >>> combination(3 * a - b, [a + b, 2 * a])
+    [-1, 2]
+    """
+    columns = [sp.expand(t).as_coefficients_dict() for t in (*terms, e)]
+    rows = sorted(set().union(*columns), key=str)
+    matrix = sp.Matrix([[column[row] for column in columns] for row in rows])
+    reduced, pivots = matrix.rref()
+    if len(terms) in pivots:
+        return None
+    numbers = [sp.Integer(0)] * len(terms)
+    for row, pivot in enumerate(pivots):
+        numbers[pivot] = reduced[row, len(terms)]
+    return numbers
 
 
 def bearing_forces(d: Description, a: Sequence[sp.Symbol]) -> list[sp.Expr]:

@@ -36,18 +36,17 @@ def linear_axis(
 
 @cache
 def _description(driven: bool) -> Description:
-    mass, g, q, w = sp.symbols("mass g q1 w1")
+    mass, g, q = sp.symbols("mass g q1")
     return Description(
         kind="linear_axis",
         joints=("axis",),
         q=(q,),
-        w=(w,),
         gravity=g,
         parameters=(
             Parameter("mass", 1.0, "kg", "everything that moves", required=True),
             Parameter("g", 9.81, "m/s^2", "gravity, for the load of the guide"),
         ),
-        bodies=(Body(mass, q, sp.Integer(0), sp.Integer(0), sp.Integer(0), 0),),
+        bodies=(Body(mass, q, 0),),
         rotors=(),
         driven=(driven,),
         base=(Base("mass", mass, "kg"),),

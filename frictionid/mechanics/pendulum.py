@@ -59,7 +59,7 @@ def pendulum(
 @cache
 def _description(driven: bool, motor: bool) -> Description:
     m, length, J, rotor, gear, g = symbols = sp.symbols("mass length inertia rotor gear g")
-    q, w = sp.symbols("q1 w1")
+    q = sp.Symbol("q1")
     defaults = (1.0, 1.0, 0.0, 0.0, 1.0, 9.81)
     required = (True, True, False, False, False, False)
     units = ("kg", "m", "kg m^2", "kg m^2", "1", "m/s^2")
@@ -75,14 +75,13 @@ def _description(driven: bool, motor: bool) -> Description:
         kind="pendulum",
         joints=("joint 1",),
         q=(q,),
-        w=(w,),
         gravity=g,
         parameters=(
             *map(Parameter, map(str, symbols), defaults, units, meanings, required),
             *(_MOTOR if motor else ()),
         ),
-        bodies=(Body(m, length * sp.sin(q), -length * sp.cos(q), J, w, 0),),
-        rotors=((rotor, gear * w),),
+        bodies=(Body(m, length * sp.sin(q), -length * sp.cos(q), J, q, 0),),
+        rotors=((rotor, gear * q),),
         driven=(driven,),
         base=(
             Base("inertia", m * length**2 + J + gear**2 * rotor, "kg m^2"),

@@ -52,7 +52,9 @@ class SymbolicMechanism(Mechanism):
     ) -> SymbolicMechanism:
         """Mechanism of a description with given values and the options that it was made with."""
         d = description
-        rotors = {str(symbol) for inertia, _ in d.rotors for symbol in inertia.free_symbols}
+        rotors = {
+            str(symbol) for inertia, _ in d.rotors for symbol in sp.sympify(inertia).free_symbols
+        }
         return SymbolicMechanism(
             kind=d.kind,
             joints=d.joints,

@@ -31,18 +31,16 @@ def unit_inertia(position_units: tuple[str, ...] = ("rad",)) -> SymbolicMechanis
     joints = len(position_units)
     inertia, gravity = sp.symbols("inertia g")
     q = sp.symbols(f"q1:{joints + 1}")
-    w = sp.symbols(f"w1:{joints + 1}")
     one = "kg m^2" if "rad" in position_units else "kg"
     return SymbolicMechanism.of(
         Description(
             kind="unit",
             joints=tuple(f"joint {j + 1}" for j in range(joints)),
             q=tuple(q),
-            w=tuple(w),
             gravity=gravity,
             parameters=(Parameter("inertia", 1.0, one, "of each joint"),),
             bodies=(),
-            rotors=tuple((inertia, rate) for rate in w),
+            rotors=tuple((inertia, angle) for angle in q),
             driven=(False,) * joints,
             base=(Base("inertia", inertia, one),),
             position_units=position_units,

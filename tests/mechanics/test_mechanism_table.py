@@ -204,16 +204,15 @@ def test_scalar_code_shares_what_repeats():
 
 def description(base):
     """A wheel on a spring-less axle, hung up off its centre, with the base parameters given."""
-    q, w, m, r, J, g = sp.symbols("q w m r J g")
+    q, m, r, J, g = sp.symbols("q m r J g")
     table = (("m", 1.0, "kg"), ("r", 1.0, "m"), ("J", 1.0, "kg m^2"), ("g", 9.81, "m/s^2"))
     return Description(
         kind="wheel",
         joints=("axle",),
         q=(q,),
-        w=(w,),
         gravity=g,
         parameters=tuple(Parameter(s, d, unit, s) for s, d, unit in table),
-        bodies=(Body(m, r * sp.sin(q), -r * sp.cos(q), J, w, 0),),
+        bodies=(Body(m, r * sp.sin(q), -r * sp.cos(q), J, q, 0),),
         rotors=(),
         driven=(True,),
         base=base,

@@ -1,0 +1,211 @@
+"""Mechanisms from their bodies, and the cart-pole of comparisons/own_mechanism.py as an example."""
+
+import shutil
+import sys
+
+import numpy as np
+import pytest
+import sympy as sp
+from fixtures.paths import ROOT
+from fixtures.random_machines import close
+
+from frictionid import load_dataset
+from frictionid.arrays import solve, times
+from frictionid.comparison.fit_model import fit_model
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.friction.laws import CoulombViscous
+from frictionid.identifiers import LeastSquares
+from frictionid.mechanics import (
+    Body,
+    Joint,
+    Parameter,
+    acrobot,
+    check_mechanism,
+    double_pendulum,
+    from_bodies,
+)
+from frictionid.shooting import Shooting
+from frictionid.shooting.parameters import FrictionBlock
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, Stribeck, simulate
+from frictionid.simulate import write_dataset as write
+
+sys.path.append(str(ROOT / "comparisons"))
+from own_mechanism import cart_pole
+
+TRUE = np.array([[1.1, 0.8], [0.010, 0.001]])  # Coulomb and viscous friction of cart and pole
+MJCF = """<mujoco><compiler angle="radian"/><option gravity="0 -{g} 0"><flag contact="disable"/>
+</option><worldbody><body><joint type="slide" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="{cart}" diaginertia="1 1 1"/>
+<body><joint type="hinge" axis="0 0 1"/><inertial pos="0 {down} 0" mass="{mass}"
+diaginertia="{inertia} {inertia} {inertia}"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """A simulated cart-pole with friction that truly sticks, on the cart and on the pole."""
+    runs = [
+        Run("sine", (0.0, 1.5), torques=(Sine(5.0, 0.8),)),
+        Run("steps", (0.0, -1.0), (0.0, 3.0), (Steps(6.0, 0.25),)),
+        Run("slow", (0.0, 0.4), torques=(Sine(3.0, 0.4),)),
+        Run("fall", (0.0, 2.5)),
+    ]
+    return simulate(
+        Rig(
+            name="cart_pole",
+            mechanism=cart_pole(),
+            friction=Stribeck(Curve(*(tuple(x) for x in TRUE.T[[0, 0, 1]].tolist()))),
+            camera=Camera(samples=240, rate=60.0, angle_noise=2e-4),
+            recordings=tuple(runs),
+            substeps=12,
+        )
+    )
+
+
+def test_the_example_is_short():
+    assert len((ROOT / "comparisons" / "own_mechanism.py").read_text().splitlines()) < 40
+
+
+def test_the_cart_pole_keeps_to_the_protocol_of_mechanisms():
+    check_mechanism(cart_pole())
+    check_mechanism(cart_pole().with_values({"cart": 2.0, "length": 0.1}))
+
+
+def test_units_are_those_of_each_joint_and_base_parameter():
+    m = cart_pole()
+    assert m.position_units == ("m", "rad")
+    assert m.velocity_units == ("m/s", "rad/s")
+    assert m.torque_units == ("N", "N m")
+    assert dict(zip(m.base_names, m.base_units, strict=True)) == {
+        "cart+mass": "kg",
+        "length*mass": "kg m",
+        "inertia+length^2*mass": "kg m^2",
+        "g*length*mass": "N m",
+    }
+
+
+def test_mujoco_agrees_on_the_cart_pole():
+    mujoco = pytest.importorskip("mujoco", reason="an engine that others wrote")
+    rng = np.random.default_rng(0)
+    m = cart_pole().with_values({"cart": 0.8, "mass": 0.3, "length": 0.25, "inertia": 0.004})
+    v = m.nominal()
+    model = mujoco.MjModel.from_xml_string(MJCF.format(**v, down=-v["length"]))
+    data = mujoco.MjData(model)
+    q, w, u = rng.normal(size=(3, 20, 2)) * np.array([1.0, 2.0])
+    terms = m.terms(m.base({}), q, w)
+    a = solve(terms.M, terms.h + times(m.B, u))
+    for k in range(20):
+        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q[k], w[k], u[k] * m.motors
+        mujoco.mj_forward(model, data)
+        close(a[k], data.qacc, 1e-9)
+
+
+def test_one_step_fits_and_shooting_find_the_friction_of_both_joints(recorded):
+    law = LeastSquares(CoulombViscous())
+    speeds = np.array([2.0, 8.0])[:, None] * np.linspace(0.1, 1.0, 10)
+
+    def curve(theta):
+        return theta[:, :1] + theta[:, 1:] * speeds
+
+    for recipe, share in ((None, 0.05), (Shooting(blocks=(FrictionBlock(),)), 0.01)):
+        fitted = fit_model(recorded, law, recipe) if recipe else fit_model(recorded, law)
+        off = np.linalg.norm(curve(fitted.theta) - curve(TRUE), axis=1)
+        assert (off < share * np.linalg.norm(curve(TRUE), axis=1)).all()
+
+
+def test_a_data_set_and_the_module_beside_it_are_read_with_trust(recorded, tmp_path):
+    write(recorded, tmp_path / "data")
+    shutil.copy(ROOT / "comparisons" / "own_mechanism.py", tmp_path / "data")
+    with pytest.raises(InputError, match=r"'own_mechanism:cart_pole' is code"):
+        load_dataset(tmp_path / "data")
+    again = load_dataset(tmp_path / "data", trust=True)
+    assert again.mechanism == recorded.mechanism
+    given = load_dataset(tmp_path / "data", mechanism=cart_pole())
+    assert given.mechanism == recorded.mechanism
+    assert isinstance(given, Dataset)
+
+
+# ---------------------------------------------------------------- from bodies to equations
+
+
+def test_bodies_of_a_built_in_mechanism_give_its_equations():
+    """The double pendulum, whose base parameters are then found and not told."""
+    told = double_pendulum()
+    d = told.description
+    joints = [Joint(name, q) for name, q in zip(d.joints, d.q, strict=True)]
+    found = from_bodies(d.bodies, joints, d.parameters, rotors=d.rotors)
+    values = {"m1": 0.6, "m2": 0.4, "I1": 0.02, "I2": 0.014, "Ir": 1e-5, "gr": 6.0}
+    q, w, u = np.random.default_rng(1).normal(size=(3, 50, 2))
+    assert len(found.base_names) == len(told.base_names) == 6
+    for name in ("M", "h", "momentum", "dLdq", "energy"):
+        one, other = (getattr(m.terms(m.base(values), q, w), name) for m in (told, found))
+        close(one, other)
+    close(told.load(values, q, w, u), found.load(values, q, w, u))
+
+
+def test_coefficients_that_are_sums_of_others_are_no_base_parameters():
+    """The acrobot's coupling stands in M11 with factor 2 and in M12: one base parameter."""
+    d = acrobot().description
+    joints = [Joint(name, q, driven=m) for name, q, m in zip(d.joints, d.q, d.driven, strict=True)]
+    found = from_bodies(d.bodies, joints, d.parameters, rotors=d.rotors)
+    assert len(found.base_names) == len(acrobot().base_names)
+    check_mechanism(found.with_values({"rotor": 1e-6}))
+
+
+def spring(**options):
+    x, m, k = sp.symbols("x m k")
+    return from_bodies(
+        [Body(m, x, 0)],
+        [Joint("slider", x, "m")],
+        [Parameter("m", 2.0, "kg", "slider"), Parameter("k", 50.0, "N/m", "spring")],
+        potential=k * x**2 / 2,
+        **options,
+    )
+
+
+def test_a_spring_is_a_potential_energy_and_no_g_is_a_level_plane():
+    m = spring()
+    assert (m.base_names, m.base_units) == (("m", "k"), ("kg", "N/m"))
+    _, h = m.dynamics(m.base({}), np.array([0.1]), np.array([0.0]))
+    assert h == pytest.approx(-5.0)
+    assert m.load({}, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))) == pytest.approx(0.0)
+
+
+def test_base_parameters_may_have_names():
+    m, k = sp.symbols("m k")
+    named = spring(base={"stiffness": k, "moved": 2 * m})
+    assert (named.base_names, named.base_units) == (("stiffness", "moved"), ("N/m", "kg"))
+    assert named.base({"m": 3.0}).tolist() == [50.0, 6.0]
+    check_mechanism(named)
+    with pytest.raises(ValueError, match="is no multiple of a base parameter"):
+        spring(base={"stiffness": k}).dynamics(np.ones(1), np.ones(1), np.ones(1))
+
+
+def test_symbols_may_carry_assumptions():
+    x, m = sp.symbols("x m", positive=True)
+    found = from_bodies(
+        [Body(m, x, 0)], [Joint("slider", x, "m")], [Parameter("m", 1.0, "kg", "slider")]
+    )
+    check_mechanism(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parameters": ("m", "lenght")}, r"'length' is neither a joint's .*mean 'lenght'"),
+        ({"parameters": ("m", "length", "x")}, r"'x' names two parameters or joints"),
+        ({"unit": "deg"}, r'the unit of slider is \'deg\'; it must be "rad" or "m"'),
+        ({"joint": 2}, r"a body has joint = 2; joints count from 0 to 0"),
+        ({"inside": True}, r"parameter 'length' stands inside .*length.*: write the number"),
+    ],
+)
+def test_mistakes_are_one_sentence(change, message):
+    x, m, length = sp.symbols("x m length")
+    place = sp.sin(x / length) if change.get("inside") else x + length * sp.sin(x)
+    with pytest.raises(InputError, match=message) as caught:
+        from_bodies(
+            [Body(m, place, 0, joint=change.get("joint", 0))],
+            [Joint("slider", x, change.get("unit", "rad"))],
+            [Parameter(p, 1.0, "m", p) for p in change.get("parameters", ("m", "length"))],
+        )
+    assert "\n" not in str(caught.value)
