@@ -11,6 +11,7 @@ The names below are imported when they are first asked for, so that `import fric
 from importlib import import_module
 from typing import Any
 
+_ROOMS = {"mechanisms": "frictionid.mechanics"}
 _HOME = {
     "Dataset": "frictionid.data.recordings",
     "InputError": "frictionid.errors",
@@ -24,13 +25,15 @@ _HOME = {
     "quick": "frictionid.quickstart.quick",
 }
 
-__all__ = ["__version__", *_HOME]
+__all__ = ["__version__", *_HOME, *_ROOMS]
 
 
 def __getattr__(name: str) -> Any:
     """A public name from the module that defines it, or the installed version."""
     if name == "__version__":
         return import_module("importlib.metadata").version("frictionid")
+    if name in _ROOMS:
+        return import_module(_ROOMS[name])
     if name not in _HOME:
         raise AttributeError(f"module 'frictionid' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)

@@ -62,8 +62,11 @@ def recorded():
     )
 
 
-def test_the_example_is_short():
-    assert len((ROOT / "comparisons" / "own_mechanism.py").read_text().splitlines()) < 40
+def test_the_example_is_short_and_stands_in_the_docs():
+    text = (ROOT / "comparisons" / "own_mechanism.py").read_text()
+    assert len(text.splitlines()) < 40
+    code = text.split('"""', 2)[2].strip()
+    assert code in (ROOT / "docs" / "mechanisms.md").read_text()
 
 
 def test_the_cart_pole_keeps_to_the_protocol_of_mechanisms():
