@@ -9,15 +9,18 @@ from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
 from frictionid.simulate.rig_file import load_rig
 from frictionid.simulate.simulation import simulate
 from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, Steps
+from frictionid.simulate.tracking import Controller, Fourier, track
 from frictionid.simulate.true_friction import Curve, FilmLag, LuGre, Stribeck, TrueFriction
 
 __all__ = [
     "Camera",
     "Chirp",
     "Command",
+    "Controller",
     "Curve",
     "Drive",
     "FilmLag",
+    "Fourier",
     "LoadFriction",
     "LuGre",
     "Multisine",
@@ -32,5 +35,6 @@ __all__ = [
     "load_rig",
     "noise_free",
     "simulate",
+    "track",
     "write_dataset",
 ]

@@ -32,6 +32,7 @@ from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
 
 # finer than the 1e-7 rad and rad/s to which noise-free data sets are exact
 DECIMALS = 8
+ROBOT_FILES = ("urdf", "mjcf")  # keys of a [mechanism] table that name a file
 
 
 def write_dataset(
@@ -75,7 +76,18 @@ def _files(dataset: Dataset) -> dict[str, bytes]:
     document = _document(dataset, driven)
     document["sha256"] = {name: hashlib.sha256(text).hexdigest() for name, text in tables.items()}
     document["truth"] = dict(dataset.truth or {})
-    return {**tables, "dataset.toml": tomli_w.dumps(document).encode()}
+    robot = _robot_file(document["mechanism"])
+    return {**robot, **tables, "dataset.toml": tomli_w.dumps(document).encode()}
+
+
+def _robot_file(table: dict[str, Any]) -> dict[str, bytes]:
+    """The file that describes the mechanism, which the table then names without its folder."""
+    for key in ROBOT_FILES:
+        if key in table:
+            path = Path(str(table[key]))
+            table[key] = path.name
+            return {path.name: path.read_bytes()}
+    return {}
 
 
 def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
@@ -90,7 +102,7 @@ def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
     return {
         "name": dataset.name,
         **dataset.origin,
-        "mechanism": dataset.mechanism.table,
+        "mechanism": dict(dataset.mechanism.table),
         "columns": columns,
         "recordings": {"patterns": ["*.csv"]},
     }

@@ -14,6 +14,7 @@ from frictionid.mechanics import Mechanism, as_mechanism
 from frictionid.simulate.load_friction import LoadFriction
 from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.torques import AnyCommand
+from frictionid.simulate.tracking import Controller, Fourier
 from frictionid.simulate.true_friction import FilmLag, LuGre, Stribeck
 
 AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discriminator="kind")]
@@ -21,11 +22,15 @@ AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discrim
 
 @dataclass(frozen=True)
 class Camera:
-    """Measurement of the angles: number of samples, rate [Hz], noise (standard deviation) [rad]."""
+    """Measurement of the angles: number of samples, rate [Hz], noise (standard deviation) [rad].
+
+    resolution : [rad], step of an encoder; 0: none
+    """
 
     samples: Annotated[int, Field(ge=2)]
     rate: Positive = 60.0
     angle_noise: NotNegative = 0.0
+    resolution: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -38,11 +43,13 @@ class Drive:
         torque(t) = gain command(t - delay)
 
     rate : commands per second [Hz]; delay : [s]
+    torque_noise : standard deviation of what is logged, relative to each joint's mean square
     """
 
     rate: Positive = 60.0
     delay: NotNegative = 0.0
     gain: Positive = 1.0
+    torque_noise: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -50,12 +57,16 @@ class Drive:
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: name, initial state, and a command for each motor (none: free decay)."""
+    """One recording: name, initial state, and a command for each motor (none: free decay).
+
+    references : of a rig with a controller, one for each joint, in place of state and commands
+    """
 
     name: str
-    start_angle: tuple[float, ...]
+    start_angle: tuple[float, ...] = ()
     start_velocity: tuple[float, ...] = ()
     torques: tuple[AnyCommand, ...] = ()
+    references: tuple[Fourier, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -73,6 +84,10 @@ class Rig:
     true_parameters : dict
         True parameters that differ from the nominal ones.
     drive : Drive
+    controller : Controller, or None
+        Position controller, which makes the torques from references; its model is the nominal one.
+    true_mechanism : Mechanism, or a [mechanism] table, or None
+        The true machine, where it differs by more than parameters (another URDF).
     seed : int
     substeps : int
         Steps of the integration between two frames.
@@ -91,6 +106,8 @@ class Rig:
     recordings: tuple[Run, ...]
     true_parameters: dict[str, float] = field(default_factory=dict)
     drive: Drive = field(default_factory=Drive)
+    controller: Controller | None = None
+    true_mechanism: Any = None
     seed: Annotated[int, Field(ge=0)] = 0
     substeps: Count = 32
     description: str = ""
@@ -106,7 +123,12 @@ class Rig:
                 f"friction has numbers for {self.friction.curve.n} joints, "
                 f"the {mechanism.kind} has {mechanism.n}"
             )
-        mechanism.nominal(self.true_parameters)
+        if self.true_mechanism is not None:
+            object.__setattr__(self, "true_mechanism", as_mechanism(self.true_mechanism))
+            _check_same(mechanism, self.true_mechanism)
+        (self.true_mechanism or mechanism).nominal(self.true_parameters)
+        if self.controller is not None:
+            _check_controller(self, self.controller, mechanism.n)
         if not self.recordings:
             raise InputError("a rig needs at least one recording")
         seen: set[str] = set()
@@ -114,7 +136,7 @@ class Rig:
             if run.name in seen:
                 raise InputError(f"two recordings are called {run.name!r}; rename one")
             seen.add(run.name)
-            _check_run(run, mechanism)
+            _check_run(run, mechanism, tracked=self.controller is not None)
 
 
 def nominal_mechanism(rig: Rig) -> Mechanism:
@@ -125,7 +147,8 @@ def nominal_mechanism(rig: Rig) -> Mechanism:
 
 def true_system(rig: Rig) -> TrueSystem:
     """Mechanism with its true parameters and true friction."""
-    mechanism = nominal_mechanism(rig)
+    true: Mechanism | None = rig.true_mechanism
+    mechanism = nominal_mechanism(rig) if true is None else true.with_defaults()
     parameters = mechanism.nominal(rig.true_parameters)
     p: Array = mechanism.base(parameters)
     return TrueSystem(mechanism, p, rig.friction, parameters)
@@ -133,14 +156,41 @@ def true_system(rig: Rig) -> TrueSystem:
 
 def noise_free(rig: Rig) -> Rig:
     """The rig with a noise-free camera: the same motions, exact angles."""
-    return replace(rig, name=f"{rig.name}_noise_free", camera=replace(rig.camera, angle_noise=0.0))
+    camera = replace(rig.camera, angle_noise=0.0, resolution=0.0)
+    return replace(rig, name=f"{rig.name}_noise_free", camera=camera)
 
 
-def _check_run(run: Run, mechanism: Mechanism) -> None:
+def _check_same(nominal: Mechanism, true: Mechanism) -> None:
+    if (true.n, true.driven) != (nominal.n, nominal.driven):
+        raise InputError(
+            f"true_mechanism has {true.n} joints with motors {list(true.driven)}, mechanism "
+            f"{nominal.n} with {list(nominal.driven)}; they must have the same ones"
+        )
+
+
+def _check_controller(rig: Rig, controller: Controller, n: int) -> None:
+    for name, gains in (("kp", controller.kp), ("kd", controller.kd)):
+        if len(gains) != n:
+            raise InputError(f"controller: {name} needs one number for each of {n} joints")
+    if not all(rig.mechanism.driven):
+        raise InputError("controller: every joint needs a motor; give the others' torques instead")
+    if rig.camera.rate != rig.drive.rate:
+        raise InputError(
+            f"controller: camera.rate = {rig.camera.rate:g} Hz and drive.rate = "
+            f"{rig.drive.rate:g} Hz must be equal: it samples the angles with its torques"
+        )
+
+
+def _check_run(run: Run, mechanism: Mechanism, *, tracked: bool) -> None:
     where = f"recording {run.name!r}"
     plain = run.name.replace("_", "").replace("-", "")
     if not (plain.isascii() and plain.isalnum()):
         raise InputError(f"{where}: a name has letters, digits, - and _ only: it names a file")
+    if tracked != bool(run.references):
+        raise InputError(f"{where}: references, one for each joint, and a [controller] go together")
+    if tracked:
+        _check_references(run, where, mechanism.n)
+        return
     for label, state in (("start_angle", run.start_angle), ("start_velocity", run.start_velocity)):
         if len(state) != mechanism.n and (state or label == "start_angle"):
             raise InputError(
@@ -152,4 +202,14 @@ def _check_run(run: Run, mechanism: Mechanism) -> None:
         raise InputError(
             f"{where}: {len(run.torques)} torques for {motors} motors; give one for each, "
             "or none for a free decay"
+        )
+
+
+def _check_references(run: Run, where: str, joints: int) -> None:
+    if len(run.references) != joints:
+        raise InputError(f"{where}: {len(run.references)} references for {joints} joints")
+    if run.torques or run.start_angle or run.start_velocity:
+        raise InputError(
+            f"{where}: torques, start_angle and start_velocity follow from its references; "
+            "leave them out"
         )

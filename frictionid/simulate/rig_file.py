@@ -12,6 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from frictionid.config import nearest, read_toml, with_new_names
 from frictionid.errors import InputError
+from frictionid.simulate.dataset_folder import ROBOT_FILES
 from frictionid.simulate.rig import Rig
 
 if TYPE_CHECKING:
@@ -28,7 +29,19 @@ def load_rig(path: str | Path) -> Rig:
     InputError
         Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
     """
-    return rig_of(read_toml(Path(path), "name a rig.toml"), str(path))
+    document = read_toml(Path(path), "name a rig.toml")
+    return rig_of(_beside(document, Path(path).parent), str(path))
+
+
+def _beside(document: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The document with the files of its mechanisms from a folder."""
+    out = dict(document)
+    for name in ("mechanism", "true_mechanism"):
+        table = out.get(name)
+        if isinstance(table, dict):
+            files = {k: str(folder / str(table[k])) for k in ROBOT_FILES if k in table}
+            out[name] = {**table, **files}
+    return out
 
 
 def load_film(path: str | Path) -> Film:

@@ -9,8 +9,10 @@ import numpy as np
 
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Array, Signal, sample
+from frictionid.mechanics import Plant
 from frictionid.simulate.integrate import integrate_motion
 from frictionid.simulate.rig import Rig, Run, nominal_mechanism, true_system
+from frictionid.simulate.tracking import track
 
 ORIGIN = "simulated by frictionid simulate"
 # Commands are multiples of 1e-6 N m, so that the tables hold them exactly.
@@ -38,8 +40,7 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
     """
     seed = rig.seed if seed is None else seed
     time = np.arange(rig.camera.samples) / rig.camera.rate
-    commands = [_command(rig, run, seed, time[-1]) for run in rig.recordings]
-    states = _states(rig, commands, time)
+    commands, states = _tracked(rig, time) if rig.controller else _driven(rig, seed, time)
     recordings = [
         _recorded(rig, run, seed, command, time, states[:, :, r])
         for r, (run, command) in enumerate(zip(rig.recordings, commands, strict=True))
@@ -52,6 +53,30 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
         origin={"origin": ORIGIN, **{key: text for key, text in texts.items() if text}},
         truth={**rig.friction.table(), "rig": _rig_table(rig, seed)},
     )
+
+
+def _driven(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
+    """Logged torques of all recordings, and true states at the camera's times (K, 3, R, n)."""
+    commands = [_command(rig, run, seed, time[-1]) for run in rig.recordings]
+    return commands, _states(rig, commands, time)
+
+
+def _tracked(rig: Rig, time: Array) -> tuple[list[Signal], Array]:
+    """The same under the position controller."""
+    assert rig.controller is not None
+    done = track(
+        true_system(rig),
+        Plant.from_parameters(nominal_mechanism(rig), {}),
+        rig.controller,
+        [run.references for run in rig.recordings],
+        time,
+        delay=rig.drive.delay,
+        gain=rig.drive.gain,
+        substeps=rig.substeps,
+    )
+    rounded = np.round(done.torque, COMMAND_DECIMALS)
+    commands = [Signal(time, rounded[:, r], hold="previous") for r in range(rounded.shape[1])]
+    return commands, done.states
 
 
 def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
@@ -92,12 +117,24 @@ def _recorded(
 ) -> Recording:
     q, w = states[:, 0], states[:, 1]
     noise = _generator(seed, run, "camera").standard_normal(q.shape)
+    angle = q + rig.camera.angle_noise * noise
+    if rig.camera.resolution:
+        angle = rig.camera.resolution * np.round(angle / rig.camera.resolution)
     return Recording(
         name=run.name,
-        angle=Signal(time, q + rig.camera.angle_noise * noise),
-        torque=command,
+        angle=Signal(time, angle),
+        torque=_logged(rig, run, seed, command),
         truth=TrueMotion(Signal(time, q), Signal(time, w)),
     )
+
+
+def _logged(rig: Rig, run: Run, seed: int, command: Signal) -> Signal:
+    """The command with the noise of what measures it."""
+    if not rig.drive.torque_noise:
+        return command
+    noise = _generator(seed, run, "torque sensor").standard_normal(command.value.shape)
+    size = rig.drive.torque_noise * np.sqrt(np.mean(command.value**2, axis=0))
+    return command._replace(value=np.round(command.value + size * noise, COMMAND_DECIMALS))
 
 
 def _generator(seed: int, run: Run, what: str) -> np.random.Generator:

@@ -7,6 +7,7 @@ import pytest
 
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant, double_pendulum
+from frictionid.simulate import Camera, Drive, Rig, Run, simulate
 from frictionid.simulate.integrate import integrate_motion
 from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.tracking import Controller, Fourier, track
@@ -59,6 +60,38 @@ def test_its_torques_alone_give_the_same_motion(delay):
 def test_alone_as_in_a_batch():
     both, alone = motion(), motion(REFERENCES[1:])
     assert both.states[:, :, 1:] == pytest.approx(alone.states, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"controller": None}, "go together"),
+        ({"controller": Controller((1.0,), (1.0,))}, "one number for each of 2 joints"),
+        ({"drive": Drive(rate=100.0)}, "must be equal"),
+        ({"true_mechanism": {"kind": "pendulum"}}, "must have the same ones"),
+        (
+            {"recordings": (Run("a", references=tuple(REFERENCES[0][:1])),)},
+            "1 references for 2 joints",
+        ),
+        (
+            {"recordings": (Run("a", (0.0, 0.0), references=tuple(REFERENCES[0])),)},
+            "leave them out",
+        ),
+    ],
+)
+def test_a_rig_that_cannot_be_is_refused(change, says):
+    settings = {
+        "name": "tracked",
+        "mechanism": MACHINE,
+        "friction": TRUE.friction,
+        "camera": Camera(50, rate=500.0),
+        "recordings": (Run("a", references=tuple(REFERENCES[0])),),
+        "drive": Drive(rate=500.0),
+        "controller": CONTROLLER,
+    }
+    assert simulate(Rig(**settings)).recordings[0].angle.value.shape == (50, 2)
+    with pytest.raises(InputError, match=says):
+        Rig(**settings | change)
 
 
 def test_sines_and_cosines_go_together():
