@@ -12,6 +12,7 @@ from frictionid.dynamics.step import adaptive_step, euler_step, semi_implicit_st
 from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
+from frictionid.friction.coordinates import refuse_coupled
 from frictionid.mechanics import Plant
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
@@ -52,7 +53,7 @@ def rollout(
     Raises
     ------
     InputError
-        For an unknown method.
+        For an unknown method, and for mechanisms with coupled parts.
 
     Examples
     --------
@@ -65,6 +66,7 @@ def rollout(
     >>> bool(motion.w[-1, 0] == 0.0)                            # it came to rest, exactly
     True
     """
+    refuse_coupled(plant.mechanism, "a prediction")
     if method not in ("rk4", *_ONE_STEP):
         known = ", ".join(map(repr, ("rk4", *_ONE_STEP)))
         raise InputError(f"the step {method!r} is unknown; known are {known}")

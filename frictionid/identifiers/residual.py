@@ -23,6 +23,7 @@ from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, SpeedRange
+from frictionid.friction.coordinates import at_places, with_places
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import (
     SIMPSON,
@@ -198,8 +199,9 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     dt = np.diff(time)
     terms = plant.terms(q[:-1], w[:-1])
     r = w[:-1] + solve(terms.M, terms.h + times(terms.B, u)) * dt[:, None] - w[1:]
-    nodes = Inputs(q[:-1], w[:-1], u, plant.load(q[:-1], w[:-1], u))
-    return _Part(nodes, time[:-1], r, inverse(terms.M) * dt[:, None, None], time[:-1], dt)
+    nodes = at_places(plant.mechanism, Inputs(q[:-1], w[:-1], u, plant.load(q[:-1], w[:-1], u)))
+    r, G = with_places(plant.mechanism, r, inverse(terms.M) * dt[:, None, None])
+    return _Part(nodes, time[:-1], r, G, time[:-1], dt)
 
 
 def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
@@ -212,8 +214,9 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     r = solve(M1, balance.start + force * dt[:, None]) - states.w[1:]
     # friction at a sample sees the torque logged there, not the mean of the next interval
     torque = interleaved(sample(recording.torque, states.time), u)
-    nodes = Inputs(q, w, torque, plant.load(q, w, torque))
-    return _Part(nodes, at, r, inverse(M1) * dt[:, None, None], states.time[:-1], dt)
+    nodes = at_places(plant.mechanism, Inputs(q, w, torque, plant.load(q, w, torque)))
+    r, G = with_places(plant.mechanism, r, inverse(M1) * dt[:, None, None])
+    return _Part(nodes, at, r, G, states.time[:-1], dt)
 
 
 def _assemble(
@@ -243,4 +246,9 @@ def _assemble(
     nodes = Nodes(inputs, np.concatenate([part.node_time for part in parts]), first, per_sample)
     c = np.array(coefficients)
     slowest = np.stack([slowest_speeds(s) for s in states])
+    if (places := r.shape[-1]) > slowest.shape[
+        -1
+    ]:  # coupled parts are as slow as the slowest joint
+        more = places - slowest.shape[-1]
+        slowest = np.pad(slowest, ((0, 0), (0, more)), constant_values=slowest.max())
     return Problem(nodes, r, G, stencil, c, recording, time, dt, max(before), slowest)

@@ -100,7 +100,7 @@ def _nominal(balance: TorqueBalance) -> Estimate:
     """The nominal calibration, without friction."""
     mechanism = balance.dataset.mechanism
     calibration = Calibration.ideal(mechanism.n, mechanism.base(mechanism.nominal()))
-    none = Friction(NoFriction(), np.zeros((mechanism.n, 0)))
+    none = Friction(NoFriction(), np.zeros((len(mechanism.friction_names), 0)))
     return Estimate(none, calibration, mechanism)
 
 
@@ -238,6 +238,7 @@ def _warnings(problem: TorqueProblem, solution: TorqueSolution) -> list[str]:
     friction = problem.balance.problem.mean(
         along(solution.estimate.friction, problem.balance.nodes)
     )
+    friction = friction @ solution.estimate.mechanism.friction_map
     out = []
     for j, c in enumerate(counts.T):
         size = float(np.sqrt(np.mean(friction[c, j] ** 2)))

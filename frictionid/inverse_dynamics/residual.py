@@ -59,7 +59,9 @@ class TorqueProblem:
         """Unexplained torques e (K, n) [N m]."""
         balance = self.balance
         mean = balance.problem.mean(along(estimate.friction, balance.nodes))
-        return np.asarray(left_to_friction(balance, estimate) - mean)
+        return np.asarray(
+            left_to_friction(balance, estimate) - mean @ estimate.mechanism.friction_map
+        )
 
     def slopes(self, estimate: Estimate) -> Array:
         """Derivatives (K, n, D) of the unexplained torques in the free parameters."""
@@ -72,7 +74,8 @@ class TorqueProblem:
             if own.block.enters == "friction":
                 slope = self._friction_slopes(estimate)
                 for k, p in zip(at, own.parameters, strict=True):
-                    out[:, p.place[0], k] = -slope[:, p.place[0], p.place[1]]
+                    acts = estimate.mechanism.friction_map[p.place[0]]
+                    out[:, :, k] = -slope[:, p.place[0], p.place[1], None] * acts
             elif own.block.enters == "base":
                 which = [p.place[0] for p in own.parameters]
                 out[:, :, own.columns] = -balance.regressor[:, :, which]
@@ -82,7 +85,7 @@ class TorqueProblem:
         return out
 
     def _friction_slopes(self, estimate: Estimate) -> Array:
-        """Derivatives (K, n, P) of each joint's mean friction in its own parameters."""
+        """Derivatives (K, m, P) of the mean friction at each place in its own parameters."""
         friction, problem = estimate.friction, self.balance.problem
         batch = friction.law, np.asarray(friction.theta)[None]
         at_nodes = torque_gradient(type(friction)(*batch), problem)[0]

@@ -4,7 +4,8 @@ The momentum balance over a window from a to b, divided by its length T,
 
     Y p + mean Tf = mean u,    Y p = (M w|b - M w|a - integral of dL/dq dt) / T    [N m]
 
-needs no acceleration. Each joint has its own row, in which only its own friction stands.
+needs no acceleration. Each joint has its own row, in which only its own friction stands and that of
+parts that turn with it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes
+from frictionid.friction.coordinates import at_places, with_places
 from frictionid.identifiers.residual import GAP, Problem, stiction_mask
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.mechanics.momentum_balance import with_midpoints
@@ -39,7 +41,7 @@ class TorqueBalance:
     base : (K, nb), what a recording's own parameters add to the base parameters
     recording, start, stop : (K,), start and stop in [s]
     slides : (K, n), whether the joint moves one way, fast enough, all the time: others do not count
-    slowest : (R, n) [rad/s], slowest speeds that each recording resolves
+    slowest : (R, m) [rad/s], slowest speeds that each recording resolves where parts slide
     """
 
     dataset: Dataset
@@ -69,16 +71,19 @@ class TorqueBalance:
         """The windows as a problem of friction that needs mean torques (K, n) [N m]."""
         K, n = self.slides.shape
         eye = np.broadcast_to(np.eye(n), (K, n, n))
+        needed, G = with_places(self.dataset.mechanism, needed, eye)
         rows = (self.recording, self.start, self.stop - self.start)
         return Problem(
-            *(self.nodes, needed, eye, self.stencil, self.coefficients, *rows),
+            *(self.nodes, needed, G, self.stencil, self.coefficients, *rows),
             slowest=self.slowest,
         )
 
     def sliding_problem(self, needed: Array) -> Problem:
         """The same, with the rows of joints at rest projected out."""
         problem = self.problem_of(np.where(self.slides, needed, 0.0))
-        return replace(problem, G=problem.G * self.slides[:, None, :], masked=True)
+        G = np.array(problem.G)
+        G[:, : self.slides.shape[1]] *= self.slides[:, :, None]
+        return replace(problem, G=G, masked=True)
 
 
 class _Part(NamedTuple):
@@ -134,10 +139,11 @@ def torque_balance(
         np.concatenate([part.start for part in parts]),
         np.concatenate([part.stop for part in parts]),
         np.zeros((len(stencil), plant.n), dtype=bool),
-        np.stack([slowest_speeds(s) for s in states]),
+        np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
         integrals_of([r.torque for r in dataset.recordings]),
     )
-    return replace(balance, slides=~stiction_mask(balance.problem, None))
+    resting = stiction_mask(balance.problem, None)
+    return replace(balance, slides=~(resting @ (plant.mechanism.friction_map != 0)))
 
 
 def _counts(states: States, window: float, node_time: float) -> tuple[int, int]:
@@ -159,7 +165,7 @@ def _part(plant: Plant, states: States, torque: Signal, stride: int, count: int)
     at = np.arange(0, len(states.time), stride)
     time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
     u = sample(torque, time)
-    inputs = Inputs(q, w, u, plant.load(q, w, u))
+    inputs = at_places(plant.mechanism, Inputs(q, w, u, plant.load(q, w, u)))
     dt = np.diff(states.time[at])
     broken = np.concatenate([[0], np.cumsum(dt > GAP * np.median(dt))])
     first = np.arange(0, len(at) - count, count)

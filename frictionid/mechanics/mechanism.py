@@ -95,6 +95,9 @@ class Mechanism(ABC):
         Physical values that were given, SI; `nominal` adds the defaults.
     options : mapping
         Further keys of the [mechanism] table.
+    coupled : tuple of pairs of str and n float
+        Parts with friction of their own that turn with several joints, such as a motor at a wrist:
+        name, and turns for one of each joint.
     """
 
     kind: str
@@ -107,6 +110,7 @@ class Mechanism(ABC):
     base_meanings: tuple[str, ...]
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
     options: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    coupled: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def __post_init__(self) -> None:
         self.check_values(self.values)
@@ -156,6 +160,17 @@ class Mechanism(ABC):
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @property
+    def friction_names(self) -> tuple[str, ...]:
+        """Names of the m places where parts slide: the joints, then the coupled parts."""
+        return (*self.joints, *(name for name, _ in self.coupled))
+
+    @cached_property
+    def friction_map(self) -> Array:
+        """A (m, n): parts slide with velocities A w; friction there acts on joints by A'."""
+        rows = [row for _, row in self.coupled]
+        return np.vstack([np.eye(self.n), *np.array(rows).reshape(-1, self.n)])
 
     @property
     def velocity_units(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States, slowest_speeds
 from frictionid.friction import Friction, SpeedRange, constraints_of
+from frictionid.friction.coordinates import refuse_coupled
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.torque_outliers import without_torque_outliers
 from frictionid.shooting.covariance import Covariance, covariance_of
@@ -202,6 +203,7 @@ def prepare_fit(
     use : (K,) true for the intervals that may be used, all by default
     """
     mechanism = intervals.dataset.mechanism
+    refuse_coupled(mechanism, "shooting")
     base = mechanism.base(mechanism.nominal(friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)

@@ -44,6 +44,20 @@ MISTAKES = {
         "the key 'motor.kt' is missing; add it",
     ),
     "no motor": ({"units__torque": "A", "motor__kt": [0.1, 0.0]}, r"motor\.kt: .* a zero"),
+    "motor for nothing": ({"motor__gear": 3.0}, "changes nothing"),
+    "gear and coupling": (
+        {"motor__gear": 3.0, "motor__coupling": [[1.0, 0.0], [1.0, 1.0]], "motor__angle": "motor"},
+        "exclude each other",
+    ),
+    "coupling of one": (
+        {"motor__coupling": [[2.0]], "motor__torque": "motor"},
+        "coupling is of 1 motors, and there are 2",
+    ),
+    "no inverse": (
+        {"motor__coupling": [[1.0, 1.0], [2.0, 2.0]], "motor__torque": "motor"},
+        "square matrix with an inverse",
+    ),
+    "side": ({"motor__torque": "link", "motor__gear": 2.0}, "'joint' or 'motor'"),
     "no sign": ({"signs__angle": 2}, r"signs\.angle.* 1 or -1, not 2"),
     "signs disagree": ({"signs__torque": [1, 1, -1]}, r"signs\.torque has 3 numbers for 2"),
     "motors disagree": (

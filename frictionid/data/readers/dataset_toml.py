@@ -16,6 +16,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
+from frictionid.data.readers.motor_toml import Motor, as_list
 
 # SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
 UNITS = {
@@ -83,15 +84,10 @@ def _both_clocks(time: object) -> object:
     return {"angle": time, "torque": time} if isinstance(time, str) else time
 
 
-def _as_list(value: object) -> object:
-    return value if isinstance(value, list) else [value]
-
-
-Names = Annotated[list[str], Field(min_length=1), BeforeValidator(_as_list)]
-Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(_as_list)]
-Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(_as_list)]
+Names = Annotated[list[str], Field(min_length=1), BeforeValidator(as_list)]
+Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(as_list)]
 Deviations = Annotated[
-    list[Annotated[float, Field(gt=0)]], Field(min_length=1), BeforeValidator(_as_list)
+    list[Annotated[float, Field(gt=0)]], Field(min_length=1), BeforeValidator(as_list)
 ]
 
 
@@ -181,24 +177,6 @@ class Units(Strict):
     @classmethod
     def _known_unit(cls, unit: str, info: ValidationInfo) -> str:
         return unit_named(info.field_name or "", unit)
-
-
-class Motor(Strict):
-    """Constants that make torques at the joints of currents: torque = kt gear current.
-
-    kt : torque constant at the motor's shaft [N m/A]: one, or one per joint
-    gear : turns of the motor for one of the joint, negative where they turn against each other
-    """
-
-    kt: Constants
-    gear: Constants = [1.0]
-
-    @field_validator("*")
-    @classmethod
-    def _not_zero(cls, values: list[float]) -> list[float]:
-        if 0.0 in values:
-            raise ValueError(f"{values} must not hold a zero: no current would be a torque")
-        return values
 
 
 class Signs(Strict):
@@ -327,7 +305,14 @@ class DatasetToml(Strict):
             return self
         joints = len(self.columns.angle)
         given = {f"sigma.{label}": deviations for label, deviations in self.sigma}
-        given |= {f"motor.{label}": numbers for label, numbers in self.motor or ()}
+        if self.motor is not None:
+            motor = self.motor
+            given |= {"motor.kt": motor.kt, "motor.gear": motor.gear, "motor.offset": motor.offset}
+            if motor.coupling is not None and len(motor.coupling) != joints:
+                raise ValueError(
+                    f"motor.coupling is of {len(motor.coupling)} motors, and there are {joints} "
+                    "joints; give one row per joint"
+                )
         given |= {f"signs.{label}": numbers for label, numbers in self.signs}
         for label, numbers in given.items():
             if numbers is not None and len(numbers) not in (1, joints):
@@ -340,16 +325,24 @@ class DatasetToml(Strict):
     @model_validator(mode="after")
     def _motor_of_currents(self) -> Self:
         unit = self.units.torque
+        if unit in CURRENTS and self.motor is not None and self.motor.kt is None:
+            raise ValueError("the key 'motor.kt' is missing; add it")
         if unit in CURRENTS and self.motor is None:
             raise ValueError(
                 f'units.torque = "{unit}" needs the table [motor]: add it with kt [N m/A] and '
                 "gear; torque at the joint = kt gear current"
             )
         if self.motor is not None and unit not in CURRENTS:
-            raise ValueError(
-                f'[motor] needs currents, but units.torque = "{unit}": delete [motor], or correct '
-                'the unit to "A"'
-            )
+            if self.motor.kt is not None:
+                raise ValueError(
+                    f'[motor] needs currents, but units.torque = "{unit}": delete kt, or correct '
+                    'the unit to "A"'
+                )
+            if self.motor.angle == self.motor.torque == "joint":
+                raise ValueError(
+                    "[motor] changes nothing where torques and angles are those of the joints: "
+                    'delete it, or say torque = "motor" or angle = "motor" in it'
+                )
         return self
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml
+from frictionid.data.readers.motor_toml import Motor
 from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_signals import signal_of
 from frictionid.data.signals import Signal
@@ -43,13 +44,34 @@ def recorded(table: Table, toml: DatasetToml) -> Recorded:
             signals("angle", columns.truth.angle)._replace(sigma=None),
             signals("velocity", columns.truth.velocity)._replace(sigma=None),
         )
+    velocity = signals("velocity", columns.velocity) if columns.velocity else None
+    angle = _with_deviations(signals("angle", columns.angle), table, toml, columns)
     return Recorded(
-        angle=_with_deviations(signals("angle", columns.angle), table, toml, columns),
-        torque=_signal(whole, toml, columns, "torque", columns.torque),
-        velocity=signals("velocity", columns.velocity) if columns.velocity else None,
+        angle=_at_joints(angle, toml.motor, "angle"),
+        torque=_at_joints(
+            _signal(whole, toml, columns, "torque", columns.torque), toml.motor, "torque"
+        ),
+        velocity=velocity and _at_joints(velocity, toml.motor, "velocity"),
         covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
         truth=truth,
     )
+
+
+def _at_joints(signal: Signal, motor: Motor | None, quantity: str) -> Signal:
+    """The signal of the joints from that of the motors, see `Motor`."""
+    if motor is None:
+        return signal
+    torque = quantity == "torque"
+    if (motor.torque if torque else motor.angle) == "joint" and not (torque and motor.kt):
+        return signal
+    C = motor.matrix(signal.value.shape[1])
+    to_joints = C if torque else np.linalg.inv(C).T
+    offset = np.array(motor.offset) if quantity == "angle" else 0.0
+    sigma = signal.sigma
+    if sigma is not None:
+        sigma = np.sqrt(np.square(sigma) @ np.square(to_joints))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return signal._replace(value=signal.value @ to_joints + offset, sigma=sigma)
 
 
 def _seen(table: Table, columns: ColumnNames) -> Table:
@@ -80,8 +102,8 @@ def _signal(
     sigma = getattr(toml.sigma, quantity) if quantity else None
     unit: Any = UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0
     unit = unit * np.array(toml.signs.of(quantity), float)
-    if torque and toml.motor is not None:
-        unit = unit * np.multiply(toml.motor.kt, toml.motor.gear)
+    if torque and toml.motor is not None and toml.motor.kt is not None:
+        unit = unit * np.array(toml.motor.kt)
     return signal_of(
         table,
         clock,

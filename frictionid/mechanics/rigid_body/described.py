@@ -16,7 +16,7 @@ from frictionid.mechanics.rigid_body.base_parameters import base_parameters
 from frictionid.mechanics.rigid_body.mjcf import read_mjcf
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, parameters_of_tree
 from frictionid.mechanics.rigid_body.robot import Choice, Robot, tree_of
-from frictionid.mechanics.rigid_body.tree import Tree
+from frictionid.mechanics.rigid_body.tree import Tree, with_rotors
 from frictionid.mechanics.rigid_body.urdf import read_urdf
 
 
@@ -28,6 +28,7 @@ def urdf(
     gravity: Sequence[float] | None = None,
     payload: str | None = None,
     driven: Sequence[bool] | bool = True,
+    coupled: Mapping[str, Mapping[str, float]] | None = None,
 ) -> RigidBodyTree:
     """Mechanism of n joints that a URDF describes.
 
@@ -44,6 +45,9 @@ def urdf(
         Its mass, centre of mass and inertia then are parameters payload_mass, ... of each
         recording.
     driven : whether each joint has a motor, or one answer for all
+    coupled : motors, or other parts, that turn with several joints, and so have friction and an
+        inertia of their own: {"motor_6": {"joint_5": 1.0, "joint_6": 1.0}} for one that turns by as
+        much as these two together
 
     Raises
     ------
@@ -51,7 +55,7 @@ def urdf(
         Where the file is no URDF, its joints are no tree, or an option does not fit them.
     """
     robot = read_urdf(_file(urdf, "urdf"))
-    options = _Options(joints, base, locked, gravity, payload, driven)
+    options = _Options(joints, base, locked, gravity, payload, driven, coupled)
     return _mechanism("urdf", robot, options)
 
 
@@ -63,16 +67,18 @@ def mjcf(
     gravity: Sequence[float] | None = None,
     payload: str | None = None,
     driven: Sequence[bool] | bool = True,
+    coupled: Mapping[str, Mapping[str, float]] | None = None,
 ) -> RigidBodyTree:
     """Mechanism of n joints that an MJCF describes, with its armatures as rotors; see `urdf`.
 
     Gravity is that of the file if not given. MuJoCo reads the file and must be installed.
     """
     robot = read_mjcf(_file(mjcf, "mjcf"))
-    options = _Options(joints, base, locked, gravity, payload, driven)
+    options = _Options(joints, base, locked, gravity, payload, driven, coupled)
     return _mechanism("mjcf", robot, options)
 
 
+_TURNS = 1e6  # of a coupled part for one of a joint, at most
 FORMATS: Mapping[str, Callable[..., RigidBodyTree]] = {"urdf": urdf, "mjcf": mjcf}
 
 
@@ -85,10 +91,11 @@ class _Options(NamedTuple):
     gravity: Sequence[float] | None
     payload: str | None
     driven: Sequence[bool] | bool
+    coupled: Mapping[str, Mapping[str, float]] | None
 
     def given(self) -> dict[str, Any]:
         """Those that are not what they are if not given."""
-        usual = (None, None, None, None, None, True)
+        usual = (None, None, None, None, None, True, None)
         pairs = zip(self._asdict().items(), usual, strict=True)
         return {name: value for (name, value), default in pairs if value is not default}
 
@@ -107,8 +114,10 @@ def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
         raise InputError(
             f"{robot.place}: payload = {payload!r} does not move; name a link beyond a joint"
         )
+    coupled = _coupled(options.coupled, tree)
+    tree = with_rotors(tree, coupled)
     named = {joint.name: joint.rotor for joint in robot.joints}
-    rotors = np.array([named[name] for name in tree.joints])
+    rotors = np.array([*(named[name] for name in tree.joints), *(0.0 for _ in coupled)])
     reduction = base_parameters(tree, np.concatenate([tree.inertia.ravel(), rotors]))
     return RigidBodyTree(
         kind=kind,
@@ -120,6 +129,7 @@ def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
         base_units=reduction.units,
         base_meanings=("",) * len(reduction.names),
         options={kind: robot.place, **options.given()},
+        coupled=coupled,
         tree=tree,
         reduction=reduction,
         identity=_identity(tree),
@@ -169,6 +179,32 @@ def _driven(driven: Sequence[bool] | bool, joints: tuple[str, ...]) -> tuple[boo
             f"{', '.join(joints)}"
         )
     return each
+
+
+def _coupled(given: object, tree: Tree) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """Names of the coupled parts, and their turns for one of each joint."""
+    if given is None:
+        return ()
+    example = "coupled.motor_6 = { joint_5 = 1.0, joint_6 = 1.0 }"
+    if not isinstance(given, Mapping):
+        raise InputError(f"[mechanism] coupled = {given!r} must be a table: {example}")
+    out = []
+    for name, turns in given.items():
+        where = f"[mechanism] coupled: {name}"
+        if not isinstance(turns, Mapping) or len(turns) < 2:
+            raise InputError(f"{where} = {turns!r} must name two joints or more: {example}")
+        if name in tree.joints:
+            raise InputError(f"{where} has the name of a joint; call it otherwise, as {example}")
+        for joint, value in turns.items():
+            if joint not in tree.joints:
+                raise InputError(
+                    f"{where} names {joint!r}, no joint that moves; {nearest(joint, tree.joints)}"
+                )
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (number and 0 < abs(value) < _TURNS):
+                raise InputError(f"{where}: {joint} = {value!r} must be its turns, not zero")
+        out.append((name, tuple(float(turns.get(joint, 0.0)) for joint in tree.joints)))
+    return tuple(out)
 
 
 def _identity(tree: Tree) -> str:

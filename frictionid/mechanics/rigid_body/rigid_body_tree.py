@@ -183,11 +183,11 @@ def _payload_inertia(values: Mapping[str, Any], at: Attached) -> Array:
 
 def parameters_of_tree(tree: Tree, rotors: Array, payload: bool) -> tuple[Parameter, ...]:
     """Physical parameters: the rotors' inertias, with these defaults, and those of a payload."""
-    own = zip(tree.rotor_names, rotors, tree.rotor_units, tree.joints, strict=True)
+    own = zip(tree.rotor_names, rotors, tree.rotor_units, strict=True)
     return (
         *(
-            Parameter(name, float(value), unit, f"rotor inertia, seen at {joint}", rotor=True)
-            for name, value, unit, joint in own
+            Parameter(name, float(value), unit, "inertia of a rotor, seen at its joint", rotor=True)
+            for name, value, unit in own
         ),
         *(Parameter(f"payload_{n}", 0.0, unit, what) for n, unit, what in PAYLOAD if payload),
     )

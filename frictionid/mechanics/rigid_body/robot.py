@@ -107,6 +107,7 @@ def tree_of(
         turn=np.array([turn for _, turn, _ in of]),
         shift=np.array([shift for _, _, shift in of]),
         inertia=inertia,
+        rotor_names=tuple(f"rotor_{name}" for name in moving),
         rotors=np.eye(n),
         gravity=np.array(robot.gravity if gravity is None else gravity, dtype=float),
     ), attached

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +28,7 @@ class Tree:
     inertia : array, shape (n, 10)
         Mass [kg], first moments [kg m] and inertias [kg m^2] about the origin of the body's frame,
         in the order of `MOMENTS`.
-    rotors : array, shape (r, n)
+    rotor_names, rotors : names (r,), and array, shape (r, n)
         Rotor k turns at rotors[k] w, in units of its joint: with the inertia seen there, the mass
         matrix has rotors' diag(inertia) rotors beside that of the bodies.
     gravity : array, shape (3,) [m/s^2], in the frame of the base
@@ -41,6 +42,7 @@ class Tree:
     turn: Array
     shift: Array
     inertia: Array
+    rotor_names: tuple[str, ...]
     rotors: Array
     gravity: Array
 
@@ -50,12 +52,14 @@ class Tree:
         return len(self.joints)
 
     @property
-    def rotor_names(self) -> tuple[str, ...]:
-        """Names of the rotors' inertias, after the joints that they turn with."""
-        return tuple(f"rotor_{self.joints[int(np.argmax(np.abs(row)))]}" for row in self.rotors)
-
-    @property
     def rotor_units(self) -> tuple[str, ...]:
         """Units of the rotors' inertias: kg at prismatic joints."""
         at = [int(np.argmax(np.abs(row))) for row in self.rotors]
         return tuple("kg" if self.prismatic[i] else "kg m^2" for i in at)
+
+
+def with_rotors(tree: Tree, coupled: Sequence[tuple[str, tuple[float, ...]]]) -> Tree:
+    """The tree with a rotor for each part that turns with several joints: name, and turns (n,)."""
+    names = (*tree.rotor_names, *(f"rotor_{name}" for name, _ in coupled))
+    rows = np.array([row for _, row in coupled]).reshape(-1, tree.n)
+    return replace(tree, rotor_names=names, rotors=np.vstack([tree.rotors, rows]))

@@ -34,7 +34,7 @@ class FrictionBlock(ParameterBlock):
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
         check_fixed(self.fixed, law.names, self.name, f"{law} has no parameter")
-        joints = estimate.mechanism.joints
+        joints = estimate.mechanism.friction_names
         units, own = estimate.friction.units, estimate.friction.constraints
         own = own or constraints_of(law, _no_range(len(theta)))
         return tuple(

@@ -1,0 +1,70 @@
+"""Schema of the table [motor] of a dataset.toml: what is between its columns and the joints."""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from frictionid.config import Strict
+
+_SINGULAR = 1e9  # condition number of a coupling
+
+
+def as_list(value: object) -> object:
+    """A value as a list of one, a list as it is."""
+    return value if isinstance(value, list) else [value]
+
+
+Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(as_list)]
+Side = Literal["joint", "motor"]
+
+
+class Motor(Strict):
+    """Motors and gears between what the columns hold and the joints.
+
+    motor angle = C (joint angle - offset) and joint torque = C' motor torque, with C = coupling, or
+    gear on its diagonal. Of currents, motor torque = kt current.
+
+    kt : torque constant at the motor's shaft [N m/A]: one, or one per joint
+    gear : turns of the motor for one of the joint, negative where they turn against each other
+    coupling : turns of each motor (rows) for one of each joint, where motors turn several, as at a
+        wrist; in place of gear
+    offset : joint angles [rad] at which the motors' are zero: one, or one per joint
+    angle, torque : "motor" where the columns are of the motors; currents always are
+    """
+
+    kt: Constants | None = None
+    gear: Constants = [1.0]
+    coupling: list[list[float]] | None = None
+    offset: Constants = [0.0]
+    angle: Side = "joint"
+    torque: Side = "joint"
+
+    @field_validator("kt", "gear")
+    @classmethod
+    def _not_zero(cls, values: list[float] | None) -> list[float] | None:
+        if 0.0 in (values or ()):
+            raise ValueError(f"{values} must not hold a zero: no current would be a torque")
+        return values
+
+    @model_validator(mode="after")
+    def _gear_or_coupling(self) -> Self:
+        if self.coupling is None:
+            return self
+        if "gear" in self.model_fields_set:
+            raise ValueError("gear and coupling exclude each other; coupling holds the gears, too")
+        n = len(self.coupling)
+        square = all(len(row) == n for row in self.coupling) and n
+        if not square or not np.linalg.cond(np.array(self.coupling, dtype=float)) < _SINGULAR:
+            raise ValueError(
+                f"coupling = {self.coupling} must be a square matrix with an inverse: one row per "
+                "motor, with its turns for one turn of each joint"
+            )
+        return self
+
+    def matrix(self, joints: int) -> NDArray[np.float64]:
+        """C (n, n): turns of each motor for one of each joint."""
+        if self.coupling is not None:
+            return np.array(self.coupling, dtype=float)
+        return np.diag(np.broadcast_to(np.array(self.gear, dtype=float), joints))

@@ -1,0 +1,109 @@
+"""Friction of a motor that turns with two joints is found beside that of the joints."""
+
+import numpy as np
+import pytest
+
+from frictionid.data.plants import plant_of
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.identifiers import LeastSquares
+from frictionid.identifiers.formulation import INTEGRAL, states_of, training_problem
+from frictionid.inverse_dynamics import TorqueSettings, fit_torques, torque_balance
+from frictionid.mechanics import urdf
+from frictionid.shooting import refine
+from frictionid.shooting.parameters import BiasBlock, FrictionBlock
+
+LINK = '<inertial><origin xyz="0.1 0 0"/><mass value="{m}"/><inertia ixx="0.01" ixy="0" ixz="0" '
+LINK += 'iyy="0.02" iyz="0" izz="0.02"/></inertial>'
+ARM = f"""<robot name="wrist"><link name="base"/><link name="a">{LINK.format(m=2.0)}</link>
+<link name="b">{LINK.format(m=1.0)}</link>
+<joint name="bend" type="revolute"><parent link="base"/><child link="a"/>
+<axis xyz="0 -1 0"/></joint>
+<joint name="turn" type="revolute"><parent link="a"/><child link="b"/>
+<origin xyz="0.2 0 0" rpy="0 1.2 0.3"/><axis xyz="1 0 0"/></joint></robot>"""
+TRUE = np.array([[1.5, 0.4], [0.5, 0.2], [0.9, 0.3]])  # of bend, turn and motor
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    """Ten seconds along sines, with the torques that friction at three places needs."""
+    path = tmp_path_factory.mktemp("wrist") / "wrist.urdf"
+    path.write_text(ARM)
+    arm = urdf(path, coupled={"motor": {"bend": 1.0, "turn": -0.8}})
+    arm = arm.with_values({"rotor_motor": 0.3})
+    t = np.arange(0.0, 10.0, 0.002)
+    q, w, a = np.zeros((3, len(t), 2))
+    for j, parts in enumerate((((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))):
+        for size, rate in parts:
+            q[:, j] += size * np.sin(rate * t + j)
+            w[:, j] += size * rate * np.cos(rate * t + j)
+            a[:, j] -= size * rate**2 * np.sin(rate * t + j)
+    A = arm.friction_map
+    v = w @ A.T
+    friction = (TRUE[:, 0] * np.sign(v) + TRUE[:, 1] * v) @ A
+    M, h = arm.dynamics(arm.base({}), q, w)
+    u = np.einsum("kij,kj->ki", M, a) - h + friction
+    noise = np.random.default_rng(0).normal(scale=1e-5, size=q.shape)
+    return Dataset("wrist", arm, (Recording("a", Signal(t, q + noise), Signal(t, u, "linear")),))
+
+
+def test_places_where_parts_slide_have_names_and_velocities(dataset):
+    arm = dataset.mechanism
+    assert arm.friction_names == ("bend", "turn", "motor")
+    np.testing.assert_array_equal(arm.friction_map, [[1, 0], [0, 1], [1, -0.8]])
+
+
+def test_the_rotor_of_a_coupled_motor_adds_to_all_its_joints(dataset):
+    arm = dataset.mechanism
+    q = np.random.default_rng(0).uniform(-2, 2, (5, 2))
+    without = arm.inertia(arm.base({"rotor_motor": 0.0}), q)
+    row = arm.friction_map[2]
+    added = np.broadcast_to(0.3 * np.outer(row, row), without.shape)
+    np.testing.assert_allclose(arm.inertia(arm.base({}), q) - without, added, atol=1e-12)
+
+
+def test_one_step_finds_the_friction_of_all_three(dataset):
+    problem = training_problem(dataset, plant_of(dataset), INTEGRAL, 0.01)
+    found = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), 0)[0]
+    np.testing.assert_allclose(found.theta, TRUE, rtol=0.03)
+
+
+def test_inverse_dynamics_finds_the_friction_of_all_three(dataset):
+    balance = torque_balance(dataset, states_of(dataset, INTEGRAL.states, None), 0.05, 0.004)
+    blocks = (FrictionBlock(), BiasBlock())
+    found = fit_torques(LeastSquares(CoulombViscous()), balance, blocks, TorqueSettings())
+    np.testing.assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.02)
+    names = [p.name for p in found.covariance.parameters if p.block == "friction"]
+    assert names[-2:] == ["coulomb of motor", "viscous of motor"]
+
+
+def test_what_takes_friction_by_joint_says_so(dataset):
+    friction = Friction(CoulombViscous(), TRUE)
+    with pytest.raises(InputError, match="shooting takes friction joint by joint, but 'motor'"):
+        refine(friction, dataset, (FrictionBlock(),))
+    zero = np.zeros((1, 2))
+    with pytest.raises(InputError, match="a prediction takes friction joint by joint"):
+        rollout(plant_of(dataset), friction, State(zero, zero), zero[None], np.ones((1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("coupled", "expected"),
+    [
+        ("motor", "must be a table"),
+        ({"motor": {"bend": 1.0}}, "two joints or more"),
+        ({"bend": {"bend": 1.0, "turn": 1.0}}, "name of a joint"),
+        ({"motor": {"bend": 1.0, "trun": 1.0}}, "'trun'.*turn"),
+        ({"motor": {"bend": 1.0, "turn": 0.0}}, "not zero"),
+    ],
+)
+def test_a_coupling_that_is_none_is_said_in_a_line(tmp_path, coupled, expected):
+    path = tmp_path / "wrist.urdf"
+    path.write_text(ARM)
+    with pytest.raises(InputError, match=expected) as error:
+        urdf(path, coupled=coupled)
+    assert "\n" not in str(error.value)
