@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fixtures.seven_joints import COULOMB, PEAK, VISCOUS, arm_rig, curve_errors
+from fixtures.seven_joints import TRUE, arm_rig, curve_errors
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
@@ -12,8 +12,6 @@ from frictionid.friction.laws import Stribeck
 from frictionid.identifiers import LeastSquares
 from frictionid.inverse_dynamics import InverseDynamics
 from frictionid.simulate import simulate, write_dataset
-
-TRUE = {"coulomb": COULOMB, "peak": PEAK, "viscous": VISCOUS, "stribeck_velocity": (0.15,) * 7}
 
 
 @pytest.fixture(scope="module")
