@@ -217,7 +217,7 @@ def _curve_scores(friction: Friction, overall: Friction, prepared: Prepared) -> 
 
 def _parameter_count(friction: Friction) -> Score:
     """Number of fitted parameters, with those that shooting freed beside friction."""
-    size = float(np.prod(friction.theta.shape[-2:]))
+    size = float(friction.law.has_parameters(friction.n).sum())
     if friction.law.is_sparse:  # zeros are terms that it does not have
         size = float(np.count_nonzero(np.asarray(friction.theta), axis=(-2, -1)).mean())
     refined = friction.provenance.get("refined")

@@ -80,6 +80,8 @@ def constraints_of(
             low[..., i] = speeds.slowest
             high[..., i] = _BEYOND * np.maximum(speeds.fastest, speeds.slowest)
         mean[..., i], deviation[..., i] = _prior(name, prior.get(name))
+    absent = ~law.has_parameters(shape[-2])
+    low[..., absent], high[..., absent], deviation[..., absent] = 0.0, 0.0, np.inf
     return Constraints(low, high, mean, deviation)
 
 

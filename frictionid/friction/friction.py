@@ -123,11 +123,12 @@ class Friction:
         if self.law.is_network:
             return "\n".join([*lines, f"  {len(self.law.names)} numbers for each joint"])
         theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
+        has = self.law.has_parameters(self.n)
         for j in range(self.n):
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"
                 for i, (name, unit) in enumerate(zip(self.law.names, self.units, strict=True))
-                if not (self.law.is_sparse and (theta[:, j, i] == 0).all())
+                if has[j, i] and not (self.law.is_sparse and (theta[:, j, i] == 0).all())
             )
             lines.append(f"  joint {j + 1}  " + ", ".join(values))
         return "\n".join(lines)

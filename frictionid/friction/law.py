@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frictionid.arrays import Array
 from frictionid.config import check_settings
@@ -177,6 +178,10 @@ class Law(ABC):
     def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory] | None:
         """Derivatives of the torque in theta (..., n, P) and in each memory entry, or None."""
         return None
+
+    def has_parameters(self, joints: int) -> NDArray[np.bool_]:
+        """Which of the P parameters each joint has, (joints, P): all, unless joints differ."""
+        return np.ones((joints, len(self.names)), dtype=bool)
 
     def with_width(self, width: float) -> Law:
         """The law smoothed over another width [rad/s]."""

@@ -36,11 +36,13 @@ def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[st
     if reason := friction.law.cannot_be_saved:
         raise InputError(f"{friction.law} cannot be saved: {reason}")
     theta = np.asarray(friction.theta, dtype=float)
+    has = friction.law.has_parameters(friction.n)
     mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
     words = [
         {
             name: {"value": float(mean[j, i]), "unit": unit}
             for i, (name, unit) in enumerate(zip(friction.law.names, friction.units, strict=True))
+            if has[j, i]
         }
         for j in range(friction.n)
     ]
@@ -252,14 +254,7 @@ def _theta(document: Mapping[str, Any], law: Law, where: str) -> np.ndarray:
     joints = document.get("joints")
     if joints is not None and not (isinstance(joints, list) and joints):
         raise InputError(f'{where}: "joints" must list the parameters of each joint')
-    units = units_of(law, str(document.get("angle_unit", "rad")))
-    words = (
-        None
-        if joints is None
-        else np.array(
-            [_joint(joint, law, units, f"{where}: joint {j + 1}") for j, joint in enumerate(joints)]
-        )
-    )
+    words = None if joints is None else _words(document, joints, law, where)
     if "theta" not in document:
         if words is None:
             raise InputError(f'{where}: needs "theta", or "joints" with the parameters of each')
@@ -273,16 +268,30 @@ def _theta(document: Mapping[str, Any], law: Law, where: str) -> np.ndarray:
     return theta
 
 
-def _joint(joint: Any, law: Law, units: Sequence[str], where: str) -> list[float]:
-    """Values of one joint's parameters, in the order of the law's names."""
+def _words(document: Mapping[str, Any], joints: Sequence[Any], law: Law, where: str) -> np.ndarray:
+    """Parameters (n, P) of `joints`; those that a joint does not have are zero."""
+    try:
+        has = law.has_parameters(len(joints))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    units = units_of(law, str(document.get("angle_unit", "rad")))
+    out = np.zeros(has.shape)
+    for j, (joint, own) in enumerate(zip(joints, has, strict=True)):
+        known = {name: units[i] for i, name in enumerate(law.names) if own[i]}
+        out[j, own] = _joint(joint, known, f"{where}: joint {j + 1}")
+    return out
+
+
+def _joint(joint: Any, units: Mapping[str, str], where: str) -> list[float]:
+    """Values of one joint's parameters, in the order of these names with their units."""
     given = set(joint) if isinstance(joint, Mapping) else set()
-    if given != set(law.names):
+    if given != set(units):
         raise InputError(
-            f"{where} must have the parameters {', '.join(law.names) or 'none'}; "
+            f"{where} must have the parameters {', '.join(units) or 'none'}; "
             f"it has {', '.join(sorted(given)) or 'none'}"
         )
     values = []
-    for name, unit in zip(law.names, units, strict=True):
+    for name, unit in units.items():
         entry = joint[name]
         value = entry.get("value") if isinstance(entry, Mapping) else None
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -13,6 +13,7 @@ from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.motor_load import MotorLoad, MotorLoadQuadratic
 from frictionid.friction.laws.none import NoFriction
+from frictionid.friction.laws.per_joint import PerJoint
 from frictionid.friction.laws.quadratic import Quadratic
 from frictionid.friction.laws.ripple import Ripple
 from frictionid.friction.laws.spline import AsymmetricSpline, Spline
@@ -44,6 +45,7 @@ __all__ = [
     "MotorLoad",
     "MotorLoadQuadratic",
     "NoFriction",
+    "PerJoint",
     "Quadratic",
     "Ripple",
     "Spline",

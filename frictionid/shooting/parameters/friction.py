@@ -35,6 +35,7 @@ class FrictionBlock(ParameterBlock):
         law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
         check_fixed(self.fixed, law.names, self.name, f"{law} has no parameter")
         joints = estimate.mechanism.friction_names
+        has = law.has_parameters(len(theta))
         units, own = estimate.friction.units, estimate.friction.constraints
         own = own or constraints_of(law, _no_range(len(theta)))
         return tuple(
@@ -54,7 +55,9 @@ class FrictionBlock(ParameterBlock):
             )
             for j in range(theta.shape[0])
             for i, name in enumerate(law.names)
-            if name not in self.fixed and (self.support is None or (j, i) in self.support)
+            if name not in self.fixed
+            and has[j, i]
+            and (self.support is None or (j, i) in self.support)
         )
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:

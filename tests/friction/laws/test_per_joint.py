@@ -1,0 +1,116 @@
+"""A law of its own for each joint: as the laws alone; fits, files and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.comparison.fit_model import fit_model
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs
+from frictionid.friction.laws import CoulombViscous, PerJoint, Stribeck
+from frictionid.friction.laws.per_joint import PARTS
+from frictionid.friction.model_files import load_model, save_model
+from frictionid.identifiers import LeastSquares
+from frictionid.shooting import Settings, Shooting
+from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, simulate
+from frictionid.simulate import Stribeck as TrueStribeck
+
+MIXED = PerJoint(("stribeck", "coulomb_viscous"))
+TRUE = Curve((0.12, 0.05), (0.12, 0.05), (0.02, 0.01), (0.05, 0.0), (0.05, 0.0), (0.8, 1.0))
+
+
+@pytest.mark.parametrize("first", list(PARTS))
+@pytest.mark.parametrize("second", ["dahl", "stribeck"])
+def test_it_is_the_laws_side_by_side(first, second):
+    """Torque, limit, memory and gradient of each joint are those of its law alone."""
+    rng = np.random.default_rng(3)
+    x = Inputs(*rng.normal(size=(4, 50, 2)))
+    law, dt = PerJoint((first, second)), np.full((50, 1), 0.01)
+    theta = np.zeros((2, len(law.names)))
+    has = law.has_parameters(2)
+    theta[has] = rng.uniform(0.1, 1.0, has.sum())
+    memory = law.advance(theta, x, law.start(theta, x), dt)
+    for j, alone in enumerate(PARTS[name]() for name in (first, second)):
+        one = Inputs(*(entry[..., j : j + 1] for entry in x))
+        places = [law.names.index(name) for name in alone.names]
+        own = theta[j : j + 1][:, places]
+        state = alone.advance(own, one, alone.start(own, one), dt)
+        for method in ("torque", "limit"):
+            both = getattr(law, method)(theta, x, memory)[:, j]
+            assert both == pytest.approx(getattr(alone, method)(own, one, state)[:, 0])
+        if law.has_gradient and alone.names:
+            both = law.gradient(theta, x)[:, j]
+            own_columns = np.broadcast_to(alone.gradient(own, one)[:, 0], (50, len(alone.names)))
+            assert both[:, places] == pytest.approx(own_columns)
+            assert not both[:, ~has[j]].any()
+
+
+def data():
+    links = {"m1": 0.6, "m2": 0.5, "l1": 0.25, "r1": 0.12, "r2": 0.13, "I1": 0.013, "I2": 0.012}
+    rig = Rig(
+        "two",
+        {"kind": "double_pendulum", "parameters": links},
+        TrueStribeck(TRUE),
+        Camera(samples=240, rate=120.0, angle_noise=5e-4),
+        tuple(
+            Run(
+                f"{k}",
+                (0.4 * k - 0.8, 0.3 * k),
+                torques=(Multisine(1.0, (0.4, 0.9 + 0.1 * k)), Multisine(0.4, (0.5, 1.3))),
+            )
+            for k in range(4)
+        ),
+        substeps=8,
+    )
+    return simulate(rig, 2)
+
+
+@pytest.fixture(scope="module")
+def two_joints():
+    return data()
+
+
+def test_fits_find_each_joint_s_own(two_joints, tmp_path):
+    """By one step and by shooting; the second joint has no peak, and none is counted."""
+    for method in ({}, {"recipe": Shooting(settings=Settings(windows=(0.1, 0.2)))}):
+        friction = fit_model(two_joints, LeastSquares(MIXED), **method)
+        coulomb, peak, velocity, viscous = friction.theta.T
+        assert coulomb == pytest.approx([0.12, 0.05], rel=0.1)
+        assert viscous == pytest.approx([0.02, 0.01], rel=0.2)
+        assert peak[0] == pytest.approx(0.05, rel=0.4)
+        assert (peak[1], velocity[1]) == (0.0, 0.0)
+    names = [p["name"] for p in friction.provenance["refined"]["parameters"]]
+    assert sum("peak" in name for name in names) == 1
+    assert "peak" not in str(friction).splitlines()[2]
+    save_model(friction, tmp_path / "model.json", LAWS)
+    again = load_model(tmp_path / "model.json", LAWS)
+    assert again.law == MIXED
+    assert again.theta == pytest.approx(friction.theta)
+
+
+def test_equal_laws_are_that_law(two_joints):
+    alike = fit_model(two_joints, LeastSquares(PerJoint(("stribeck", "stribeck"))))
+    plain = fit_model(two_joints, LeastSquares(Stribeck()))
+    assert alike.theta == pytest.approx(plain.theta, rel=1e-6)
+
+
+def test_as_many_laws_as_joints(two_joints):
+    with pytest.raises(InputError, match="3 laws for 2 joints"):
+        fit_model(two_joints, LeastSquares(PerJoint(("stribeck",) * 3)))
+    with pytest.raises(InputError, match="laws"):
+        PerJoint(("stribek",))
+    assert identifier_named("per_joint", {"laws": ["none", "stribeck"]}) == LeastSquares(
+        PerJoint(("none", "stribeck"))
+    )
+
+
+def test_smoothing_reaches_the_parts():
+    assert MIXED.sharpened().parts == (Stribeck().sharpened(), CoulombViscous().sharpened())
+    friction = Friction(MIXED, np.array([[0.1, 0.05, 1.0, 0.01], [0.1, 0.0, 0.0, 0.01]]))
+    wide = replace(friction, law=MIXED.with_width(0.5)).torque(Inputs(*np.full((4, 1, 2), 0.1)))
+    assert (np.abs(wide) < 0.5 * np.abs(friction.torque(Inputs(*np.full((4, 1, 2), 0.1))))).all()
