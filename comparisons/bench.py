@@ -20,7 +20,6 @@ from rich.table import Table
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
-from frictionid import simulate as simulated
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import (
@@ -38,6 +37,7 @@ from frictionid.friction.laws import AsymmetricStribeck, Spline, Stribeck
 from frictionid.identifiers import LeastSquares, Linear, SINDy
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.simulate import Curve, load_rig, noise_free, simulate
+from frictionid.simulate import Stribeck as SimulatedStribeck
 
 DATA = Path(__file__).parent.parent / "data"
 
@@ -164,7 +164,7 @@ def supports(rig: Any, seeds: int = 10) -> list[tuple[str, str]]:
     """How often SINDy finds the true terms and no others, each time with new camera noise."""
     rows = []
     for name, curve in TRUTHS.items():
-        made = simulate(replace(rig, friction=simulated.Stribeck(curve)))
+        made = simulate(replace(rig, friction=SimulatedStribeck(curve)))
         right = 0
         for seed in range(seeds):
             random = np.random.default_rng(seed)

@@ -1,28 +1,150 @@
 """Friction in robot joints, identified from recorded motion and compared on equal terms.
 
 The names below are imported when they are first asked for, so that `import frictionid` and
-`frictionid --help` load none of NumPy, SymPy, pandas, PyTorch.
+`frictionid --help` load none of NumPy, SymPy, pandas, PyTorch. `docs/python.md` shows their use.
 
 >>> import frictionid
 >>> frictionid.Signal.__module__
 'frictionid.data.signals'
 """
 
+from __future__ import annotations
+
+import sys
 from importlib import import_module
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from frictionid.api.check import Verdict as Verdict
+    from frictionid.api.check import check as check
+    from frictionid.api.compare import Comparison as Comparison
+    from frictionid.api.compare import compare as compare
+    from frictionid.api.compare import load_comparison as load_comparison
+    from frictionid.api.evaluate import evaluate as evaluate
+    from frictionid.api.evaluate import predict as predict
+    from frictionid.api.fit import Fit as Fit
+    from frictionid.api.fit import fit as fit
+    from frictionid.api.fit import load_model as load_model
+    from frictionid.api.listing import identifiers as identifiers
+    from frictionid.api.listing import laws as laws
+    from frictionid.api.quick import quick as quick
+    from frictionid.api.simulate import simulate as simulate
+    from frictionid.api.suggest import suggest as suggest
+    from frictionid.api.suites import run_suite as run_suite
+    from frictionid.comparison.fit_model import fit_model as fit_model
+    from frictionid.data.readers.dataset import load_dataset as load_dataset
+    from frictionid.data.recordings import Dataset as Dataset
+    from frictionid.data.recordings import Recording as Recording
+    from frictionid.data.recordings import TrueMotion as TrueMotion
+    from frictionid.data.signals import Signal as Signal
+    from frictionid.errors import InputError as InputError
+    from frictionid.evaluation.folds import Split as Split
+    from frictionid.evaluation.folds import make_folds as make_folds
+    from frictionid.evaluation.predicted_motion import predicted_motion as predicted_motion
+    from frictionid.evaluation.protocol import Protocol as Protocol
+    from frictionid.friction import Friction as Friction
+    from frictionid.friction import Inputs as Inputs
+    from frictionid.friction import Law as Law
+    from frictionid.friction.laws import LSTM as LSTM
+    from frictionid.friction.laws import MLP as MLP
+    from frictionid.friction.laws import AsymmetricCoulombViscous as AsymmetricCoulombViscous
+    from frictionid.friction.laws import AsymmetricFilmLag as AsymmetricFilmLag
+    from frictionid.friction.laws import AsymmetricLuGre as AsymmetricLuGre
+    from frictionid.friction.laws import AsymmetricSpline as AsymmetricSpline
+    from frictionid.friction.laws import AsymmetricStribeck as AsymmetricStribeck
+    from frictionid.friction.laws import CoulombViscous as CoulombViscous
+    from frictionid.friction.laws import Dahl as Dahl
+    from frictionid.friction.laws import FilmLag as FilmLag
+    from frictionid.friction.laws import GearLoad as GearLoad
+    from frictionid.friction.laws import LoadDependent as LoadDependent
+    from frictionid.friction.laws import LoadDependentStribeck as LoadDependentStribeck
+    from frictionid.friction.laws import LuGre as LuGre
+    from frictionid.friction.laws import MotorLoad as MotorLoad
+    from frictionid.friction.laws import MotorLoadQuadratic as MotorLoadQuadratic
+    from frictionid.friction.laws import NoFriction as NoFriction
+    from frictionid.friction.laws import Quadratic as Quadratic
+    from frictionid.friction.laws import Ripple as Ripple
+    from frictionid.friction.laws import Spline as Spline
+    from frictionid.friction.laws import Stribeck as Stribeck
+    from frictionid.friction.laws import TorchModule as TorchModule
+    from frictionid.friction.laws import WindowMLP as WindowMLP
+    from frictionid.identifiers import BlackBox as BlackBox
+    from frictionid.identifiers import CompressedNetwork as CompressedNetwork
+    from frictionid.identifiers import Frictionless as Frictionless
+    from frictionid.identifiers import Identifier as Identifier
+    from frictionid.identifiers import LeastSquares as LeastSquares
+    from frictionid.identifiers import Linear as Linear
+    from frictionid.identifiers import Network as Network
+    from frictionid.identifiers import Published as Published
+    from frictionid.identifiers import Regressor as Regressor
+    from frictionid.identifiers import SINDy as SINDy
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}
 _HOME = {
+    "AsymmetricCoulombViscous": "frictionid.friction.laws",
+    "AsymmetricFilmLag": "frictionid.friction.laws",
+    "AsymmetricLuGre": "frictionid.friction.laws",
+    "AsymmetricSpline": "frictionid.friction.laws",
+    "AsymmetricStribeck": "frictionid.friction.laws",
+    "BlackBox": "frictionid.identifiers",
+    "Comparison": "frictionid.api.compare",
+    "CompressedNetwork": "frictionid.identifiers",
+    "CoulombViscous": "frictionid.friction.laws",
+    "Dahl": "frictionid.friction.laws",
     "Dataset": "frictionid.data.recordings",
+    "FilmLag": "frictionid.friction.laws",
+    "Fit": "frictionid.api.fit",
+    "Friction": "frictionid.friction",
+    "Frictionless": "frictionid.identifiers",
+    "GearLoad": "frictionid.friction.laws",
+    "Identifier": "frictionid.identifiers",
     "InputError": "frictionid.errors",
-    "Motion": "frictionid.data.recordings",
+    "Inputs": "frictionid.friction",
+    "LSTM": "frictionid.friction.laws",
+    "Law": "frictionid.friction",
+    "LeastSquares": "frictionid.identifiers",
+    "Linear": "frictionid.identifiers",
+    "LoadDependent": "frictionid.friction.laws",
+    "LoadDependentStribeck": "frictionid.friction.laws",
+    "LuGre": "frictionid.friction.laws",
+    "MLP": "frictionid.friction.laws",
+    "MotorLoad": "frictionid.friction.laws",
+    "MotorLoadQuadratic": "frictionid.friction.laws",
+    "Network": "frictionid.identifiers",
+    "NoFriction": "frictionid.friction.laws",
+    "Protocol": "frictionid.evaluation.protocol",
+    "Published": "frictionid.identifiers",
+    "Quadratic": "frictionid.friction.laws",
     "Recording": "frictionid.data.recordings",
+    "Regressor": "frictionid.identifiers",
+    "Ripple": "frictionid.friction.laws",
+    "SINDy": "frictionid.identifiers",
     "Signal": "frictionid.data.signals",
-    "compare": "frictionid.comparison.cross_validate",
+    "Spline": "frictionid.friction.laws",
+    "Split": "frictionid.evaluation.folds",
+    "Stribeck": "frictionid.friction.laws",
+    "TorchModule": "frictionid.friction.laws",
+    "TrueMotion": "frictionid.data.recordings",
+    "Verdict": "frictionid.api.check",
+    "WindowMLP": "frictionid.friction.laws",
+    "check": "frictionid.api.check",
+    "compare": "frictionid.api.compare",
+    "evaluate": "frictionid.api.evaluate",
+    "fit": "frictionid.api.fit",
     "fit_model": "frictionid.comparison.fit_model",
+    "identifiers": "frictionid.api.listing",
+    "laws": "frictionid.api.listing",
+    "load_comparison": "frictionid.api.compare",
     "load_dataset": "frictionid.data.readers.dataset",
+    "load_model": "frictionid.api.fit",
+    "make_folds": "frictionid.evaluation.folds",
+    "predict": "frictionid.api.evaluate",
     "predicted_motion": "frictionid.evaluation.predicted_motion",
-    "quick": "frictionid.quickstart.quick",
+    "quick": "frictionid.api.quick",
+    "run_suite": "frictionid.api.suites",
+    "simulate": "frictionid.api.simulate",
+    "suggest": "frictionid.api.suggest",
 }
 
 __all__ = ["__version__", *_HOME, *_ROOMS]
@@ -41,3 +163,18 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+class _Package(ModuleType):
+    """The package: its names stay functions where a room of the same name is imported.
+
+    `import frictionid.check` would put the room in the place of the function `frictionid.check`.
+    The room is found by its path all the same: `from frictionid.check import Finding`.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

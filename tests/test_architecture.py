@@ -34,6 +34,7 @@ LAYERS = (
     *("export", "use", "monitor"),
     "report",
     "quickstart",
+    "api",
     "cli",
 )
 # The simulator must not share the physics step or the laws with what is fitted: inverse crime.

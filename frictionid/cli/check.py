@@ -29,11 +29,10 @@ def check(
 
     The exit status is 0 where the data are good, 1 doubtful, 2 unusable as they stand.
     """
+    from frictionid.api.check import check as check_data
     from frictionid.check import LEVELS
-    from frictionid.check import check as check_dataset
-    from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.report.diagnostics import as_json, show_verdict
+    from frictionid.report.diagnostics import show_verdict
 
     if out is not None:
         from frictionid.outputs import check_outputs
@@ -42,15 +41,14 @@ def check(
         check_outputs(
             picture_paths(out), (*dataset_files(dataset, data), published), replace=replace
         )
-    model = friction_of(published) if published else None
-    verdict = check_dataset(load_dataset(dataset, data, trust=trust), model)
+    verdict = check_data(load_dataset(dataset, data, trust=trust), published)
     if json:
-        print(as_json(verdict))
+        print(verdict.json())
     else:
-        show_verdict(verdict)
+        show_verdict(verdict.details)
     if out:
         from frictionid.report.figures.diagnostics import write_pictures
 
-        for path in write_pictures(verdict, out):
+        for path in write_pictures(verdict.details, out):
             typer.echo(f"written to {path}", err=True)
     raise typer.Exit(LEVELS.index(verdict.level))

@@ -41,46 +41,25 @@ def compare(
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from joblib import cpu_count
 
+    from frictionid.api.suites import open_suite
     from frictionid.cli.progress import running
-    from frictionid.comparison.registry import LAWS
-    from frictionid.comparison.result_folder import lock, unfinished
-    from frictionid.comparison.results import describe, load_results
-    from frictionid.comparison.suite import load_suite
-    from frictionid.comparison.suite_tasks import tasks_of
-    from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
-    from frictionid.outputs import check_writable
-    from frictionid.report import build, results_json, show
+    from frictionid.report import results_json, show
 
-    table = load_suite(suite)
-    folder = out or Path("report") / table.name
-    check_writable(folder)
+    folder = None
     try:
-        tasks = tasks_of(table, suite, data, device.value if device else None, trust=trust)
-        prepared_benchmarks = prepare_benchmarks(tasks)
-        words = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
-        title = f"comparing ({table.name})"
-        with lock(folder), running([*words.values()], title, jobs or cpu_count()) as count:
-
-            def done(task: Task) -> None:
-                count(words[task.file])
-
-            settings = table.document() | ({"device": device.value} if device else {})
-            files = [task.file for task in tasks]
-            with unfinished(folder, table.name, files, resume=resume, replace=replace) as place:
-                describe(place, table.name, table.title, settings, tasks, prepared_benchmarks)
-                new = place / "tasks"
-                kept = (new, folder / "tasks") if resume else ()
-                run_tasks(tasks, prepared_benchmarks, new, LAWS, jobs=jobs, kept=kept, done=done)
-            results = load_results(folder)
-            build(results, replace=replace)
-    except KeyboardInterrupt:
-        typer.echo(
-            f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",
-            err=True,
+        opened = open_suite(
+            suite, data=data, out=out, device=device.value if device else None, trust=trust
         )
+        folder = opened.folder
+        title = f"comparing ({opened.suite.name})"
+        with running([*opened.steps.values()], title, jobs or cpu_count()) as count:
+            compared = opened.run(jobs=jobs, resume=resume, replace=replace, done=count)
+    except KeyboardInterrupt:
+        done = f"; what is done stays in {folder}: finish it with --resume" if folder else ""
+        typer.echo(f"frictionid: interrupted{done}", err=True)
         raise typer.Exit(130) from None
-    print(results_json(results)) if json else show(results)
-    _say_what_stays(folder, files)
+    print(results_json(compared.results)) if json else show(compared.results)
+    _say_what_stays(opened.folder, list(opened.steps))
 
 
 def _say_what_stays(folder: Path, files: list[str]) -> None:

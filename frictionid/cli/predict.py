@@ -32,15 +32,15 @@ def predict(
     trust: Trust = False,
 ) -> None:
     """Write the motion that a model predicts beside the measured one, in SI units."""
+    from frictionid.api.evaluate import predict as predicted
     from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.evaluation.predicted_motion import predicted_motion
     from frictionid.files import json_text, write_bytes
     from frictionid.outputs import check_outputs
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     friction = friction_of(model, law or ())
-    table = predicted_motion(
+    table = predicted(
         friction, load_dataset(dataset, data, trust=trust), horizon, every, whole=whole
     )
     if out.suffix == ".parquet":

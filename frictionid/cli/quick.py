@@ -25,12 +25,12 @@ def quick(
 
     The exit status is 2 where the data are unusable, else 0.
     """
+    from frictionid.api.quick import quick as first_verdict
     from frictionid.cli.progress import running
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import STEPS
-    from frictionid.quickstart.quick import quick as first_verdict
     from frictionid.quickstart.quick_picture import quick_picture
     from frictionid.quickstart.quick_text import quick_json, show_quick
 

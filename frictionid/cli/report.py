@@ -8,11 +8,13 @@ from frictionid.cli.paths import ResultFolder
 
 def report(folder: ResultFolder, json: Json = False, replace: Replace = False) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
+    from frictionid.api.compare import load_comparison
     from frictionid.comparison.result_folder import lock
-    from frictionid.comparison.results import load_results
     from frictionid.report import build, results_json, show
 
-    results = load_results(folder)  # complains where there is nothing to report, before the lock
+    results = load_comparison(
+        folder
+    ).results  # complains where there is nothing to report, before the lock
     with lock(folder):
         build(results, replace=replace)
     print(results_json(results)) if json else show(results)

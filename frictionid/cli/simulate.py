@@ -20,16 +20,16 @@ def simulate(
     replace: Replace = False,
 ) -> None:
     """Simulate recordings of a rig with known friction."""
-    from frictionid import simulate as rigs
+    from frictionid.api.simulate import simulate as simulated
     from frictionid.files import json_text
+    from frictionid.simulate import check_dataset_folder, load_rig, write_dataset
 
-    rigs.check_dataset_folder(out, replace=replace)
-    settings = rigs.load_rig(rig)
-    settings = rigs.noise_free(settings) if noise_free else settings
-    dataset = rigs.simulate(settings, seed)
+    check_dataset_folder(out, replace=replace)
+    settings = load_rig(rig)
+    dataset = simulated(settings, seed, noise_free=noise_free)
     # the rig.toml is kept only with the data that it makes as it stands
     same = seed in (None, settings.seed) and not noise_free
-    rigs.write_dataset(dataset, out, {"rig.toml": rig.read_bytes()} if same else {})
+    write_dataset(dataset, out, {"rig.toml": rig.read_bytes()} if same else {})
     samples = sum(len(recording.angle.time) for recording in dataset.recordings)
     if json:
         names = [recording.name for recording in dataset.recordings]

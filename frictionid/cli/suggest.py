@@ -48,34 +48,33 @@ def suggest(
     replace: Replace = False,
 ) -> None:
     """Suggest torque signals, and say how well friction will be known from them."""
-    from frictionid import excitation
+    from frictionid.api.suggest import stages
+    from frictionid.api.suggest import suggest as suggested
     from frictionid.cli.progress import counted
-    from frictionid.mechanics import Plant, mechanism_of
+    from frictionid.excitation import load_mechanism
     from frictionid.outputs import check_outputs
 
     places = _places(out, max(1, recordings))
     check_outputs([*places, figure], [mechanism], replace=replace)
-    table = excitation.load_mechanism(mechanism)
-    machine = mechanism_of(table)
-    most = excitation.limits_of(limits, machine)
-    experiment = excitation.Experiment(
-        Plant.from_parameters(machine, machine.nominal()),
-        excitation.prior_friction_of(friction, most),
-        most,
-        length=length,
-        recordings=recordings,
-        drive_rate=drive_rate,
-        camera_rate=camera_rate,
-        angle_noise=_noise(noise, machine.position_units[0]),
-        band=_pair(frequencies),
-        start=_numbers("--start", start) or None,
-        friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),
-    )
-    space = excitation.SignalSpace(experiment, _names(families))
-    search = excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
-    with counted(search.generations + 1, "searching") as done:
-        design = excitation.design_signals(space, search, done)
-    _write(design, places, figure, json)
+    with counted(stages(effort, seed), "searching") as done:
+        found = suggested(
+            load_mechanism(mechanism),
+            limits,
+            friction,
+            recordings=recordings,
+            length=length,
+            families=_names(families),
+            frequencies=_pair(frequencies),
+            start=_numbers("--start", start) or None,
+            drive_rate=drive_rate,
+            camera_rate=camera_rate,
+            noise=noise,
+            robust=robust,
+            effort=effort,
+            seed=seed,
+            done=done,
+        )
+    _write(found.design, places, figure, json)
 
 
 def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> None:
@@ -100,12 +99,6 @@ def _places(out: Path, recordings: int) -> list[Path]:
     if recordings == 1:
         return [out]
     return [out.with_name(f"{out.stem}_{r + 1}{out.suffix}") for r in range(recordings)]
-
-
-def _noise(value: float, unit: str) -> float:
-    import math
-
-    return math.radians(value) if unit == "rad" else value / 1000.0
 
 
 def _names(text: str) -> tuple[str, ...]:

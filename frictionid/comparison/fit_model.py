@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from frictionid.arrays import Array
 from frictionid.check import torque_sources
 from frictionid.comparison.equations import with_equations
-from frictionid.comparison.methods import Method
+from frictionid.comparison.methods import Fit, Method
 from frictionid.comparison.training_set import training_set
 from frictionid.data.plants import plant_of, refuse_torque_without_motor
 from frictionid.data.recordings import Dataset
@@ -32,6 +32,13 @@ class _NotFixed(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         return self.inner.fit(problem, weights, seed)
+
+
+class Fitted(NamedTuple):
+    """Friction (n, P) fitted to all recordings, and all that the method gave."""
+
+    friction: Friction
+    fit: Fit
 
 
 def fit_model(
@@ -61,6 +68,17 @@ def fit_model(
         dataset = frictionid.load_dataset("my_rig")
         print(fit_model(dataset, LeastSquares(Stribeck())))
     """
+    return fitted(dataset, identifier, recipe, protocol, seed).friction
+
+
+def fitted(
+    dataset: Dataset,
+    identifier: Identifier,
+    recipe: Method = INTEGRAL,
+    protocol: Protocol | None = None,
+    seed: int = 0,
+) -> Fitted:
+    """The friction of `fit_model` and, for its intervals, what the method gave."""
     recipe.check(identifier)
     protocol = protocol or Protocol()
     refuse_torque_without_motor(dataset)
@@ -84,4 +102,4 @@ def fit_model(
     if fit.refined is not None:
         w = training.problems[recipe.first_step.name].nodes.inputs.w
         provenance["refined"] = document_of(fit.refined, dataset, velocity_grid(w))
-    return replace(friction, provenance=provenance)
+    return Fitted(replace(friction, provenance=provenance), fit)

@@ -307,11 +307,13 @@ def reduction(results: Results) -> dict[str, bytes]:
         "timings.csv": timings.to_csv(index=False, float_format="%.3f"),
     }
     for task in results.tasks:
-        texts[f"models/{file_name(*(task[key] for key in keys))}"] = json_text(_model(task))
+        name = file_name(*(task[key] for key in keys))
+        texts[f"models/{name}"] = json_text(model_document_of(task))
     return {name: text.encode() for name, text in texts.items()}
 
 
-def _model(task: Mapping[str, Any]) -> dict[str, Any]:
+def model_document_of(task: Mapping[str, Any]) -> dict[str, Any]:
+    """Model document of a task's document: friction of all data, and where it is from."""
     source = {key: task[key] for key in ("dataset", "identifier", "fit", "seed", "settings")}
     if task.get("refined"):
         source["refined"] = task["refined"]

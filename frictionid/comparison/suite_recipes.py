@@ -127,8 +127,14 @@ def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
     return [recipe_of(entry, steps) for entry in entries]
 
 
-def recipe_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) -> Method:
+def recipe_of(
+    entry: RecipeEntry,
+    one_step: Mapping[str, Recipe] | None = None,
+    known: KnownCalibration | None = None,
+) -> Method:
     """Recipe of its table; `one_step` has those that it may name.
+
+    known : a calibration in place of that of a model file
 
     Raises
     ------
@@ -145,14 +151,14 @@ def recipe_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) 
                 f"{entry.where}: {[*steps, *shots][0]} does not go with calibration: "
                 "name a recipe by like"
             )
-        return _calibrated(entry, one_step)
+        return _calibrated(entry, one_step, known)
     if steps:
         raise InputError(
             f"{entry.where}: {steps[0]} belongs to one-step recipes, name one as start"
         )
     if (entry.by or entry.name) == "inverse_dynamics":
         return inverse_dynamics_of(entry, one_step)
-    return shooting_of(entry, one_step)
+    return shooting_of(entry, one_step, known)
 
 
 def one_step_of(entry: RecipeEntry) -> Recipe:
@@ -180,10 +186,14 @@ def one_step_of(entry: RecipeEntry) -> Recipe:
         raise InputError(f"{entry.where}: {text}") from None
 
 
-def shooting_of(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None) -> Shooting:
+def shooting_of(
+    entry: RecipeEntry,
+    one_step: Mapping[str, Recipe] | None = None,
+    known: KnownCalibration | None = None,
+) -> Shooting:
     """Shooting with the blocks and settings of its table."""
     start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
-    known = _known(entry.known)
+    known = known or _known(entry.known)
     free = entry.free or [
         block.name for block in DEFAULT_BLOCKS if not known or block.enters == "friction"
     ]
@@ -226,13 +236,16 @@ def _only(kind: Kind, entry: RecipeEntry) -> dict[str, Any]:
     return entry.keys(kind)
 
 
-def _calibrated(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None) -> CalibratedRecipe:
+def _calibrated(
+    entry: RecipeEntry,
+    one_step: Mapping[str, Recipe] | None,
+    known: KnownCalibration | None = None,
+) -> CalibratedRecipe:
     """The recipe that `like` names, on data corrected by the calibration of its table."""
     calibration, like, where = entry.calibration, entry.like, f"{entry.where}, calibration"
     if calibration is None and like is not None and entry.known is not None:
-        return _held(
-            entry.name, one_step_named(like, one_step, f"{entry.where}: like"), entry.known
-        )
+        step = one_step_named(like, one_step, f"{entry.where}: like")
+        return _held(entry.name, step, known or _known(entry.known))
     if calibration is None or like is None:
         lost = "calibration" if calibration is None else "like"
         raise InputError(
@@ -245,10 +258,10 @@ def _calibrated(entry: RecipeEntry, one_step: Mapping[str, Recipe] | None) -> Ca
     return CalibratedRecipe(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
 
 
-def _held(name: str, step: Recipe, known: str) -> CalibratedRecipe:
-    """A one-step recipe on data corrected by the calibration of a model file."""
+def _held(name: str, step: Recipe, known: KnownCalibration | None) -> CalibratedRecipe:
+    """A one-step recipe on data corrected by a known calibration."""
     nothing = IDENTIFIERS["none"].build({}, name)
-    return CalibratedRecipe(name, step, Shooting(blocks=(), known=_known(known)), nothing, PARTS)
+    return CalibratedRecipe(name, step, Shooting(blocks=(), known=known), nothing, PARTS)
 
 
 def _known(file: str | None) -> KnownCalibration | None:

@@ -76,19 +76,25 @@ def _tasks(
     tasks = [
         task
         for entry, benchmark in zip(suite.datasets, benchmarks, strict=True)
-        for task in _tasks_on(benchmark, used_recipes(entry, recipes), identifiers, suite.seeds)
+        for task in tasks_on(benchmark, used_recipes(entry, recipes), identifiers, suite.seeds)
     ]
     distinct([task.file.lower() for task in tasks], "results")
     return tasks
 
 
-def _tasks_on(
+def tasks_on(
     benchmark: Benchmark,
     recipes: Sequence[Method],
     identifiers: Sequence[NamedIdentifier],
     seeds: Sequence[int],
 ) -> list[Task]:
-    """Tasks of one data set."""
+    """Tasks of one data set; the truth of simulated data stands beside the identifiers.
+
+    Raises
+    ------
+    InputError
+        Where names are not different, or an identifier fits neither a recipe nor the data.
+    """
     every = [*identifiers, *_truth(benchmark)]
     distinct([named.name for named in every], "identifiers")
     for named in every:

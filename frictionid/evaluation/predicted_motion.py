@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from frictionid.evaluation.protocol import Protocol
 from frictionid.evaluation.rollouts import predict
 from frictionid.friction import Friction
 
+_NEVER = 1e9  # [s] to the next start
+
 
 def predicted_motion(
     friction: Friction,
@@ -25,6 +28,7 @@ def predicted_motion(
     horizon: float = 1.0,
     every: float | None = None,
     *,
+    start: float | None = None,
     whole: bool = False,
 ) -> pd.DataFrame:
     """Motion that a model predicts under the recorded torques, a line for each sample.
@@ -38,6 +42,8 @@ def predicted_motion(
     dataset : Dataset
     horizon : float [s], how far ahead
     every : float [s] between two starts; None: one prediction begins where the one before ends
+    start : float [s]
+        One prediction, from so long after the first sample; None: as many as there is motion for.
     whole : bool
         Simulate whole recordings from their start instead, see `free_run`.
 
@@ -69,7 +75,11 @@ def predicted_motion(
             f"data set {dataset.name!r} has {joints} joints, the model has {friction.n}: give a "
             "model of the same mechanism"
         )
+    if start is not None and (whole or every is not None):
+        raise InputError("start does not go with whole or every: it is that of one prediction")
     protocol = Protocol(horizons=(horizon,), every=every or horizon, whole=whole)
+    if start is not None:
+        protocol = replace(protocol, every=_NEVER, history=start)
     prepared = prepared_for(prepare(dataset, protocol), friction)
     batch = friction[None]
     data = calibrated_views(prepared, batch.calibration, 1)[0].data

@@ -10,7 +10,6 @@ from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.paths import DATA
 from pysindy import FourierLibrary, PolynomialLibrary
 
-from frictionid import simulate as simulated
 from frictionid.cli import main
 from frictionid.comparison.equations import with_equations
 from frictionid.comparison.registry import LAWS
@@ -33,6 +32,7 @@ from frictionid.shooting.parameters.friction import on_support
 from frictionid.shooting.recipe import ShootingFit, refine_folds
 from frictionid.shooting.sample_intervals import intervals_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write_dataset
+from frictionid.simulate import Stribeck as SimulatedStribeck
 
 LAW = Library()
 COULOMB = np.array([[0.10, 0.02], [0.05, 0.01]])
@@ -197,7 +197,7 @@ def recorded():
     curve = Curve((0.02,), (0.02,), (0.002,))
     told = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
     camera = Camera(samples=80, angle_noise=0.0016)
-    return simulate(Rig("pendulum", told, simulated.Stribeck(curve), camera, runs), 5)
+    return simulate(Rig("pendulum", told, SimulatedStribeck(curve), camera, runs), 5)
 
 
 def test_each_fold_is_refined_on_the_terms_that_it_has():

@@ -53,7 +53,13 @@ def correlation(model: Model, data: DataDescription) -> Any:
     Rows and columns of parameters without a standard error are grey, names of those that are not
     identified, too.
     """
-    document = model.refined or NONE
+    return fit_correlation(model.refined or NONE, data.joints, data)
+
+
+def fit_correlation(
+    document: Mapping[str, Any], joints: Sequence[str], data: DataDescription | None = None
+) -> Any:
+    """Picture of the correlation of a result document of shooting, see `correlation`."""
     read = estimates(document, data)
     labels = [e.parameter if e.block in OWN else e.name for e in read]
     few = len(read) <= MOST
@@ -69,7 +75,7 @@ def correlation(model: Model, data: DataDescription) -> Any:
     axis = picture.add_axes((left / width, (below + 0.1) / height, side / width, side / height))
     image = _cells(axis, correlation_of(document))
     _names(axis, read, labels)
-    _groups(axis, read, data.joints, room + 0.1, side)
+    _groups(axis, read, joints, room + 0.1, side)
     tall = min(1.1, 0.7 * side)
     place = (width - 0.45, height - 0.3 - tall, 0.1, tall)
     bar = picture.add_axes([x / size for x, size in zip(place, 2 * (width, height), strict=True)])

@@ -1,0 +1,113 @@
+"""frictionid.check: what data can and cannot tell, before any fit."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+import pandas as pd
+
+import frictionid.check.verdict as checks
+from frictionid.api.models import DatasetLike, dataset_of, friction_of
+from frictionid.config import nearest
+from frictionid.errors import InputError
+from frictionid.report.console import printed, printed_html
+from frictionid.report.diagnostics import as_json, show_verdict
+from frictionid.report.figures.diagnostics import PICTURES
+from frictionid.report.figures.style import drawn
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Verdict:
+    """Verdict on a data set, as frames; `details` has all of it."""
+
+    details: checks.Verdict
+
+    def __repr__(self) -> str:
+        return printed(partial(show_verdict, self.details)).rstrip("\n")
+
+    def _repr_html_(self) -> str:
+        return printed_html(partial(show_verdict, self.details))
+
+    @property
+    def level(self) -> str:
+        """Level of the worst finding: "good", "doubtful" or "unusable"."""
+        return self.details.level
+
+    @property
+    def findings(self) -> pd.DataFrame:
+        """What is wrong, or worth knowing, the worst first.
+
+        Columns: level, kind, text, remedy, joint (from 1, None for none), numbers.
+        """
+        columns = ["level", "kind", "text", "remedy", "joint", "numbers"]
+        rows = [[getattr(f, name) for name in columns] for f in self.details.findings]
+        return pd.DataFrame(rows, columns=columns).astype({"joint": object})
+
+    @property
+    def questions(self) -> pd.DataFrame:
+        """The classic questions: passed (None where it was not tested), question, words."""
+        rows = [(q.passed, q.question, q.words) for q in self.details.questions]
+        return pd.DataFrame(rows, columns=["passed", "question", "words"], dtype=object)
+
+    @property
+    def identifiable(self) -> pd.DataFrame:
+        """What the recordings identify: what, possible, reason."""
+        rows = [tuple(entry) for entry in self.details.identifiable]
+        return pd.DataFrame(rows, columns=["what", "possible", "reason"])
+
+    @property
+    def joints(self) -> pd.DataFrame:
+        """Facts of each joint, SI units; see `frictionid.check.facts.JointFacts`."""
+        return pd.DataFrame([asdict(joint) for joint in self.details.joints]).set_index("joint")
+
+    @property
+    def next(self) -> tuple[str, ...]:
+        """Recordings to make next."""
+        return self.details.next
+
+    def plot(self, kind: str = "residual") -> Any:
+        """A Matplotlib figure.
+
+        Parameters
+        ----------
+        kind : str
+            "residual", the torque that the nominal mechanism leaves to friction, over velocity;
+            "coverage", where the joints have been; "motion", over time.
+
+        Raises
+        ------
+        InputError
+            For unknown kinds.
+        """
+        if kind not in PICTURES:
+            raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PICTURES)}")
+        return drawn(partial(PICTURES[kind], self.details))
+
+    def json(self) -> str:
+        """All of the verdict as JSON text, SI units."""
+        return as_json(self.details)
+
+
+def check(data: DatasetLike, published: Any = None) -> Verdict:
+    """Report errors in recordings, what the recordings identify, and what to record next.
+
+    Parameters
+    ----------
+    data : Dataset, or path or name of one
+    published : Fit, Friction or path of a model file, optional
+        Somebody's model, to compare with the data.
+
+    Returns
+    -------
+    Verdict
+        It prints itself, at the prompt and in a notebook.
+
+    Raises
+    ------
+    InputError
+        Where the data do not fit their mechanism.
+    """
+    model = None if published is None else friction_of(published)
+    return Verdict(checks.check(dataset_of(data), model))

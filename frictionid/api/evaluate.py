@@ -1,0 +1,173 @@
+"""frictionid.evaluate and frictionid.predict: models on recordings, as frames."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from frictionid.api.models import DatasetLike, dataset_of, friction_of
+from frictionid.comparison.results import model_scores
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
+from frictionid.evaluation.predicted_motion import predicted_motion
+from frictionid.friction import Friction
+
+HORIZONS = (0.1, 0.25, 0.5, 1.0)
+
+
+def evaluate(
+    models: Any,
+    data: DatasetLike,
+    horizons: Sequence[float] = HORIZONS,
+    *,
+    sample_time: float | None = None,
+    whole: bool = False,
+    initial_states: str = "filter",
+) -> pd.DataFrame:
+    """Scores of fitted models on all recordings of a data set, one step ahead and over seconds.
+
+    Warns of models that were fitted to some of these recordings: their scores are those of training
+    data.
+
+    Parameters
+    ----------
+    models : Fit, Friction, path of a model file, or a mapping or list of these
+        The names of a mapping stand in the table.
+    data : Dataset, or path or name of one
+    horizons : list of float [s], of the predictions
+    sample_time : float [s], optional
+        Use samples at least this far apart.
+    whole : bool
+        Also simulate whole recordings from their start.
+    initial_states : str
+        Estimator of the states that predictions start from: "filter", the same for all models, or
+        "model", each model's own.
+
+    Returns
+    -------
+    DataFrame
+        One line for each score, in the columns of a comparison's scores.csv.
+
+    Raises
+    ------
+    InputError
+        Where models and data do not fit together.
+    """
+    named = {name: friction_of(model) for name, model in _named(models).items()}
+    dataset = dataset_of(data)
+    protocol = Protocol(
+        horizons=tuple(map(float, horizons)),
+        sample_time=sample_time,
+        whole=whole,
+        initial_states=initial_states,
+    )
+    table = scores_of(named, dataset, protocol)
+    for name, friction in named.items():
+        for sentence in training_notes(name, friction, dataset):
+            warnings.warn(sentence, UserWarning, stacklevel=2)
+    return table
+
+
+def _named(models: Any) -> dict[str, Any]:
+    """Models by their names: those of a mapping, of files, or of laws."""
+    if isinstance(models, Mapping):
+        return {str(name): model for name, model in models.items()}
+    listed = list(models) if isinstance(models, list | tuple) else [models]
+    if all(isinstance(model, str | Path) for model in listed):
+        return dict(zip(file_labels([Path(m) for m in listed]), listed, strict=True))
+    names = [getattr(m, "law", None) or "model" for m in listed]
+    names = [n if isinstance(n, str) else type(n).__name__ for n in names]
+    labels = [n if names.count(n) == 1 else f"{n} {i + 1}" for i, n in enumerate(names)]
+    return dict(zip(labels, listed, strict=True))
+
+
+def file_labels(files: Sequence[Path]) -> list[str]:
+    """Name of each model in tables: that of its file, or its path where two have one name.
+
+    Raises
+    ------
+    InputError
+        Where a file is named twice.
+    """
+    stems = [path.stem for path in files]
+    names = [s if stems.count(s) == 1 else str(p) for s, p in zip(stems, files, strict=True)]
+    if len(set(names)) < len(names):
+        raise InputError("evaluate: one of the model files is named twice")
+    return names
+
+
+def scores_of(
+    models: Mapping[str, Friction],
+    dataset: Dataset,
+    protocol: Protocol,
+    done: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Scores of models by their names, as in `evaluate`; `done` is called after each.
+
+    Raises
+    ------
+    InputError
+        With the name of the model.
+    """
+    prepared = prepare(dataset, protocol)
+    scores = {}
+    for name, friction in models.items():
+        try:
+            scores[name] = score_model(friction, prepared_for(prepared, friction)).scores
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+        done(name)
+    return model_scores(dataset.name, scores)
+
+
+def training_notes(name: str, friction: Friction, dataset: Dataset) -> Iterator[str]:
+    """A sentence where the model was fitted to tables of the data set."""
+    hashes = friction.provenance.get("data")
+    fitted = set(hashes.values()) if isinstance(hashes, Mapping) else set()
+    shared = [file for file, own in dataset.hashes.items() if own in fitted]
+    if shared:
+        yield (
+            f"{name} was fitted to {len(shared)} of the {len(dataset.hashes)} tables of "
+            f"{dataset.name!r}: its scores are of training data, not of held-out recordings"
+        )
+
+
+def predict(
+    model: Any,
+    data: DatasetLike,
+    horizon: float = 1.0,
+    every: float | None = None,
+    *,
+    start: float | None = None,
+    whole: bool = False,
+) -> pd.DataFrame:
+    """Motion that a model predicts beside the measured one, a line for each sample.
+
+    Parameters
+    ----------
+    model : Fit, Friction, or path of a model file
+    data : Dataset, or path or name of one
+    horizon : float [s], how far ahead
+    every : float [s] between two starts; None: one prediction begins where the one before ends
+    start : float [s] after the first sample of each recording; None: as often as it goes
+    whole : bool
+        Simulate whole recordings from their start instead.
+
+    Returns
+    -------
+    DataFrame
+        Columns recording, start_s, time_s, ahead_s; for each joint j the angle predicted qj, the
+        velocity predicted wj (not of whole recordings) and the angle measured measured_qj; SI.
+
+    Raises
+    ------
+    InputError
+        Where model and data have different joints, or recordings are too short.
+    """
+    friction, dataset = friction_of(model), dataset_of(data)
+    return predicted_motion(friction, dataset, horizon, every, start=start, whole=whole)

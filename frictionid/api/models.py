@@ -1,0 +1,156 @@
+"""Laws, models and data sets as a user gives them: names, classes, objects, or paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from frictionid.comparison.kinds import Part
+from frictionid.comparison.registry import IDENTIFIERS, LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Law
+from frictionid.friction.model_files import load_model
+from frictionid.identifiers import Frictionless, Identifier, LeastSquares, Published
+
+LawLike = str | Law | type[Law] | Identifier | type[Identifier] | Friction
+DatasetLike = Dataset | str | Path
+
+
+def dataset_of(data: DatasetLike) -> Dataset:
+    """A data set: as it is, or read from its folder, file or name.
+
+    Raises
+    ------
+    InputError
+        For anything else, and as from `load_dataset`.
+    """
+    if isinstance(data, Dataset):
+        return data
+    if isinstance(data, str | Path):
+        return load_dataset(data)
+    raise InputError(
+        f"a {type(data).__name__} is no data set: make one by Dataset.from_frames or "
+        "Dataset.from_arrays, or name a folder with a dataset.toml"
+    )
+
+
+def identifier_of(law: Any, settings: Mapping[str, Any] | None = None) -> Identifier:
+    """Identifier of what fits a law: of a kind by its name, a law, a class, or a given friction.
+
+    Parameters
+    ----------
+    law : str, Law, Identifier, a class of these, or Friction
+        A name as in `frictionid identifiers`; a law is fitted as its name would be, one's own by
+        nonlinear least squares; a friction is given, and stays.
+    settings : mapping, optional
+        Settings of a name.
+
+    Raises
+    ------
+    InputError
+        For unknown names and settings, and anything else.
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import Stribeck
+    >>> identifier_of("stribeck") == identifier_of(Stribeck()) == identifier_of(Stribeck)
+    True
+    """
+    if isinstance(law, str):
+        return identifier_named(law, settings or {})
+    if settings:
+        raise InputError(f"settings {', '.join(settings)} go with a name, not with {law!r}")
+    if isinstance(law, type) and issubclass(law, Law | Identifier):
+        law = _made(law)
+    if isinstance(law, Identifier):
+        return law
+    if isinstance(law, Law):
+        return _fitting(law)
+    friction = getattr(law, "friction", law)
+    if isinstance(friction, Friction):
+        return Published(friction)
+    raise InputError(
+        f"{law!r} is no law: give a name such as 'stribeck' (frictionid.identifiers() lists them), "
+        "a law, or an identifier"
+    )
+
+
+def _made(kind: type[Law] | type[Identifier]) -> Law | Identifier:
+    """An object of a class with its defaults."""
+    settings: Any = fields(kind) if is_dataclass(kind) else ()
+    needed = [f.name for f in settings if f.init and f.default is f.default_factory]
+    if needed:
+        raise InputError(f"{kind.__name__} needs {', '.join(needed)}: give {kind.__name__}(...)")
+    return kind()
+
+
+def _fitting(law: Law) -> Identifier:
+    """Identifier that fits a law as suites do; one's own is fitted by nonlinear least squares."""
+    if not law.names:
+        return Frictionless()
+    for _, parts in _forms():
+        if parts[-1] is type(law):
+            made: Any = law
+            for part in reversed(parts[:-1]):
+                made = part(made)
+            return made if isinstance(made, Identifier) else LeastSquares(law)
+    return LeastSquares(law)
+
+
+def _forms() -> Iterator[tuple[str, tuple[Part, ...]]]:
+    """Name and parts of each kind of identifier, also of those that settings choose."""
+    for name, kind in IDENTIFIERS.items():
+        yield name, kind.parts
+        yield from ((name, choice.parts) for choice in kind.choices)
+
+
+def name_of(law: Any) -> str:
+    """Name of an identifier or law in tables: that of its kind, or of its class.
+
+    >>> from frictionid.identifiers import SINDy
+    >>> name_of("stribeck"), name_of(SINDy())
+    ('stribeck', 'sindy')
+    """
+    if isinstance(law, str):
+        return law.rpartition(":")[2]
+    if isinstance(law, type):
+        law = _made(law) if issubclass(law, Law | Identifier) else law
+    if isinstance(getattr(law, "friction", law), Friction):
+        return "published"
+    own = _chain(law if isinstance(law, Identifier) else identifier_of(law))
+    for name, parts in _forms():
+        if tuple(part for part in parts if isinstance(part, type)) == own[: len(parts)]:
+            return name
+    return own[-1].__name__
+
+
+def _chain(part: Any) -> tuple[type, ...]:
+    """Classes of an object and of what is in it, from the outside in."""
+    inner = [getattr(part, f.name) for f in fields(part)][:1] if is_dataclass(part) else []
+    deeper = [value for value in inner if isinstance(value, Law | Identifier)]
+    return (type(part), *(kind for value in deeper for kind in _chain(value)))
+
+
+def friction_of(model: Any, laws: Sequence[type[Law]] = ()) -> Friction:
+    """Friction of a model: a `Fit`, a `Friction`, or a model file.
+
+    laws : classes of one's own laws, where a file has one
+
+    Raises
+    ------
+    InputError
+        For anything else, and files that are no models.
+    """
+    if isinstance(model, str | Path):
+        return load_model(Path(model), {**LAWS, **{law.__name__: law for law in laws}})
+    friction = getattr(model, "friction", model)
+    if isinstance(friction, Friction):
+        return friction
+    raise InputError(
+        f"a {type(model).__name__} is no model: give what frictionid.fit returns, or a model file"
+    )

@@ -1,0 +1,158 @@
+"""frictionid.suggest: torque signals that identify friction and inertia, within limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from frictionid import excitation
+from frictionid.errors import InputError
+from frictionid.excitation import Design
+from frictionid.mechanics import Plant, mechanism_of
+from frictionid.report.experiment_design import described, design_document
+from frictionid.report.figures.experiment_design import design_figure
+from frictionid.report.figures.style import drawn
+
+FAMILIES = ("multisine", "chirp")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Suggestion:
+    """Designed torque signals; `design` has all of them.
+
+    Attributes
+    ----------
+    design : Design
+    """
+
+    design: Design
+
+    def __repr__(self) -> str:
+        return described(self.design)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(repr(self))}</pre>"
+
+    @property
+    def frames(self) -> dict[str, pd.DataFrame]:
+        """Torque tables by the names of the recordings, each value held to the next.
+
+        Columns time [s] and, for each motor of joint j, uj [N m].
+        """
+        design = self.design
+        out = {}
+        for r in range(design.experiment.recordings):
+            columns = {"time": design.experiment.commands}
+            columns |= {f"u{j + 1}": design.torque[:, r, j] for j in design.space.motors}
+            out[f"recording {r + 1}"] = pd.DataFrame(columns)
+        return out
+
+    @property
+    def errors(self) -> pd.DataFrame:
+        """Expected standard errors: name, unit, prior, friction_alone, inertia_free."""
+        rows = []
+        for entry in design_document(self.design)["parameters"]:
+            known = [entry[key] for key in ("friction_alone", "inertia_free")]
+            errors = [np.nan if own is None else float(own["error"]) for own in known]
+            rows.append((entry["name"], entry["unit"], entry["prior"], *errors))
+        columns = ["name", "unit", "prior", "friction_alone", "inertia_free"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def plot(self) -> Any:
+        """Torque and expected motion over time, with the limits, as a Matplotlib figure."""
+        return drawn(partial(design_figure, self.design))
+
+
+def suggest(
+    mechanism: Any,
+    limits: Mapping[str, float | Sequence[float]] | str,
+    friction: Mapping[str, float | Sequence[float]] | str = "",
+    *,
+    recordings: int = 4,
+    length: float = 5.0,
+    families: Sequence[str] = FAMILIES,
+    frequencies: Sequence[float] = (0.2, 4.0),
+    start: Sequence[float] | None = None,
+    drive_rate: float = 60.0,
+    camera_rate: float = 60.0,
+    noise: float = 0.1,
+    robust: bool = False,
+    effort: int = 600,
+    seed: int = 0,
+    done: Callable[[str], None] = lambda _: None,
+) -> Suggestion:
+    """Suggest torque signals, and say how well friction will be known from them.
+
+    Parameters
+    ----------
+    mechanism : Mechanism, or Dataset, whose mechanism it is
+    limits : mapping
+        "torque" of the motors, "velocity" and, where there is a limit, "angle" of the joints: one
+        number, or one for each; SI units.
+    friction : mapping, optional
+        The prior: "coulomb" and "viscous"; 5 % of the torque where they are missing.
+    recordings, length
+        How many recordings, and how long each is [s].
+    families : list of "multisine", "chirp"
+    frequencies : lowest and highest [Hz]
+    start : start angles, searched where they are missing
+    drive_rate, camera_rate : commands and images per second [Hz]
+    noise : standard deviation of the angles [deg], or [mm]
+    robust : whether the signals shall be good with half and twice the prior friction, too
+    effort : number of random signals that the search begins with
+    seed : int
+    done : function
+        Called with a line of text after each stage of the search; see `stages`.
+
+    Raises
+    ------
+    InputError
+        For limits and priors that no machine has.
+    """
+    machine = mechanism_of(getattr(mechanism, "mechanism", mechanism))
+    most = excitation.limits_of(_option(limits, "limits"), machine)
+    low, high = map(float, frequencies)
+    experiment = excitation.Experiment(
+        Plant.from_parameters(machine, machine.nominal()),
+        excitation.prior_friction_of(_option(friction, "friction"), most),
+        most,
+        length=length,
+        recordings=recordings,
+        drive_rate=drive_rate,
+        camera_rate=camera_rate,
+        angle_noise=math.radians(noise) if machine.position_units[0] == "rad" else noise / 1000.0,
+        band=(low, high),
+        start=None if start is None else tuple(map(float, start)),
+        friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),
+    )
+    space = excitation.SignalSpace(experiment, tuple(families))
+    return Suggestion(excitation.design_signals(space, _search(effort, seed), done))
+
+
+def stages(effort: int = 600, seed: int = 0) -> int:
+    """Number of stages of the search of `suggest`."""
+    return _search(effort, seed).generations + 1
+
+
+def _search(effort: int, seed: int) -> excitation.Search:
+    return excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
+
+
+def _option(given: Mapping[str, Any] | str, name: str) -> str:
+    """The text of an option of the command line."""
+    if isinstance(given, str):
+        return given
+    if not isinstance(given, Mapping):
+        raise InputError(f'{name} must be a mapping such as {{"torque": 0.14}}, not {given!r}')
+    values = {
+        key: np.asarray(value, dtype=float).tolist() if np.ndim(value) else float(value)
+        for key, value in given.items()
+    }
+    return ",".join(f"{key}={value}" for key, value in values.items())

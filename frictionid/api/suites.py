@@ -1,0 +1,147 @@
+"""frictionid.run_suite: the comparison of a suite file, written to its result folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from frictionid.api.compare import Comparison
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.result_folder import lock, unfinished
+from frictionid.comparison.results import describe, load_results
+from frictionid.comparison.suite import Suite, load_suite
+from frictionid.comparison.suite_path import suite_path
+from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+from frictionid.outputs import check_writable
+from frictionid.report import build
+
+
+@dataclass(frozen=True, eq=False)
+class OpenSuite:
+    """A suite with its tasks, ready to run.
+
+    Attributes
+    ----------
+    suite : Suite
+    folder : Path, of its results
+    tasks : tuple of Task
+    device : str or None
+        Where networks are trained, whatever the suite says.
+    """
+
+    suite: Suite
+    folder: Path
+    tasks: tuple[Task, ...]
+    device: str | None = None
+
+    @property
+    def steps(self) -> dict[str, str]:
+        """Names of the tasks for people, by those of their files."""
+        return {
+            t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in self.tasks
+        }
+
+    def run(
+        self,
+        *,
+        jobs: int = 0,
+        resume: bool = False,
+        replace: bool = False,
+        done: Callable[[str], None] = lambda _: None,
+    ) -> Comparison:
+        """Run the tasks and write the report; `done` is called with each finished step.
+
+        Raises
+        ------
+        InputError
+            Where a task fails, or the folder holds what is not to be replaced.
+        """
+        suite, steps = self.suite, self.steps
+        prepared = prepare_benchmarks(self.tasks)
+        settings = suite.document() | ({"device": self.device} if self.device else {})
+
+        def report(task: Task) -> None:
+            done(steps[task.file])
+
+        with lock(self.folder):
+            files = list(steps)
+            with unfinished(
+                self.folder, suite.name, files, resume=resume, replace=replace
+            ) as place:
+                describe(place, suite.name, suite.title, settings, self.tasks, prepared)
+                new = place / "tasks"
+                kept = (new, self.folder / "tasks") if resume else ()
+                run_tasks(self.tasks, prepared, new, LAWS, jobs=jobs, kept=kept, done=report)
+            results = load_results(self.folder)
+            build(results, replace=replace)
+        return Comparison(results)
+
+
+def open_suite(
+    suite: str | Path,
+    *,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    device: str | None = None,
+    trust: bool = False,
+) -> OpenSuite:
+    """The suite of a file or name with its tasks; parameters as in `run_suite`.
+
+    Raises
+    ------
+    InputError
+        For unknown names, settings that do not fit, data that cannot be read.
+    """
+    path = suite_path(Path(suite))
+    table = load_suite(path)
+    folder = Path("report") / table.name if out is None else Path(out)
+    check_writable(folder)
+    tables = None if data is None else Path(data)
+    tasks = tasks_of(table, path, tables, device, trust=trust)
+    return OpenSuite(table, folder, tuple(tasks), device)
+
+
+def run_suite(
+    suite: str | Path,
+    *,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    jobs: int = 0,
+    resume: bool = False,
+    replace: bool = False,
+    device: str | None = None,
+    trust: bool = False,
+    done: Callable[[str], None] = lambda _: None,
+) -> Comparison:
+    """Run a suite, and write its result folder: tables, pictures, models, and a page.
+
+    Parameters
+    ----------
+    suite : str or Path
+        Suite file, or the name of one that comes with the package.
+    data : str or Path, optional
+        Folder with the tables of its one data set.
+    out : str or Path, optional
+        Result folder; report/<suite>.
+    jobs : int
+        Number of parallel tasks; 0: one for each core.
+    resume : bool
+        Keep finished tasks.
+    replace : bool
+        Replace results of another suite, or begin anew.
+    device : "cpu" or "cuda", optional
+        Where networks are trained, whatever the suite says.
+    trust : bool
+        Whether readers that data sets name by their modules may run.
+    done : function
+        Called with the name of each task that is finished.
+
+    Raises
+    ------
+    InputError
+        Where the suite is wrong, a task fails, or the folder holds what is not to be replaced.
+    """
+    opened = open_suite(suite, data=data, out=out, device=device, trust=trust)
+    return opened.run(jobs=jobs, resume=resume, replace=replace, done=done)
