@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from frictionid.api.check import Verdict as Verdict
     from frictionid.api.check import check as check
-    from frictionid.api.compare import Comparison as Comparison
     from frictionid.api.compare import compare as compare
-    from frictionid.api.compare import load_comparison as load_comparison
+    from frictionid.api.comparison import Comparison as Comparison
+    from frictionid.api.comparison import load_comparison as load_comparison
     from frictionid.api.evaluate import evaluate as evaluate
     from frictionid.api.evaluate import predict as predict
-    from frictionid.api.fit import Fit as Fit
     from frictionid.api.fit import fit as fit
     from frictionid.api.fit import load_model as load_model
+    from frictionid.api.fitted import Fit as Fit
     from frictionid.api.listing import identifiers as identifiers
     from frictionid.api.listing import laws as laws
     from frictionid.api.quick import quick as quick
@@ -88,13 +88,13 @@ _HOME = {
     "AsymmetricSpline": "frictionid.friction.laws",
     "AsymmetricStribeck": "frictionid.friction.laws",
     "BlackBox": "frictionid.identifiers",
-    "Comparison": "frictionid.api.compare",
+    "Comparison": "frictionid.api.comparison",
     "CompressedNetwork": "frictionid.identifiers",
     "CoulombViscous": "frictionid.friction.laws",
     "Dahl": "frictionid.friction.laws",
     "Dataset": "frictionid.data.recordings",
     "FilmLag": "frictionid.friction.laws",
-    "Fit": "frictionid.api.fit",
+    "Fit": "frictionid.api.fitted",
     "Friction": "frictionid.friction",
     "Frictionless": "frictionid.identifiers",
     "GearLoad": "frictionid.friction.laws",
@@ -135,7 +135,7 @@ _HOME = {
     "fit_model": "frictionid.comparison.fit_model",
     "identifiers": "frictionid.api.listing",
     "laws": "frictionid.api.listing",
-    "load_comparison": "frictionid.api.compare",
+    "load_comparison": "frictionid.api.comparison",
     "load_dataset": "frictionid.data.readers.dataset",
     "load_model": "frictionid.api.fit",
     "make_folds": "frictionid.evaluation.folds",

@@ -1,21 +1,14 @@
-"""frictionid.compare: friction models on identical folds, in memory or in a result folder."""
+"""frictionid.compare: friction models on identical folds, in memory."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from html import escape
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-import pandas as pd
-
-from frictionid.api.fit import Fit
+from frictionid.api.comparison import Comparison
 from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, dataset_of, identifier_of, name_of
-from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import (
     Benchmark,
     PreparedBenchmark,
@@ -25,286 +18,17 @@ from frictionid.comparison.cross_validate import (
 from frictionid.comparison.methods import Method
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import (
-    Results,
-    load_results,
-    model_document_of,
     results_in_memory,
 )
 from frictionid.comparison.suite_identifiers import NamedIdentifier
 from frictionid.comparison.suite_tasks import tasks_on
 from frictionid.comparison.tasks import Task, results_of
-from frictionid.config import distinct, nearest
+from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import Folds, Protocol, Split, make_folds, score_value
-from frictionid.friction import Friction, Law
-from frictionid.friction.model_files import read_model
-from frictionid.report import show_summary
-from frictionid.report.console import printed
-from frictionid.report.figures.style import drawn
-from frictionid.report.page import Picture
-from frictionid.report.sections import Section, sections_of
-from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
-from frictionid.report.tables import html
-from frictionid.report.terminal import verdict
-from frictionid.report.write import (
-    FITTED,
-    Names,
-    band_pictures,
-    correlation_picture,
-    motion_pictures,
-    names_of,
-)
+from frictionid.evaluation import Folds, Protocol, Split, make_folds
 
 USUAL = (0.1, 0.25, 0.5, 1.0)  # [s], horizons
-PLOTS = (*FITTED, "motion", "bands", "correlation")
-
-
-@dataclass(frozen=True, eq=False)
-class Shown:
-    """A text that shows itself as it is, and in a notebook as HTML."""
-
-    text: str
-    html: str
-
-    def __str__(self) -> str:
-        return self.text
-
-    def __repr__(self) -> str:
-        return self.text
-
-    def _repr_html_(self) -> str:
-        return self.html
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ComparedModel:
-    """One model of a comparison, by one recipe.
-
-    Attributes
-    ----------
-    name, recipe : str
-    friction : Friction, theta (n, P), fitted to all data
-    folds : Friction, theta (F, n, P), of the folds
-    scores : DataFrame of held-out scores; columns fold, score, statistic, horizon_s, joint, value
-    velocity, curves : arrays (V, n), and (F + 1, V, n) with that of all data last
-    data : Dataset or None, where the comparison was loaded from a folder
-    """
-
-    name: str
-    recipe: str
-    friction: Friction
-    folds: Friction
-    scores: pd.DataFrame
-    velocity: Array
-    curves: Array
-    data: Dataset | None = None
-
-    def __repr__(self) -> str:
-        return f"{self.name} by {self.recipe}, {len(self.folds.theta)} folds\n{self.friction}"
-
-    @property
-    def fit(self) -> Fit:
-        """The friction of all data, as `frictionid.fit` gives it."""
-        return Fit(self.friction, self.data)
-
-    @property
-    def overall(self) -> Friction:
-        """The friction of all data, by its earlier name."""
-        return self.friction
-
-    def value(
-        self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
-    ) -> float:
-        """One held-out score, pooled over the folds.
-
-        Raises
-        ------
-        InputError
-            Where there is no such score.
-        """
-        return score_value(self.scores, score, statistic, horizon, joint)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Mapping[tuple[str, str], ComparedModel]):
-    """Models compared on identical folds.
-
-    A mapping of (name, recipe) to `ComparedModel`; where there is one recipe the name is enough, as
-    in `bench["stribeck"]`.
-
-    Attributes
-    ----------
-    results : Results, all that tables and pictures need
-    dataset : Dataset or None, where they were loaded from a folder
-    laws : classes of one's own laws that the results may name
-    fitted : mapping of (name, recipe) to the results in memory
-    """
-
-    results: Results
-    dataset: Dataset | None = None
-    laws: tuple[type[Law], ...] = ()
-    fitted: Mapping[tuple[str, str], Result] | None = None
-
-    def __repr__(self) -> str:
-        return str(self.summary())
-
-    def _repr_html_(self) -> str:
-        return self.summary().html
-
-    def __iter__(self) -> Iterator[tuple[str, str]]:
-        return iter(self._tasks)
-
-    def __len__(self) -> int:
-        return len(self._tasks)
-
-    def __getitem__(self, key: str | tuple[str, str]) -> ComparedModel:
-        """A model by its name and recipe, or by its name where it has one recipe."""
-        hits = [key] if key in self._tasks else [k for k in self._tasks if k[0] == key]
-        if len(hits) != 1:
-            known = ", ".join(repr(k if len(hits) else k[0]) for k in hits or self._tasks)
-            rule = "has several recipes; name one" if hits else "is no model of the comparison"
-            raise InputError(f"{key!r} {rule}: {known}")
-        return self._model(hits[0])
-
-    def __contains__(self, key: object) -> bool:
-        return key in self._tasks or any(k[0] == key for k in self._tasks)
-
-    @property
-    def frame(self) -> pd.DataFrame:
-        """Scores of the models, a line for each: held out, and on data sets that only test.
-
-        Columns dataset, identifier, recipe, role, one_step_euler_mean [rad/s],
-        one_step_integral_rms [rad/s], rollout_angle_median_1s [rad] ..., n_parameters.
-        """
-        frames = [
-            summary_of(data).frame.assign(dataset=data.dataset)
-            for section in self._sections
-            for data in section.data
-        ]
-        whole = pd.concat(frames, ignore_index=True).dropna(axis=1, how="all")
-        return whole[["dataset", *(c for c in whole.columns if c != "dataset")]]
-
-    @property
-    def scores(self) -> pd.DataFrame:
-        """All scores, one for each line, as in scores.csv of a result folder."""
-        return self.results.scores.reset_index(drop=True)
-
-    def summary(self) -> Shown:
-        """The summary tables and the verdict, as they stand in a terminal."""
-        text = printed(partial(show_summary, self.results)).rstrip("\n")
-        parts = []
-        for section in self._sections:
-            for data in section.data:
-                own = summary_of(data)
-                parts.append(html(summary_table(own, caption_of(data, own), detail=MEDIANS)))
-            parts.append(f"<p>{escape(verdict(section))}</p>")
-        return Shown(text, "".join(parts))
-
-    @property
-    def plots(self) -> tuple[str, ...]:
-        """Kinds of pictures that `plot` draws."""
-        return PLOTS
-
-    def plot(self, kind: str = "rollouts", dataset: str | None = None) -> Any:
-        """A Matplotlib figure of the report.
-
-        Parameters
-        ----------
-        kind : str
-            "rollouts", errors over the horizon; "curves", friction over velocity; "one_step",
-            losses of the folds; "tradeoff", errors over the loss where the truth is known;
-            "motion", predicted over measured; "bands" and "correlation" of fits by shooting;
-            "members" of ensembles, "learning" of networks, "loops" of laws with memory.
-        dataset : str, optional
-            Where several were fitted.
-
-        Raises
-        ------
-        InputError
-            For unknown kinds, and those that these models do not have.
-        """
-        return drawn(lambda: self._pictures(kind, dataset)[0].figure)
-
-    def figures(self, dataset: str | None = None) -> dict[str, Any]:
-        """All figures of the report by their names, which are those of its files."""
-        section = self._section(dataset)
-        out: dict[str, Any] = {}
-
-        def draw() -> Any:
-            found = [picture for kind in PLOTS for picture in self._drawn(kind, section)]
-            out.update({picture.stem: picture.figure for picture in found})
-            return found[0].figure
-
-        drawn(draw)
-        return out
-
-    def _pictures(self, kind: str, dataset: str | None) -> list[Picture]:
-        names = [k for k in PLOTS if k.rstrip("s") == kind.rstrip("s")]
-        if not names:
-            raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PLOTS)}")
-        found = list(self._drawn(names[0], self._section(dataset)))
-        if not found:
-            raise InputError(f"plot: these models have no picture of kind {kind!r}")
-        return found
-
-    def _drawn(self, kind: str, section: Section) -> Iterator[Picture]:
-        names: Names = names_of(self._sections)
-        stem = names.stems[section.dataset, section.dataset]
-        shot = [model for model in section.models if model in names.fits]
-        if kind in FITTED:
-            yield from FITTED[kind](section, names, stem)
-        elif kind == "motion":
-            yield from motion_pictures(section, section.fitted, names, stem)
-        elif kind == "bands" and shot:
-            yield from band_pictures(section, shot, names, stem)
-        elif kind == "correlation":
-            yield from (correlation_picture(section, model, names) for model in shot)
-
-    @cached_property
-    def _sections(self) -> tuple[Section, ...]:
-        return sections_of(self.results)
-
-    def _section(self, dataset: str | None) -> Section:
-        by_name = {section.dataset: section for section in self._sections}
-        if dataset is None:
-            return self._sections[0]
-        if dataset not in by_name:
-            raise InputError(f"{dataset!r} was not fitted; {nearest(dataset, by_name)}")
-        return by_name[dataset]
-
-    @cached_property
-    def _tasks(self) -> dict[tuple[str, str], int]:
-        """Places of the tasks, of the first data set and seed where there are several."""
-        out: dict[tuple[str, str], int] = {}
-        for place, task in enumerate(self.results.tasks):
-            out.setdefault((str(task["identifier"]), str(task["fit"])), place)
-        return out
-
-    def _model(self, key: tuple[str, str]) -> ComparedModel:
-        place = self._tasks[key]
-        task = self.results.tasks[place]
-        document = model_document_of(task)
-        if self.fitted is not None:
-            result = self.fitted[key]
-            source = {**result.overall.provenance, **document["provenance"]}
-            friction, folds = replace(result.overall, provenance=source), result.friction
-        else:
-            known = {**LAWS, **{law.__name__: law for law in self.laws}}
-            friction = read_model(document, known, str(self.results.folder))
-            theta = np.asarray(task["folds"]["theta"], float).reshape(task["folds"]["shape"])
-            folds = replace(friction, theta=theta, provenance={}, calibration=None)
-        own = self.results.scores.loc[[place]]
-        own = own[own["dataset"] == task["dataset"]].reset_index(drop=True)
-        return ComparedModel(
-            *key,
-            friction=friction,
-            folds=folds,
-            scores=own.drop(columns=["suite", "dataset", "identifier", "fit", "seed"]),
-            velocity=np.asarray(self.results.datasets[task["dataset"]]["velocity"], dtype=float),
-            curves=np.asarray(task["curves"], dtype=float),
-            data=self.dataset,
-        )
 
 
 def compare(
@@ -462,16 +186,3 @@ def _prepared(
             if not fewer:
                 break
     raise first or InputError("horizons must name at least one time ahead, e.g. [0.5]")
-
-
-def load_comparison(folder: str | Path, laws: Sequence[type[Law]] = ()) -> Comparison:
-    """The comparison of a result folder, as `frictionid compare` writes it.
-
-    laws : classes of one's own laws that its models may have
-
-    Raises
-    ------
-    InputError
-        If the folder holds no comparison, none of its tasks is finished, or a file is damaged.
-    """
-    return Comparison(load_results(Path(folder)), laws=tuple(laws))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from frictionid.api.compare import Comparison
+from frictionid.api.comparison import Comparison
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import lock, unfinished
 from frictionid.comparison.results import describe, load_results

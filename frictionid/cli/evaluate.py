@@ -69,11 +69,8 @@ def evaluate(
         print(table.to_json(orient="records", indent=1))
         return
     show_scores(table)
-    print(_STATES[initial_states])
-    for name, friction in frictions.items():
-        for sentence in training_notes(name, friction, dataset):
-            print(sentence)
-    print(f"written to {out}")
+    notes = [note for name, f in frictions.items() for note in training_notes(name, f, dataset)]
+    print(_STATES[initial_states], *notes, f"written to {out}", sep="\n")
 
 
 _STATES = {

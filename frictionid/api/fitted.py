@@ -1,0 +1,354 @@
+"""A fitted friction as an object: it prints itself, predicts, scores, draws, and is saved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from frictionid.api.evaluate import evaluate, predict
+from frictionid.api.models import dataset_of
+from frictionid.arrays import Array
+from frictionid.comparison import methods
+from frictionid.comparison.registry import LAWS
+from frictionid.config import nearest
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.errors import InputError
+from frictionid.evaluation import EstimatedStates, speeds, velocity_grid
+from frictionid.friction import Friction
+from frictionid.friction.model_files import save_model
+from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.mechanics.calibration import Calibration
+from frictionid.report import show_fit
+from frictionid.report.console import printed
+from frictionid.report.estimates import Estimate
+from frictionid.report.figures.correlation import fit_correlation
+from frictionid.report.figures.fitted import fit_figure
+from frictionid.report.figures.predicted import predicted_figure
+from frictionid.report.figures.style import drawn
+from frictionid.report.fit_table import estimate_frame, estimate_table, fit_estimates
+from frictionid.report.tables import html, terminal_text
+
+PLOTS = ("friction", "motion", "correlation")
+_VELOCITIES = 201  # of a curve
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """How a fit by shooting went; see `frictionid.shooting.Diagnostics`.
+
+    warnings : sentences on what makes the numbers doubtful as a whole
+    """
+
+    converged: bool
+    iterations: int
+    windows: int
+    left_out: int
+    unexplained: int
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit:
+    """A fitted friction, with the data that it was fitted to, where these are at hand.
+
+    Attributes
+    ----------
+    friction : Friction, theta (n, P)
+        The law with its numbers, with its calibration where that was free.
+    data : Dataset or None
+        None for a model that was loaded from a file.
+    made : Fit or None
+        What the method gave, for the intervals of a one-step fit.
+    """
+
+    friction: Friction
+    data: Dataset | None = None
+    made: methods.Fit | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        return "\n".join([self._headline, terminal_text(self._table), *self._notes])
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self._notes)
+        return f"<p>{escape(self._headline)}</p>{html(self._table)}{notes}"
+
+    @property
+    def law(self) -> str:
+        """Name of the law, as in model files."""
+        return next(
+            (name for name, law in LAWS.items() if type(self.friction.law) is law),
+            type(self.friction.law).__name__,
+        )
+
+    @property
+    def method(self) -> str:
+        """How it was fitted: "shooting" or "one_step"."""
+        return "shooting" if self._document else "one_step"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        if self.data is not None:
+            return tuple(mechanism_of_data(self.data).joints)
+        return tuple(f"joint {j + 1}" for j in range(self.friction.n))
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """Base parameters, delay, gain, bias and offset, where any of them was free."""
+        return self.friction.calibration
+
+    @property
+    def convergence(self) -> Convergence | None:
+        """How the fit went, where it was shot."""
+        d = self._document
+        if not d:
+            return None
+        sizes = (len(d["left_out"]), len(d["unexplained"]))
+        return Convergence(
+            bool(d["settled"]), int(d["iterations"]), int(d["windows"]), *sizes, (*d["warnings"],)
+        )
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """Parameters with 95 % intervals, a line for each.
+
+        Columns: block, joint, parameter, value, low_95, high_95, unit, identified, at_bound,
+        nominal. `identified` is whether the data determine it: the interval is no wider, to either
+        side, than the value.
+        """
+        return estimate_frame(self._estimates, self.joints, known=self._known)
+
+    @property
+    def covariance(self) -> pd.DataFrame | None:
+        """Covariance of the free parameters by their names, of a fit by shooting, else None."""
+        if not self._document:
+            return None
+        names = [entry["name"] for entry in self._document["parameters"]]
+        values = np.asarray(self._document["covariance"], dtype=float)
+        return pd.DataFrame(values.reshape(2 * [len(names)]), names, names)
+
+    def curve(self, velocity: Any = None) -> pd.DataFrame:
+        """Friction torque of each joint over velocity.
+
+        Parameters
+        ----------
+        velocity : array, shape (V,) [rad/s], optional
+            The speeds of the data, where it is missing.
+
+        Returns
+        -------
+        DataFrame
+            Columns velocityj [rad/s] and frictionj [N m] of each joint j.
+        """
+        if velocity is None:
+            grid = self._grid()
+        else:
+            w = np.atleast_1d(np.asarray(velocity, dtype=float))
+            grid = np.repeat(w[:, None], self.friction.n, axis=1)
+        out = {}
+        for j in range(self.friction.n):
+            out[f"velocity{j + 1}"] = grid[:, j]
+            out[f"friction{j + 1}"] = self.friction.curve(grid[:, j])[:, j]
+        return pd.DataFrame(out)
+
+    def predict(
+        self,
+        run: Any = None,
+        start: float | None = None,
+        horizon: float = 1.0,
+        every: float | None = None,
+        *,
+        whole: bool = False,
+    ) -> pd.DataFrame:
+        """Motion that the model predicts under the recorded torques.
+
+        Parameters
+        ----------
+        run : str, Recording, DataFrame, Dataset or None
+            Name of a recording of the fit's data, or other data; None: all of the fit's data.
+        start : float [s], optional
+            One prediction from so long after the first sample; None: one after the other.
+        horizon : float [s]
+            How far ahead.
+        every : float [s], optional
+            Between two starts; None: one prediction begins where the one before ends.
+        whole : bool
+            Simulate whole recordings from their start instead.
+
+        Returns
+        -------
+        DataFrame
+            See `frictionid.predict`.
+        """
+        data = self._given(run)
+        return predict(self.friction, data, horizon, every, start=start, whole=whole)
+
+    def score(
+        self,
+        test: Any,
+        horizons: Sequence[float] = (0.1, 0.25, 0.5, 1.0),
+        *,
+        sample_time: float | None = None,
+        whole: bool = False,
+        initial_states: str = "filter",
+    ) -> pd.DataFrame:
+        """Scores on other data, one step ahead and over seconds; see `frictionid.evaluate`.
+
+        Returns
+        -------
+        DataFrame
+            Columns score, statistic, horizon_s, joint, value, unit.
+        """
+        scores = evaluate(
+            {self.law: self},
+            self._given(test),
+            horizons,
+            sample_time=sample_time,
+            whole=whole,
+            initial_states=initial_states,
+        )
+        return scores[["score", "statistic", "horizon_s", "joint", "value", "unit"]]
+
+    def plot(
+        self,
+        kind: str = "friction",
+        run: Any = None,
+        start: float | None = None,
+        horizon: float = 1.0,
+    ) -> Any:
+        """A Matplotlib figure.
+
+        Parameters
+        ----------
+        kind : str
+            "friction" over velocity, with its 95 % band where it was shot; "motion", predicted over
+            measured; "correlation" of the parameters of a fit by shooting.
+        run, start, horizon
+            Of "motion", as in `predict`; the first recording, if no run is named.
+
+        Raises
+        ------
+        InputError
+            For unknown kinds, and what this fit cannot show.
+        """
+        if kind not in PLOTS:
+            raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PLOTS)}")
+        if kind == "motion":
+            data = self._given(run)
+            data = replace(data, recordings=data.recordings[:1])
+            table = predict(self.friction, data, horizon, start=start)
+            units = mechanism_of_data(data).position_units
+            return drawn(partial(predicted_figure, table, self.joints, units))
+        if kind == "correlation":
+            if not self._document:
+                raise InputError("plot: correlations are known of fits by shooting only")
+            return drawn(partial(fit_correlation, self._document, self.joints))
+        if self.friction.mechanism:
+            raise InputError("plot: a model without physics has no friction torque to draw")
+        return drawn(partial(fit_figure, self.friction, self._given(run)))
+
+    def summary(self) -> str:
+        """All that the command line says of a fit, as text."""
+        return printed(partial(show_fit, self.friction))
+
+    def save(self, path: str | Path) -> None:
+        """Write a model file (JSON), weights of a network beside it.
+
+        Raises
+        ------
+        InputError
+            Where the place cannot be written.
+        """
+        save_model(self.friction, Path(path), LAWS)
+
+    @property
+    def _document(self) -> Mapping[str, Any]:
+        """Result document of shooting; empty where there is none."""
+        document: Mapping[str, Any] = self.friction.provenance.get("refined") or {}
+        return document
+
+    @property
+    def _known(self) -> bool:
+        """Whether intervals are known: not of one-step fits that were loaded from a file."""
+        return bool(self._document) or self.made is not None
+
+    @cached_property
+    def _estimates(self) -> list[Estimate]:
+        law, half = self.friction.law, None
+        if self.made is not None and not (self._document or law.is_network or not law.names):
+            half = self.made.half_widths()
+        return fit_estimates(self.friction, self.joints, half)
+
+    @property
+    def _table(self) -> Any:
+        return estimate_table(self._estimates, known=self._known)
+
+    @property
+    def _headline(self) -> str:
+        method = {"shooting": "shooting", "one_step": "one-step"}[self.method]
+        if self.data is None:
+            source = self.friction.provenance.get("dataset")
+            where = f" to {source!r}, from a file" if source else ", from a file"
+        else:
+            recordings = self.data.recordings
+            seconds = sum(float(np.ptp(r.angle.time)) for r in recordings)
+            several = "s" * (len(recordings) > 1)
+            where = f" to {self.data.name!r}: {len(recordings)} recording{several}, {seconds:.3g} s"
+        return f"{self.law}, {method} fit{where}"
+
+    @property
+    def _notes(self) -> list[str]:
+        """Lines below the table: weights, equations, and how shooting went."""
+        notes = []
+        if self.friction.law.is_network:
+            notes.append(f"{len(self.friction.law.names)} weights for each joint")
+        notes += self.friction.provenance.get("equation", ())
+        went = self.convergence
+        if went is not None:
+            done = "converged" if went.converged else "NOT converged"
+            notes.append(f"{done} after {went.iterations} iterations, {went.windows} windows")
+            without = [str(own["block"]) for own in self._document["dropped"]]
+            if without:
+                notes.append(f"left out, as none shows: {', '.join(without)}")
+            notes += went.warnings
+        return notes
+
+    def _grid(self) -> Array:
+        """Velocities (V, n) of the fit's data, or of its bands."""
+        if self.data is not None:
+            return velocity_grid(speeds(self.data, EstimatedStates(self.data).by(INTEGRAL.states)))
+        bands = self._document.get("bands")
+        if bands:
+            return np.asarray(bands["velocity"], dtype=float)
+        raise InputError("the model is from a file and knows no speeds: name the velocities")
+
+    def _given(self, run: Any) -> Dataset:
+        """Data that a user names."""
+        if run is None:
+            if self.data is None:
+                raise InputError("the model is from a file and has no data: name a data set")
+            return self.data
+        if isinstance(run, str) and self.data is not None:
+            return replace(self.data, recordings=(self.data[run],))
+        if isinstance(run, Dataset | str | Path):
+            return dataset_of(run)
+        if self.data is None:
+            raise InputError("the model is from a file: give a data set, by Dataset.from_frames")
+        if isinstance(run, Recording):
+            return replace(self.data, recordings=(run,), truth=None)
+        return self.data.with_frames(run)
+
+
+def mechanism_of_data(data: Dataset) -> Any:
+    """Mechanism of a data set."""
+    from frictionid.mechanics import mechanism_of
+
+    return mechanism_of(data.mechanism)
