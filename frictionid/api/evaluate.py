@@ -106,8 +106,11 @@ def scores_of(
     dataset: Dataset,
     protocol: Protocol,
     done: Callable[[str], None] = lambda _: None,
+    files: Mapping[str, Path] | None = None,
 ) -> pd.DataFrame:
     """Scores of models by their names, as in `evaluate`; `done` is called after each.
+
+    files : of the models, for complaints about one of them
 
     Raises
     ------
@@ -120,7 +123,7 @@ def scores_of(
         try:
             scores[name] = score_model(friction, prepared_for(prepared, friction)).scores
         except InputError as error:
-            raise InputError(f"{name}: {error}") from None
+            raise InputError(f"{(files or {}).get(name, name)}: {error}") from None
         done(name)
     return model_scores(dataset.name, scores)
 

@@ -17,13 +17,13 @@ from frictionid.arrays import Array
 from frictionid.comparison import methods
 from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
+from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, speeds, velocity_grid
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.mechanics.calibration import Calibration
 from frictionid.report import show_fit
 from frictionid.report.console import printed
 from frictionid.report.estimates import Estimate
@@ -97,7 +97,7 @@ class Fit:
     def joints(self) -> tuple[str, ...]:
         """Names of the joints."""
         if self.data is not None:
-            return tuple(mechanism_of_data(self.data).joints)
+            return tuple(self.data.mechanism.joints)
         return tuple(f"joint {j + 1}" for j in range(self.friction.n))
 
     @property
@@ -245,7 +245,7 @@ class Fit:
             data = self._given(run)
             data = replace(data, recordings=data.recordings[:1])
             table = predict(self.friction, data, horizon, start=start)
-            units = mechanism_of_data(data).position_units
+            units = data.mechanism.position_units
             return drawn(partial(predicted_figure, table, self.joints, units))
         if kind == "correlation":
             if not self._document:
@@ -345,10 +345,3 @@ class Fit:
         if isinstance(run, Recording):
             return replace(self.data, recordings=(run,), truth=None)
         return self.data.with_frames(run)
-
-
-def mechanism_of_data(data: Dataset) -> Any:
-    """Mechanism of a data set."""
-    from frictionid.mechanics import mechanism_of
-
-    return mechanism_of(data.mechanism)

@@ -15,7 +15,7 @@ import pandas as pd
 from frictionid import excitation
 from frictionid.errors import InputError
 from frictionid.excitation import Design
-from frictionid.mechanics import Plant, mechanism_of
+from frictionid.mechanics import Plant, as_mechanism
 from frictionid.report.experiment_design import described, design_document
 from frictionid.report.figures.experiment_design import design_figure
 from frictionid.report.figures.style import drawn
@@ -116,7 +116,7 @@ def suggest(
     InputError
         For limits and priors that no machine has.
     """
-    machine = mechanism_of(getattr(mechanism, "mechanism", mechanism))
+    machine = as_mechanism(getattr(mechanism, "mechanism", mechanism))
     most = excitation.limits_of(_option(limits, "limits"), machine)
     low, high = map(float, frequencies)
     experiment = excitation.Experiment(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from frictionid.api.comparison import Comparison
@@ -20,21 +21,33 @@ from frictionid.report import build
 
 @dataclass(frozen=True, eq=False)
 class OpenSuite:
-    """A suite with its tasks, ready to run.
+    """A suite, ready to run; its data are read when its tasks are first asked for.
 
     Attributes
     ----------
     suite : Suite
+    path : Path, of its file
     folder : Path, of its results
-    tasks : tuple of Task
+    data : Path or None
+        Folder with the tables of its one data set.
     device : str or None
         Where networks are trained, whatever the suite says.
+    trust : bool
+        Whether readers that data sets name by their modules may run.
     """
 
     suite: Suite
+    path: Path
     folder: Path
-    tasks: tuple[Task, ...]
+    data: Path | None = None
     device: str | None = None
+    trust: bool = False
+
+    @cached_property
+    def tasks(self) -> tuple[Task, ...]:
+        """The tasks, in the order in which tables show them."""
+        tasks = tasks_of(self.suite, self.path, self.data, self.device, trust=self.trust)
+        return tuple(tasks)
 
     @property
     def steps(self) -> dict[str, str]:
@@ -92,15 +105,14 @@ def open_suite(
     Raises
     ------
     InputError
-        For unknown names, settings that do not fit, data that cannot be read.
+        For unknown names and settings, or a folder that cannot be written.
     """
     path = suite_path(Path(suite))
     table = load_suite(path)
     folder = Path("report") / table.name if out is None else Path(out)
     check_writable(folder)
     tables = None if data is None else Path(data)
-    tasks = tasks_of(table, path, tables, device, trust=trust)
-    return OpenSuite(table, folder, tuple(tasks), device)
+    return OpenSuite(table, path, folder, tables, device, trust)
 
 
 def run_suite(

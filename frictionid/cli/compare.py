@@ -45,18 +45,18 @@ def compare(
     from frictionid.cli.progress import running
     from frictionid.report import results_json, show
 
-    folder = None
+    where = device.value if device else None
+    opened = open_suite(suite, data=data, out=out, device=where, trust=trust)
     try:
-        opened = open_suite(
-            suite, data=data, out=out, device=device.value if device else None, trust=trust
-        )
-        folder = opened.folder
         title = f"comparing ({opened.suite.name})"
         with running([*opened.steps.values()], title, jobs or cpu_count()) as count:
             compared = opened.run(jobs=jobs, resume=resume, replace=replace, done=count)
     except KeyboardInterrupt:
-        done = f"; what is done stays in {folder}: finish it with --resume" if folder else ""
-        typer.echo(f"frictionid: interrupted{done}", err=True)
+        typer.echo(
+            f"frictionid: interrupted; what is done stays in {opened.folder}: finish it with "
+            "--resume",
+            err=True,
+        )
         raise typer.Exit(130) from None
     print(results_json(compared.results)) if json else show(compared.results)
     _say_what_stays(opened.folder, list(opened.steps))
