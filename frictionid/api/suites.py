@@ -8,10 +8,11 @@ from functools import cached_property
 from pathlib import Path
 
 from frictionid.api.comparison import Comparison
+from frictionid.comparison import suite as suites
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import lock, unfinished
 from frictionid.comparison.results import describe, load_results
-from frictionid.comparison.suite import Suite, load_suite
+from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_path import suite_path
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
@@ -108,7 +109,7 @@ def open_suite(
         For unknown names and settings, or a folder that cannot be written.
     """
     path = suite_path(Path(suite))
-    table = load_suite(path)
+    table = suites.load_suite(path)
     folder = Path("report") / table.name if out is None else Path(out)
     check_writable(folder)
     tables = None if data is None else Path(data)

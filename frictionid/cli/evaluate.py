@@ -53,8 +53,8 @@ def evaluate(
     *models, place = files
     read = [path for model in models for path in model_paths(model)]
     check_outputs([out], [*read, *dataset_files(place, data)], replace=replace)
-    files = dict(zip(file_labels(models), models, strict=True))
-    frictions = {name: friction_of(path, law or ()) for name, path in files.items()}
+    named = dict(zip(file_labels(models), models, strict=True))
+    frictions = {name: friction_of(path, law or ()) for name, path in named.items()}
     protocol = Protocol(
         horizons=_seconds(horizons),
         sample_time=sample_time,
@@ -63,7 +63,7 @@ def evaluate(
     )
     dataset = load_dataset(place, data, trust=trust)
     with counted(len(models), f"evaluating ({dataset.name})") as done:
-        table = scores_of(frictions, dataset, protocol, done, files)
+        table = scores_of(frictions, dataset, protocol, done, named)
     write_text(out, table.to_csv(index=False, float_format="%.9g"))
     if json:
         print(table.to_json(orient="records", indent=1))

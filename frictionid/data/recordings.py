@@ -356,4 +356,12 @@ def _of_reads(
         for key, (signals, _) in reads.items()
     )
     hashes = {key: digest for key, (_, digest) in reads.items()}
-    return Dataset(name, mechanism, recordings, hashes)
+    data = Dataset(name, mechanism, recordings, hashes)
+    columns, n = column_count(data.recordings[0].angle), data.mechanism.n
+    if columns != n:
+        raise InputError(
+            f"data set {name!r}: recording {data.recordings[0].name!r} has {columns} "
+            f"column{'s' * (columns > 1)} of angles, but {data.mechanism.kind} has {n} "
+            f"joint{'s' * (n > 1)}; give one column per joint, or another mechanism"
+        )
+    return data

@@ -77,6 +77,8 @@ def predicted_motion(
         )
     if start is not None and (whole or every is not None):
         raise InputError("start does not go with whole or every: it is that of one prediction")
+    if start is not None:
+        _check_start(dataset, start, horizon)
     protocol = Protocol(horizons=(horizon,), every=every or horizon, whole=whole)
     if start is not None:
         protocol = replace(protocol, every=_NEVER, history=start)
@@ -85,6 +87,17 @@ def predicted_motion(
     data = calibrated_views(prepared, batch.calibration, 1)[0].data
     parts = _whole(data, batch) if whole else _pieces(data, batch)
     return pd.concat([pd.DataFrame(part) for part in parts], ignore_index=True)
+
+
+def _check_start(dataset: Dataset, start: float, horizon: float) -> None:
+    if not start >= 0:
+        raise InputError(f"start = {start} must be 0 s or more after the first sample")
+    longest = max(float(np.ptp(r.angle.time)) for r in dataset.recordings)
+    if start + horizon > longest + 1e-9:
+        raise InputError(
+            f"data set {dataset.name!r}: no recording has {horizon:g} s of motion from {start:g} s "
+            f"after its first sample, the longest is {longest:g} s: begin earlier"
+        )
 
 
 def _pieces(data: Prepared, friction: Friction) -> Iterator[dict[str, Any]]:

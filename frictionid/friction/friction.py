@@ -115,6 +115,9 @@ class Friction:
                 memory = law.advance(theta, x, memory, dt)
         return law.torque(theta, x, memory)
 
+    def __repr__(self) -> str:
+        return f"Friction({', '.join(' '.join(line.split()) for line in str(self).splitlines())})"
+
     def __str__(self) -> str:
         """Law and parameters with units; mean and spread over a batch."""
         if not self.law.names:

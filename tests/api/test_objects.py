@@ -1,0 +1,357 @@
+"""The objects that come back: what they show is what the commands print and write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures.paths import ROOT
+from matplotlib.figure import Figure
+
+import frictionid as fid
+from frictionid.cli import main
+from frictionid.files import read_json
+
+
+def frames():
+    return {
+        name: pd.read_csv(ROOT / "docs" / "quickstart" / f"{name}.csv", sep=";", decimal=",")
+        for name in ("run1", "run2", "run3", "run4", "swing")
+    }
+
+
+SAID = {
+    "time": "t_ms",
+    "angle": "pos_deg",
+    "torque": "current_A",
+    "units": {"time": "ms", "angle": "deg", "torque": "A"},
+    "motor": {"kt": 0.035, "gear": 9},
+    "hold": "linear",
+    "name": "arm",
+}
+TOML = """
+name = "arm"
+[mechanism]
+kind = "pendulum"
+[mechanism.parameters]
+mass = 0.4
+length = 0.25
+[columns]
+time = "t_ms"
+angle = "pos_deg"
+torque = "current_A"
+[units]
+time = "ms"
+angle = "deg"
+torque = "A"
+[motor]
+kt = 0.035
+gear = 9.0
+[hold]
+torque = "linear"
+[recordings]
+patterns = ["*.csv"]
+"""
+
+
+@pytest.fixture(scope="module")
+def data():
+    rig = fid.mechanisms.pendulum(mass=0.4, length=0.25)
+    return fid.Dataset.from_frames(frames(), mechanism=rig, **SAID)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The same data as files."""
+    place = tmp_path_factory.mktemp("arm")
+    (place / "dataset.toml").write_text(TOML)
+    for name in frames():
+        source = ROOT / "docs" / "quickstart" / f"{name}.csv"
+        (place / f"{name}.csv").write_bytes(source.read_bytes())
+    return place
+
+
+@pytest.fixture(scope="module")
+def shot(data):
+    return fid.fit(data, "coulomb_viscous", method="shooting", free=["inertia"])
+
+
+@pytest.fixture(scope="module")
+def bench(data):
+    return fid.compare(data, ["none", "stribeck", fid.SINDy()], folds=5, horizons=[0.5, 1.0])
+
+
+def command(monkeypatch, capsys, *words):
+    monkeypatch.setattr("sys.argv", ["frictionid", *map(str, words)])
+    assert main() == 0
+    return capsys.readouterr().out
+
+
+def test_frames_and_files_give_identical_fits(data, folder):
+    fits = [fid.fit(source, "stribeck") for source in (data, folder)]
+    np.testing.assert_array_equal(*(fit.friction.theta for fit in fits))
+    pd.testing.assert_frame_equal(*(fit.frame for fit in fits))
+
+
+def test_the_command_writes_the_model_of_the_function(data, folder, tmp_path, monkeypatch, capsys):
+    model = tmp_path / "model.json"
+    said = command(monkeypatch, capsys, "fit", folder, "--identifier", "stribeck", "--out", model)
+    fit = fid.fit(data, "stribeck")
+    assert said == f"{fit.summary()}written to {model}\n"
+    fit.save(tmp_path / "mine.json")
+    written, mine = read_json(model), read_json(tmp_path / "mine.json")
+    assert written["theta"] == mine["theta"]
+    np.testing.assert_array_equal(fid.load_model(model).friction.theta, fit.friction.theta)
+
+
+def test_the_command_prints_the_verdict_of_the_function(data, folder, monkeypatch, capsys):
+    verdict = fid.check(data)
+    assert command(monkeypatch, capsys, "check", folder).rstrip() == repr(verdict).rstrip()
+    assert verdict.level == "good" and "arm" in verdict._repr_html_()
+    assert list(verdict.findings.columns[:4]) == ["level", "kind", "text", "remedy"]
+    assert len(verdict.questions) == len(verdict.details.questions) > 0
+
+
+def test_findings_are_a_frame(data):
+    turned = {name: frame.assign(pos_deg=-frame.pos_deg) for name, frame in frames().items()}
+    found = fid.check(data.with_frames(turned)).findings
+    assert found.level[0] == "unusable" and "sign" in found.text[0]
+
+
+def test_the_command_scores_as_the_function(data, folder, tmp_path, monkeypatch, capsys):
+    fit = fid.fit(data, "coulomb_viscous")
+    fit.save(tmp_path / "mine.json")
+    table = tmp_path / "scores.csv"
+    command(monkeypatch, capsys, "evaluate", tmp_path / "mine.json", folder, "--out", table)
+    mine = fid.evaluate({"mine": fit.friction}, fid.load_dataset(folder))
+    written = pd.read_csv(table)
+    np.testing.assert_allclose(written.value, mine.value, rtol=1e-8)
+    np.testing.assert_allclose(fit.score(folder).value, mine.value, rtol=1e-12)
+
+
+def test_scores_on_training_data_are_said_to_be_that(data):
+    fit = fid.fit(data, "coulomb_viscous")
+    with pytest.warns(UserWarning, match="fitted to 5 of the 5 tables"):
+        fit.score(data)
+
+
+def test_a_fit_shows_its_parameters_with_intervals(shot):
+    frame = shot.frame.set_index("parameter")
+    assert list(frame.index) == ["coulomb", "viscous", "inertia", "gravity"]
+    assert (frame.low_95 < frame.value).all() and (frame.value < frame.high_95).all()
+    assert frame.identified.all() and frame.nominal["inertia"] == pytest.approx(0.025)
+    text = repr(shot)
+    for word in ("value", "95 % interval", "unit", "identified", "coulomb of joint 1", "N m s/rad"):
+        assert word in text and word in shot._repr_html_()
+    assert "shooting fit to 'arm': 5 recordings" in text
+    np.testing.assert_array_equal(shot.covariance.index, shot.covariance.columns)
+    assert shot.convergence.converged and shot.calibration.base is not None
+
+
+def test_one_step_fits_have_intervals_too(data):
+    frame = fid.fit(data, "stribeck").frame
+    assert np.isfinite(frame.low_95).all() and frame.identified.all()
+    assert fid.fit(data, "stribeck").covariance is None
+
+
+def test_a_saved_fit_is_the_same_but_for_its_data(shot, data, tmp_path):
+    shot.save(tmp_path / "model.json")
+    loaded = fid.load_model(tmp_path / "model.json")
+    pd.testing.assert_frame_equal(loaded.frame, shot.frame)
+    w = [-1.0, 0.5, 3.0]
+    pd.testing.assert_frame_equal(loaded.curve(w), shot.curve(w))
+    pd.testing.assert_frame_equal(
+        loaded.predict(data, start=1.0), shot.predict(start=1.0), check_exact=False, rtol=1e-9
+    )
+    with pytest.raises(fid.InputError, match="from a file and has no data"):
+        loaded.predict()
+
+
+def test_a_prediction_starts_at_the_moment_that_is_asked(shot, data):
+    one = shot.predict("run2", start=2.0, horizon=0.5)
+    assert set(one.recording) == {"run2"} and one.start_s.nunique() == 1
+    assert one.start_s[0] == pytest.approx(2.0) and one.ahead_s.iloc[-1] == pytest.approx(0.5)
+    pd.testing.assert_frame_equal(one, shot.predict(data["run2"], start=2.0, horizon=0.5))
+    again = shot.predict(frames()["run2"], start=2.0, horizon=0.5).assign(recording="run2")
+    pd.testing.assert_frame_equal(one, again)
+    assert (one.q1 - one.measured_q1).abs().max() < 0.1
+
+
+def test_what_is_fitted_may_be_a_name_a_class_or_an_object(data):
+    laws = ["stribeck", fid.Stribeck, fid.Stribeck(), fid.LeastSquares(fid.Stribeck())]
+    thetas = [fid.fit(data, law).friction.theta for law in laws]
+    for theta in thetas[1:]:
+        np.testing.assert_array_equal(theta, thetas[0])
+
+
+def test_a_calibration_may_be_a_fit(data, shot):
+    held = fid.fit(data, "coulomb_viscous", calibration=shot)
+    np.testing.assert_array_equal(held.calibration.base, shot.calibration.base)
+
+
+def test_a_comparison_has_frames_and_a_verdict(bench):
+    assert list(bench) == [(n, "integral") for n in ("none", "stribeck", "sindy")]
+    frame = bench.frame.set_index("identifier")
+    error = frame["rollout_angle_median_1s"]
+    assert error["stribeck"] < 0.2 * error["none"]
+    assert bench["stribeck"].value("rollout_angle", "median", 1.0) == error["stribeck"]
+    assert "Best prediction after 1 s" in str(bench.summary())
+    assert repr(bench) == str(bench.summary())
+    assert "<table>" in bench._repr_html_()
+    model = bench["stribeck"]
+    assert model.folds.theta.shape == (5, 1, 4) and model.friction.theta.shape == (1, 4)
+    assert set(bench.scores.identifier) == {"none", "stribeck", "sindy"}
+
+
+def test_a_model_of_a_comparison_is_the_fit_of_all_data(bench, data):
+    alone = fid.fit(data, "stribeck")
+    theta = bench["stribeck"].friction.theta  # folds and all data are iterated together
+    np.testing.assert_allclose(theta, alone.friction.theta, rtol=1e-5)
+    assert bench["stribeck"].fit.data is data
+
+
+def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path):
+    suite = tmp_path / "suite.toml"
+    suite.write_text(
+        f'name = "s"\nhorizons = [0.5, 1.0]\n[folds]\ncount = 5\n'
+        f'[[datasets]]\npath = "{folder}"\n[[identifiers]]\nkind = "stribeck"\n'
+    )
+    run = fid.run_suite(suite, out=tmp_path / "out", jobs=1)
+    of = ("rollout_angle", "q90", 1.0)
+    assert run["stribeck"].value(*of) == pytest.approx(bench["stribeck"].value(*of), rel=1e-12)
+    loaded = fid.load_comparison(tmp_path / "out")
+    np.testing.assert_array_equal(
+        loaded["stribeck"].friction.theta, bench["stribeck"].friction.theta
+    )
+    assert (tmp_path / "out" / "summary.md").exists()
+
+
+def test_figures_are_figures(bench, shot, data):
+    made = [bench.plot(kind) for kind in ("rollout", "rollouts", "curves", "motion", "one_step")]
+    made += [shot.plot(kind) for kind in ("friction", "motion", "correlation")]
+    made += [fid.check(data).plot(kind) for kind in ("residual", "coverage", "motion")]
+    made += bench.figures().values()
+    for figure in made:
+        assert isinstance(figure, Figure) and figure.axes
+        assert figure._repr_png_()[:4] == b"\x89PNG"
+    import matplotlib._pylab_helpers as windows
+
+    assert not windows.Gcf.figs  # no window, no list of pyplot
+
+
+def test_pictures_do_not_depend_on_the_settings_of_the_moment(shot):
+    import matplotlib
+
+    figure = shot.plot()
+    before = figure._repr_png_()
+    with matplotlib.rc_context({"font.size": 20, "xtick.labelsize": 20}):
+        assert shot.plot()._repr_png_()[:4] == before[:4]
+        assert figure.axes[0].get_xticklabels()[0].get_fontsize() == 7
+
+
+@dataclass(frozen=True)
+class Own(fid.Law):
+    """Coulomb friction alone."""
+
+    width: float = 0.02
+    names = ("coulomb",)
+    units = ("N m",)
+    bounds = ((0.0, np.inf),)
+
+    def torque(self, theta, x, memory):
+        return theta[..., 0] * np.tanh(x.w / self.width)
+
+    def limit(self, theta, x, memory):
+        return theta[..., 0] + 0.0 * x.w
+
+
+def test_a_law_of_ones_own_is_fitted_compared_saved_and_read(data, tmp_path):
+    fit = fid.fit(data, Own)
+    assert fit.law == "Own" and fit.frame.parameter.tolist() == ["coulomb"]
+    fit.save(tmp_path / "own.json")
+    with pytest.raises(fid.InputError, match="law 'Own' is unknown"):
+        fid.load_model(tmp_path / "own.json")
+    loaded = fid.load_model(tmp_path / "own.json", laws=[Own])
+    np.testing.assert_array_equal(loaded.friction.theta, fit.friction.theta)
+    bench = fid.compare(data, [Own, Own(width=0.1)], folds=3, horizons=[0.5])
+    assert [name for name, _ in bench] == ["Own 1", "Own 2"]
+
+
+def test_a_suggestion_is_frames(data):
+    limits = {"torque": 0.6, "velocity": 8.0}
+    found = fid.suggest(data, limits, recordings=1, length=2.0, effort=20)
+    (table,) = found.frames.values()
+    assert list(table.columns) == ["time", "u1"] and table.u1.abs().max() <= 0.6
+    assert list(found.errors.columns[:3]) == ["name", "unit", "prior"]
+    assert "expected of a fit" in repr(found) and isinstance(found.plot(), Figure)
+
+
+def test_laws_are_a_frame():
+    assert fid.laws().loc["stribeck", "parameters"].startswith("coulomb [N m]")
+    assert "symmetric" in fid.identifiers("stribeck").index
+
+
+MISTAKES = {
+    "law": (lambda d: fid.fit(d, "stribek"), "did you mean 'stribeck'"),
+    "no law": (lambda d: fid.fit(d, 3), "is no law: give a name"),
+    "method": (lambda d: fid.fit(d, "none", method="shoting"), "did you mean 'shooting'"),
+    "recipe": (lambda d: fid.fit(d, "none", recipe="integrl"), "did you mean 'integral'"),
+    "free": (lambda d: fid.fit(d, "stribeck", free=["inertia"]), "go with method = 'shooting'"),
+    "block": (
+        lambda d: fid.fit(d, "stribeck", method="shooting", free=["mass"]),
+        "block 'mass' is unknown",
+    ),
+    "windows": (
+        lambda d: fid.fit(d, "stribeck", method="shooting", windows=["a"]),
+        "windows",
+    ),
+    "setting": (
+        lambda d: fid.fit(d, "stribeck", settings={"widht": 0.1}),
+        "did you mean 'width'",
+    ),
+    "data": (lambda _: fid.fit(frames()["run1"], "stribeck"), "DataFrame is no data set"),
+    "path": (lambda _: fid.check("no_such_set"), "does not exist"),
+    "recording": (lambda d: fid.fit(d, "coulomb_viscous").predict("run9"), "no recording 'run9'"),
+    "start": (
+        lambda d: fid.fit(d, "coulomb_viscous").predict("run1", start=99.0),
+        "no recording has 1 s of motion from 99 s after its first sample",
+    ),
+    "plot": (lambda d: fid.fit(d, "coulomb_viscous").plot("frictoin"), "did you mean 'friction'"),
+    "correlation": (
+        lambda d: fid.fit(d, "coulomb_viscous").plot("correlation"),
+        "fits by shooting only",
+    ),
+    "no models": (lambda d: fid.compare(d, []), "name at least one model"),
+    "folds": (lambda d: fid.compare(d, ["none"], folds=1), "must be at least 2"),
+    "horizon": (lambda d: fid.compare(d, ["none"], horizons=[50.0]), "50"),
+    "model": (lambda d: fid.evaluate(d, d), "is no model"),
+    "limits": (lambda d: fid.suggest(d, {"torqe": 1.0}), "did you mean 'torque'"),
+    "joints": (
+        lambda _: fid.Dataset.from_frames(
+            frames(), fid.mechanisms.acrobot(), **{**SAID, "motor": {"kt": 1.0}}
+        ),
+        "recording 'run1' has 1 column of angles, but acrobot has 2 joints",
+    ),
+    "mechanism": (
+        lambda _: fid.Dataset.from_frames(frames(), "pendulum", **SAID),
+        "mechanism",
+    ),
+}
+
+
+@pytest.mark.parametrize(("mistake", "message"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_one_sentence(data, mistake, message):
+    with pytest.raises(fid.InputError, match=message) as caught:
+        mistake(data)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_model_that_is_not_compared_is_named(bench):
+    with pytest.raises(fid.InputError, match="'lugre' is no model of the comparison"):
+        bench["lugre"]
+    with pytest.raises(fid.InputError, match="these models have no picture of kind 'learning'"):
+        bench.plot("learning")
+    with pytest.raises(fid.InputError, match="did you mean 'curves'"):
+        bench.plot("curvs")
