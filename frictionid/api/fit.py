@@ -35,7 +35,7 @@ def fit(
     Parameters
     ----------
     data : Dataset, or path or name of one
-    law : str, Law, Identifier, or a class of these
+    law : str, Law, Identifier, a class of these, or a list of laws, one for each joint
         Such as "stribeck"; `frictionid.identifiers()` lists the names.
     method : str or Method
         "one_step" on smoothed states, in seconds; "shooting" on the measured angles, which refines

@@ -17,7 +17,8 @@ from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import load_model
 from frictionid.identifiers import Frictionless, Identifier, LeastSquares, Published
 
-LawLike = str | Law | type[Law] | Identifier | type[Identifier] | Friction
+OneLaw = str | Law | type[Law]
+LawLike = OneLaw | Identifier | type[Identifier] | Friction | Sequence[OneLaw]
 DatasetLike = Dataset | str | Path
 
 
@@ -44,9 +45,9 @@ def identifier_of(law: Any, settings: Mapping[str, Any] | None = None) -> Identi
 
     Parameters
     ----------
-    law : str, Law, Identifier, a class of these, or Friction
-        A name as in `frictionid identifiers`; a law is fitted as its name would be, one's own by
-        nonlinear least squares; a friction is given, and stays.
+    law : str, Law, Identifier, a class of these, list of laws, or Friction
+        A list has a law for each joint. A name as in `frictionid identifiers`; a law is fitted as
+        its name would be, one's own by nonlinear least squares; a friction is given, and stays.
     settings : mapping, optional
         Settings of a name.
 
@@ -61,6 +62,8 @@ def identifier_of(law: Any, settings: Mapping[str, Any] | None = None) -> Identi
     >>> identifier_of("stribeck") == identifier_of(Stribeck()) == identifier_of(Stribeck)
     True
     """
+    if isinstance(law, list | tuple):
+        return identifier_named("per_joint", {"laws": [*map(_part_name, law)], **(settings or {})})
     if isinstance(law, str):
         return identifier_named(law, settings or {})
     if settings:
@@ -78,6 +81,19 @@ def identifier_of(law: Any, settings: Mapping[str, Any] | None = None) -> Identi
         f"{law!r} is no law: give a name such as 'stribeck' (frictionid.identifiers() lists them), "
         "a law, or an identifier"
     )
+
+
+def _part_name(law: Any) -> str:
+    """Name of the law of one joint."""
+    if isinstance(law, str):
+        return law
+    kind = law if isinstance(law, type) else type(law)
+    names = [name for name, known in LAWS.items() if known is kind]
+    if not names or (isinstance(law, Law) and law != kind()):
+        raise InputError(
+            f"the laws of single joints have names, such as ['stribeck', 'none']; {law!r} has none"
+        )
+    return names[0]
 
 
 def _made(kind: type[Law] | type[Identifier]) -> Law | Identifier:
@@ -116,6 +132,8 @@ def name_of(law: Any) -> str:
     >>> name_of("stribeck"), name_of(SINDy())
     ('stribeck', 'sindy')
     """
+    if isinstance(law, list | tuple):
+        return "per_joint"
     if isinstance(law, str):
         return law.rpartition(":")[2]
     if isinstance(law, type):

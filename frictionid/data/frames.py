@@ -38,7 +38,7 @@ class FrameColumns:
     velocity: Names = None
     units: Units = None
     signs: Mapping[str, Numbers] = field(default_factory=dict)
-    motor: Mapping[str, Numbers] | None = None
+    motor: Mapping[str, Any] | None = None
     hold: str | None = None
     sigma: Numbers | Mapping[str, Numbers] | None = None
     covariates: Mapping[str, str] = field(default_factory=dict)
@@ -97,7 +97,7 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
         "hold": {} if columns.hold is None else {"torque": columns.hold},
     }
     if columns.motor is not None:
-        document["motor"] = {k: list(map(float, _listed(v))) for k, v in columns.motor.items()}
+        document["motor"] = {key: _toml_value(value) for key, value in columns.motor.items()}
     return check_dataset_toml(document, "columns of the frames"), scales
 
 
@@ -109,6 +109,13 @@ def _names(names: Names) -> list[str]:
 
 def _listed(value: Any) -> list[Any]:
     return np.atleast_1d(np.asarray(value)).tolist()
+
+
+def _toml_value(value: Any) -> Any:
+    """Numbers as TOML has them, in lists where there are several; words stay."""
+    if isinstance(value, str):
+        return value
+    return np.asarray(value, dtype=float).tolist()
 
 
 def _each(value: Any, names: Sequence[str]) -> list[tuple[Any, str]]:

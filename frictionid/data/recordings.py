@@ -203,7 +203,7 @@ class Dataset:
         velocity: Names = None,
         units: Units = None,
         signs: Mapping[str, Numbers] | None = None,
-        motor: Mapping[str, Numbers] | None = None,
+        motor: Mapping[str, Any] | None = None,
         hold: str | None = None,
         sigma: Numbers | Mapping[str, Numbers] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
@@ -231,8 +231,9 @@ class Dataset:
             A single one is that of the angles ("deg", "mm"), and per second of the velocities; a
             list has one for each joint. Default: s, rad, rad/s, N m.
         signs : mapping of "angle", "torque" to 1 or -1, or one for each joint
-        motor : mapping of "kt" [N m/A] and "gear" to a number, or one for each joint
-            Where the columns of `torque` hold currents, in units of "A" or "mA".
+        motor : mapping of "kt" [N m/A], "gear" ... to a number, or one for each joint
+            Where the columns of `torque` hold currents, in units of "A" or "mA", or columns are of
+            the motors: the keys of [motor] in a dataset.toml.
         hold : "previous" or "linear"
             What the torque does between two samples; see `Signal`.
         sigma : float, one for each joint, or mapping of "angle", "velocity", "torque" to these

@@ -36,11 +36,12 @@ def fit_estimates(
     if friction.law.is_network:
         return []
     theta = np.asarray(friction.theta, dtype=float)
+    own = friction.law.has_parameters(len(theta))
     half = np.full(theta.shape, np.nan) if half_widths is None else half_widths
     return [
         _estimate(friction, (j, i), float(half[j, i]), joints, known=half_widths is not None)
         for j, i in np.ndindex(*theta.shape)
-        if not (friction.law.is_sparse and theta[j, i] == 0)
+        if own[j, i] and not (friction.law.is_sparse and theta[j, i] == 0)
     ]
 
 

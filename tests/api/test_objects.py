@@ -279,6 +279,16 @@ def test_a_law_of_ones_own_is_fitted_compared_saved_and_read(data, tmp_path):
     assert [name for name, _ in bench] == ["Own 1", "Own 2"]
 
 
+def test_each_joint_may_have_a_law_of_its_own():
+    fit = fid.fit("acrobot_clean", ["stribeck", fid.CoulombViscous])
+    assert fit.law == "per_joint"
+    assert fit.frame.groupby("joint").size().tolist() == [4, 2]
+    with pytest.raises(fid.InputError, match="did you mean|known|should be"):
+        fid.fit("acrobot_clean", ["stribek", "none"])
+    with pytest.raises(fid.InputError, match="joint"):
+        fid.fit("acrobot_clean", ["stribeck"] * 3)
+
+
 def test_a_suggestion_is_frames(data):
     limits = {"torque": 0.6, "velocity": 8.0}
     found = fid.suggest(data, limits, recordings=1, length=2.0, effort=20)
