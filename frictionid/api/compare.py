@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from frictionid.api.arguments import count, numbers, optional_number
 from frictionid.api.comparison import Comparison
 from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, dataset_of, identifier_of, name_of
@@ -93,18 +94,18 @@ def compare(
     methods = [method_of(recipe) for recipe in _listed(recipes)]
     distinct([method.name for method in methods], "recipes")
     named = [NamedIdentifier(name, identifier_of(model)) for name, model in _named(models)]
-    benchmark = Benchmark(
-        dataset,
-        _folds(dataset, folds),
-        protocol or Protocol(initial_states=initial_states, sample_time=sample_time, whole=whole),
-        tuple(map(dataset_of, tests)),
-    )
-    asked = None if protocol is not None else USUAL if horizons is None else tuple(horizons)
+    asked: tuple[float, ...] | None = None
+    if protocol is None:
+        asked = USUAL if horizons is None else tuple(numbers("horizons", horizons))
+        apart = optional_number("sample_time", sample_time)
+        protocol = Protocol(initial_states=initial_states, sample_time=apart, whole=whole)
+    others = tuple(map(dataset_of, tests))
+    benchmark = Benchmark(dataset, _folds(dataset, folds), protocol, others)
     benchmark, shared = _prepared(benchmark, methods, asked, fewer=horizons is None)
-    tasks = tasks_on(benchmark, methods, named, [seed])
+    tasks = tasks_on(benchmark, methods, named, [count("seed", seed)])
     prepared = {dataset.name: shared}
     found = {}
-    for task, result in results_of(tasks, prepared, jobs=jobs):
+    for task, result in results_of(tasks, prepared, jobs=count("jobs", jobs)):
         found[task.name, task.recipe.name] = task, result
         if done is not None:
             done(task.name)
@@ -158,9 +159,11 @@ def _folds(dataset: Dataset, folds: int | Split | Folds | None) -> Folds:
     """Folds of the recordings, of stretches of time where there are fewer recordings."""
     if isinstance(folds, Folds):
         return folds
-    split = folds if isinstance(folds, Split) else Split(count=folds)
-    count, recordings = split.folds(len(dataset.recordings)), len(dataset.recordings)
-    if split.kind is None and recordings < count:
+    if not isinstance(folds, Split):
+        folds = Split(count=None if folds is None else count("folds", folds))
+    split = folds
+    recordings = len(dataset.recordings)
+    if split.kind is None and recordings < split.folds(recordings):
         split = replace(split, kind="blocks")
     return make_folds(dataset.recordings, split)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from frictionid.api.arguments import number, numbers, optional_number
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.comparison.results import model_scores
 from frictionid.data.recordings import Dataset
@@ -61,8 +62,8 @@ def evaluate(
     named = {name: friction_of(model) for name, model in _named(models).items()}
     dataset = dataset_of(data)
     protocol = Protocol(
-        horizons=tuple(map(float, horizons)),
-        sample_time=sample_time,
+        horizons=tuple(numbers("horizons", horizons)),
+        sample_time=optional_number("sample_time", sample_time),
         whole=whole,
         initial_states=initial_states,
     )
@@ -173,4 +174,6 @@ def predict(
         Where model and data have different joints, or recordings are too short.
     """
     friction, dataset = friction_of(model), dataset_of(data)
-    return predicted_motion(friction, dataset, horizon, every, start=start, whole=whole)
+    ahead, begin = number("horizon", horizon), optional_number("start", start)
+    apart = optional_number("every", every)
+    return predicted_motion(friction, dataset, ahead, apart, start=begin, whole=whole)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from frictionid.api.arguments import count, optional_number
 from frictionid.api.fitted import Fit
 from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, LawLike, dataset_of, friction_of, identifier_of
@@ -23,7 +24,7 @@ def fit(
     recipe: str = "integral",
     free: str | Sequence[str] | None = None,
     fixed: Sequence[str] = (),
-    windows: Sequence[float] | None = None,
+    windows: float | Sequence[float] | None = None,
     iterations: int | None = None,
     calibration: Any = None,
     settings: Mapping[str, Any] | None = None,
@@ -74,6 +75,7 @@ def fit(
     1     viscous  0.012
     """
     dataset = dataset_of(data)
+    protocol = Protocol(sample_time=optional_number("sample_time", sample_time))
     identifier = identifier_of(law, settings)
     if method == "shooting" and free is not None and "friction" not in free:
         free = f"friction,{free}" if isinstance(free, str) else ["friction", *free]
@@ -86,7 +88,7 @@ def fit(
         iterations=iterations,
         calibration=calibration,
     )
-    made = fitted(dataset, identifier, chosen, Protocol(sample_time=sample_time), seed)
+    made = fitted(dataset, identifier, chosen, protocol, count("seed", seed))
     return Fit(made.friction, dataset, made.fit)
 
 

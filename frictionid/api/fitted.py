@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from frictionid.api.arguments import numbers
 from frictionid.api.evaluate import evaluate, predict
 from frictionid.api.models import dataset_of
 from frictionid.arrays import Array
@@ -151,7 +152,7 @@ class Fit:
         if velocity is None:
             grid = self._grid()
         else:
-            w = np.atleast_1d(np.asarray(velocity, dtype=float))
+            w = np.array(numbers("velocity", velocity))
             grid = np.repeat(w[:, None], self.friction.n, axis=1)
         out = {}
         for j in range(self.friction.n):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from frictionid.api.arguments import numbers
 from frictionid.api.models import friction_of
 from frictionid.comparison.methods import Method
 from frictionid.comparison.registry import RECIPES
@@ -23,7 +24,7 @@ def method_of(
     recipe: str = "integral",
     free: str | Sequence[str] | None = None,
     fixed: Sequence[str] = (),
-    windows: Sequence[float] | None = None,
+    windows: float | Sequence[float] | None = None,
     iterations: int | None = None,
     calibration: Any = None,
 ) -> Method:
@@ -55,14 +56,14 @@ def method_of(
     shots: dict[str, Any] = {
         "free": free if free is None else _names(free),
         "fixed": _names(fixed) or None,
-        "windows": None if windows is None else [*windows],
+        "windows": None if windows is None else numbers("windows", windows),
         "iterations": iterations,
     }
     given = {key: value for key, value in shots.items() if value is not None}
     if method == "one_step":
         if given:
             raise InputError(
-                f"{', '.join(given)} go with method = 'shooting' or 'inverse_dynamics'"
+                f"{', '.join(given)}: only with method = 'shooting' or 'inverse_dynamics'"
             )
         if known is None:
             return recipe_named(recipe)

@@ -103,7 +103,7 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
 
 def _names(names: Names) -> list[str]:
     """Names of columns, "" where there is none."""
-    listed = [names] if isinstance(names, str) or names is None else list(names)
+    listed = list(names) if isinstance(names, Sequence) and not isinstance(names, str) else [names]
     return [] if listed == [None] else ["" if name is None else str(name) for name in listed]
 
 
