@@ -86,9 +86,12 @@ def compare(
 
     Examples
     --------
-    >>> bench = compare("acrobot_clean", ["none", "coulomb_viscous"], horizons=[0.5])
-    >>> bench["coulomb_viscous"].value("rollout_angle", "median", 0.5) < 0.1
-    True
+    Three models on recordings of one's own, and where each of them predicts best::
+
+        bench = frictionid.compare(data, ["none", "stribeck", frictionid.SINDy()], folds=10)
+        bench.summary()
+        bench.plot("rollouts")
+        bench["stribeck"].friction
     """
     dataset = dataset_of(data)
     methods = [method_of(recipe) for recipe in _listed(recipes)]

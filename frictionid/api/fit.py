@@ -70,9 +70,9 @@ def fit(
     Examples
     --------
     >>> fit("acrobot_clean", "coulomb_viscous").frame[["parameter", "value"]].round(3).head(2)
-        parameter  value
-    0     coulomb  0.164
-    1     viscous  0.012
+      parameter  value
+    0   coulomb  0.167
+    1   viscous  0.004
     """
     dataset = dataset_of(data)
     protocol = Protocol(sample_time=optional_number("sample_time", sample_time))
