@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import replace as with_changes
+from pathlib import Path
 from typing import Any
 
 from frictionid.api.arguments import count, numbers, optional_number
 from frictionid.api.comparison import Comparison
+from frictionid.api.folder_run import About, run_in_folder
 from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, dataset_of, identifier_of, name_of
 from frictionid.comparison.cross_validate import (
@@ -28,6 +30,8 @@ from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
+from frictionid.friction import Law
+from frictionid.outputs import check_writable
 
 USUAL = (0.1, 0.25, 0.5, 1.0)  # [s], horizons
 
@@ -46,6 +50,8 @@ def compare(
     sample_time: float | None = None,
     whole: bool = False,
     jobs: int = 1,
+    folder: str | Path | None = None,
+    replace: bool = False,
     done: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Compare friction models on identical folds.
@@ -76,6 +82,10 @@ def compare(
         Also simulate whole recordings from their start.
     jobs : int
         Number of models that are fitted side by side; 0: one for each core.
+    folder : str or Path, optional
+        Result folder to write, with tables, pictures, models and a page; else all is in memory.
+    replace : bool
+        Whether an earlier comparison of that folder may be replaced.
     done : function, optional
         Called with the name of each model that is finished.
 
@@ -93,7 +103,7 @@ def compare(
         bench.plot("rollouts")
         bench["stribeck"].friction
     """
-    dataset = dataset_of(data)
+    dataset, jobs = dataset_of(data), count("jobs", jobs)
     methods = [method_of(recipe) for recipe in _listed(recipes)]
     distinct([method.name for method in methods], "recipes")
     named = [NamedIdentifier(name, identifier_of(model)) for name, model in _named(models)]
@@ -107,12 +117,41 @@ def compare(
     benchmark, shared = _prepared(benchmark, methods, asked, fewer=horizons is None)
     tasks = tasks_on(benchmark, methods, named, [count("seed", seed)])
     prepared = {dataset.name: shared}
-    found = {}
-    for task, result in results_of(tasks, prepared, jobs=count("jobs", jobs)):
+    about = About(dataset.name, "", _settings(tasks[0]))
+    report = done or (lambda _: None)
+    if folder is not None:
+        place = Path(folder)
+        check_writable(place)
+        results = run_in_folder(
+            tasks, prepared, about, place, jobs=jobs, replace=replace, done=lambda t: report(t.name)
+        )
+        return Comparison(results, dataset, laws=_own_laws(tasks))
+    found: dict[tuple[str, str], tuple[Task, Result]] = {}
+    for task, result in results_of(tasks, prepared, jobs=jobs):
         found[task.name, task.recipe.name] = task, result
-        if done is not None:
-            done(task.name)
-    return _comparison(tasks, found, prepared)
+        report(task.name)
+    ordered = [found[task.name, task.recipe.name] for task in tasks]
+    results = results_in_memory(about.name, about.settings, ordered, prepared, LAWS)
+    fitted = {key: result for key, (_, result) in found.items()}
+    return Comparison(results, dataset, fitted=fitted)
+
+
+def _settings(task: Task) -> dict[str, Any]:
+    """Settings of a comparison, as a suite would have them."""
+    protocol, folds = task.benchmark.protocol, task.benchmark.folds
+    names = ("horizons", "every", "history", "sample_time")
+    return {
+        **{name: getattr(protocol, name) for name in names},
+        "seeds": [task.seed],
+        "folds": {"count": folds.count, "gap": folds.gap},
+        "datasets": [{"path": task.benchmark.dataset.name}],
+    }
+
+
+def _own_laws(tasks: Sequence[Task]) -> tuple[type[Law], ...]:
+    """Classes of the laws of the tasks that are not built in."""
+    laws = {type(getattr(task.identifier, "law", None)) for task in tasks}
+    return tuple(law for law in laws if issubclass(law, Law) and law not in LAWS.values())
 
 
 def _listed(recipes: str | Method | Sequence[str | Method]) -> Sequence[str | Method]:
@@ -167,7 +206,7 @@ def _folds(dataset: Dataset, folds: int | Split | Folds | None) -> Folds:
     split = folds
     recordings = len(dataset.recordings)
     if split.kind is None and recordings < split.folds(recordings):
-        split = replace(split, kind="blocks")
+        split = with_changes(split, kind="blocks")
     return make_folds(dataset.recordings, split)
 
 
@@ -183,8 +222,8 @@ def _prepared(
         return benchmark, prepare_benchmark(benchmark, methods)
     first: InputError | None = None
     for last in range(len(horizons), 0, -1):
-        protocol = replace(benchmark.protocol, horizons=horizons[:last])
-        tried = replace(benchmark, protocol=protocol)
+        protocol = with_changes(benchmark.protocol, horizons=horizons[:last])
+        tried = with_changes(benchmark, protocol=protocol)
         try:
             return tried, prepare_benchmark(tried, methods)
         except InputError as error:

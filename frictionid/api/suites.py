@@ -8,16 +8,13 @@ from functools import cached_property
 from pathlib import Path
 
 from frictionid.api.comparison import Comparison
+from frictionid.api.folder_run import About, run_in_folder
 from frictionid.comparison import suite as suites
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.result_folder import lock, unfinished
-from frictionid.comparison.results import describe, load_results
 from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_path import suite_path
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+from frictionid.comparison.tasks import Task, prepare_benchmarks
 from frictionid.outputs import check_writable
-from frictionid.report import build
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +76,17 @@ class OpenSuite:
         def report(task: Task) -> None:
             done(steps[task.file])
 
-        with lock(self.folder):
-            files = list(steps)
-            with unfinished(
-                self.folder, suite.name, files, resume=resume, replace=replace
-            ) as place:
-                describe(place, suite.name, suite.title, settings, self.tasks, prepared)
-                new = place / "tasks"
-                kept = (new, self.folder / "tasks") if resume else ()
-                run_tasks(self.tasks, prepared, new, LAWS, jobs=jobs, kept=kept, done=report)
-            results = load_results(self.folder)
-            build(results, replace=replace)
+        about = About(suite.name, suite.title, settings)
+        results = run_in_folder(
+            self.tasks,
+            prepared,
+            about,
+            self.folder,
+            jobs=jobs,
+            resume=resume,
+            replace=replace,
+            done=report,
+        )
         return Comparison(results)
 
 

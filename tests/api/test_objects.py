@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.arm_frames import arm, frames
 from fixtures.paths import ROOT
 from matplotlib.figure import Figure
 
@@ -14,23 +17,6 @@ import frictionid as fid
 from frictionid.cli import main
 from frictionid.files import read_json
 
-
-def frames():
-    return {
-        name: pd.read_csv(ROOT / "docs" / "quickstart" / f"{name}.csv", sep=";", decimal=",")
-        for name in ("run1", "run2", "run3", "run4", "swing")
-    }
-
-
-SAID = {
-    "time": "t_ms",
-    "angle": "pos_deg",
-    "torque": "current_A",
-    "units": {"time": "ms", "angle": "deg", "torque": "A"},
-    "motor": {"kt": 0.035, "gear": 9},
-    "hold": "linear",
-    "name": "arm",
-}
 TOML = """
 name = "arm"
 [mechanism]
@@ -58,8 +44,7 @@ patterns = ["*.csv"]
 
 @pytest.fixture(scope="module")
 def data():
-    rig = fid.mechanisms.pendulum(mass=0.4, length=0.25)
-    return fid.Dataset.from_frames(frames(), mechanism=rig, **SAID)
+    return arm()
 
 
 @pytest.fixture(scope="module")
@@ -228,6 +213,21 @@ def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path):
     assert (tmp_path / "out" / "summary.md").exists()
 
 
+def test_a_folder_holds_the_same_comparison(data, tmp_path):
+    models, out = ["none", Own], tmp_path / "out"
+    written = fid.compare(data, models, folds=3, horizons=[0.5], folder=out)
+    memory = fid.compare(data, models, folds=3, horizons=[0.5])
+    pd.testing.assert_frame_equal(written.frame, memory.frame)
+    read = fid.load_comparison(out, laws=[Own])
+    for bench in (written, read):
+        np.testing.assert_array_equal(bench["Own"].friction.theta, memory["Own"].friction.theta)
+    assert (out / "summary.md").read_text() and list((out / "figures").glob("*.png"))
+    with pytest.raises(fid.InputError, match="is no comparison|holds no comparison|holds"):
+        (tmp_path / "other").mkdir()
+        (tmp_path / "other" / "mine.txt").write_text("mine")
+        fid.compare(data, ["none"], folds=3, horizons=[0.5], folder=tmp_path / "other")
+
+
 def test_figures_are_figures(bench, shot, data):
     made = [bench.plot(kind) for kind in ("rollout", "rollouts", "curves", "motion", "one_step")]
     made += [shot.plot(kind) for kind in ("friction", "motion", "correlation")]
@@ -289,6 +289,26 @@ def test_each_joint_may_have_a_law_of_its_own():
         fid.fit("acrobot_clean", ["stribeck"] * 3)
 
 
+SAME = {
+    "fit": ("recipe", "sample_time", "seed", "windows", "iterations", "calibration"),
+    "evaluate": ("sample_time", "whole", "initial_states"),
+    "predict": ("horizon", "every", "whole"),
+    "simulate": ("seed", "noise_free"),
+    "suggest": (
+        *("recordings", "length", "drive_rate", "camera_rate", "noise", "robust", "effort", "seed"),
+        "friction",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_functions_have_the_names_and_defaults_of_the_commands(name):
+    command = importlib.import_module(f"frictionid.cli.{name}")
+    own, theirs = (inspect.signature(getattr(place, name)).parameters for place in (fid, command))
+    for argument in SAME[name]:
+        assert own[argument].default == theirs[argument].default, argument
+
+
 def test_a_suggestion_is_frames(data):
     limits = {"torque": 0.6, "velocity": 8.0}
     found = fid.suggest(data, limits, recordings=1, length=2.0, effort=20)
@@ -301,65 +321,6 @@ def test_a_suggestion_is_frames(data):
 def test_laws_are_a_frame():
     assert fid.laws().loc["stribeck", "parameters"].startswith("coulomb [N m]")
     assert "symmetric" in fid.identifiers("stribeck").index
-
-
-MISTAKES = {
-    "law": (lambda d: fid.fit(d, "stribek"), "did you mean 'stribeck'"),
-    "no law": (lambda d: fid.fit(d, 3), "is no law: give a name"),
-    "method": (lambda d: fid.fit(d, "none", method="shoting"), "did you mean 'shooting'"),
-    "recipe": (lambda d: fid.fit(d, "none", recipe="integrl"), "did you mean 'integral'"),
-    "free": (lambda d: fid.fit(d, "stribeck", free=["inertia"]), "only with method = 'shooting'"),
-    "block": (
-        lambda d: fid.fit(d, "stribeck", method="shooting", free=["mass"]),
-        "block 'mass' is unknown",
-    ),
-    "windows": (
-        lambda d: fid.fit(d, "stribeck", method="shooting", windows=["a"]),
-        "windows",
-    ),
-    "setting": (
-        lambda d: fid.fit(d, "stribeck", settings={"widht": 0.1}),
-        "did you mean 'width'",
-    ),
-    "seed": (lambda d: fid.fit(d, "stribeck", seed="a"), "seed = 'a' must be a whole number"),
-    "sample time": (lambda d: fid.fit(d, "stribeck", sample_time="a"), "must be a number"),
-    "fold names": (lambda d: fid.compare(d, ["none"], folds="a"), "folds = 'a' must be a whole"),
-    "velocity": (lambda d: fid.fit(d, "stribeck").curve("a"), "velocity = 'a' must be a number"),
-    "data": (lambda _: fid.fit(frames()["run1"], "stribeck"), "DataFrame is no data set"),
-    "path": (lambda _: fid.check("no_such_set"), "does not exist"),
-    "recording": (lambda d: fid.fit(d, "coulomb_viscous").predict("run9"), "no recording 'run9'"),
-    "start": (
-        lambda d: fid.fit(d, "coulomb_viscous").predict("run1", start=99.0),
-        "no recording has 1 s of motion from 99 s after its first sample",
-    ),
-    "plot": (lambda d: fid.fit(d, "coulomb_viscous").plot("frictoin"), "did you mean 'friction'"),
-    "correlation": (
-        lambda d: fid.fit(d, "coulomb_viscous").plot("correlation"),
-        "fits by shooting only",
-    ),
-    "no models": (lambda d: fid.compare(d, []), "name at least one model"),
-    "folds": (lambda d: fid.compare(d, ["none"], folds=1), "must be at least 2"),
-    "horizon": (lambda d: fid.compare(d, ["none"], horizons=[50.0]), "50"),
-    "model": (lambda d: fid.evaluate(d, d), "is no model"),
-    "limits": (lambda d: fid.suggest(d, {"torqe": 1.0}), "did you mean 'torque'"),
-    "joints": (
-        lambda _: fid.Dataset.from_frames(
-            frames(), fid.mechanisms.acrobot(), **{**SAID, "motor": {"kt": 1.0}}
-        ),
-        "recording 'run1' has 1 column of angles, but acrobot has 2 joints",
-    ),
-    "mechanism": (
-        lambda _: fid.Dataset.from_frames(frames(), "pendulum", **SAID),
-        "mechanism",
-    ),
-}
-
-
-@pytest.mark.parametrize(("mistake", "message"), MISTAKES.values(), ids=MISTAKES)
-def test_a_mistake_is_one_sentence(data, mistake, message):
-    with pytest.raises(fid.InputError, match=message) as caught:
-        mistake(data)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_model_that_is_not_compared_is_named(bench):
