@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, times
 from frictionid.errors import InputError
 from frictionid.friction.law import Inputs
-from frictionid.mechanics import Mechanism
+from frictionid.mechanics import Mechanism, Plant
 
 
 def at_places(mechanism: Mechanism, x: Inputs) -> Inputs:
@@ -24,6 +24,21 @@ def at_places(mechanism: Mechanism, x: Inputs) -> Inputs:
     A = mechanism.friction_map
     last = [int(np.flatnonzero(row)[-1]) for row in A]
     return Inputs(x.q @ A.T, x.w @ A.T, x.u[..., last], x.load[..., last])
+
+
+def recorded_inputs(plant: Plant, time: Array, q: Array, w: Array, u: Array) -> Inputs:
+    """Inputs (S, m) where parts slide along a recorded motion (S, n); samples are every other row.
+
+    The load is that of friction-free motion under u or, where it is the torque of gears, of the
+    recorded motion itself: a load from u would explain friction by itself.
+    """
+    load = u
+    if plant.mechanism.loads_of_gears and len(time) > 3:
+        rate = np.gradient(w[::2], time[::2], axis=0)
+        a = np.stack([np.interp(time, time[::2], column) for column in rate.T], axis=-1)
+        M, h = plant.dynamics(q, w)
+        load = times(M, a) - h
+    return at_places(plant.mechanism, Inputs(q, w, u, plant.load(q, w, load)))
 
 
 def with_places(mechanism: Mechanism, r: Array, G: Array) -> tuple[Array, Array]:

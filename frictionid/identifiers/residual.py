@@ -23,7 +23,7 @@ from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, SpeedRange
-from frictionid.friction.coordinates import at_places, with_places
+from frictionid.friction.coordinates import at_places, recorded_inputs, with_places
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import (
     SIMPSON,
@@ -214,7 +214,7 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     r = solve(M1, balance.start + force * dt[:, None]) - states.w[1:]
     # friction at a sample sees the torque logged there, not the mean of the next interval
     torque = interleaved(sample(recording.torque, states.time), u)
-    nodes = at_places(plant.mechanism, Inputs(q, w, torque, plant.load(q, w, torque)))
+    nodes = recorded_inputs(plant, at, q, w, torque)
     r, G = with_places(plant.mechanism, r, inverse(M1) * dt[:, None, None])
     return _Part(nodes, at, r, G, states.time[:-1], dt)
 

@@ -24,7 +24,7 @@ from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes
-from frictionid.friction.coordinates import at_places, with_places
+from frictionid.friction.coordinates import recorded_inputs, with_places
 from frictionid.identifiers.residual import GAP, Problem, stiction_mask
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.mechanics.momentum_balance import with_midpoints
@@ -165,7 +165,7 @@ def _part(plant: Plant, states: States, torque: Signal, stride: int, count: int)
     at = np.arange(0, len(states.time), stride)
     time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
     u = sample(torque, time)
-    inputs = at_places(plant.mechanism, Inputs(q, w, u, plant.load(q, w, u)))
+    inputs = recorded_inputs(plant, time, q, w, u)
     dt = np.diff(states.time[at])
     broken = np.concatenate([[0], np.cumsum(dt > GAP * np.median(dt))])
     first = np.arange(0, len(at) - count, count)

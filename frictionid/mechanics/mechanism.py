@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from numbers import Real
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -147,6 +147,8 @@ class Mechanism(ABC):
     @abstractmethod
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
         """Partial derivatives of M a - h, see `Partials`."""
+
+    loads_of_gears: ClassVar[bool] = False  # whether `load` is a torque, not a force
 
     @abstractmethod
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -98,6 +98,8 @@ class RigidBodyTree(Mechanism):
         M, h = np.empty((*q.shape, self.n)), np.empty(q.shape)
         loops.dynamics(geometry(self.tree), self.reduction.silent[None], q, w, M, h)
         return times(M, a) - h
+
+    loads_of_gears: ClassVar[bool] = True
 
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         """Torque that each joint's gear passes on in friction-free motion, shape (..., n) [N m].
