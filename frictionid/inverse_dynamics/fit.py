@@ -172,7 +172,7 @@ def _grouped(
     grouped = Solution(
         *(solution.estimate, none, none, none, none, none, solution.sigma),
         *(NormalEquations(H, g, none, none, none), np.zeros(len(problem.parameters))),
-        *(solution.free, np.ones(len(labels), dtype=bool)),
+        *(solution.free, np.ones(len(labels)), np.zeros(len(labels), dtype=bool)),
         *(solution.converged, solution.iterations),
     )
     many = len(np.unique(owner)) >= _FEW

@@ -132,13 +132,24 @@ def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
         )
 
 
+def explained(problem: ShootingProblem, solution: Solution) -> bool:
+    """Whether all angles are predicted about as well as they are measured."""
+    return bool((_worse(problem, solution) <= _MORE).all())
+
+
+def _worse(problem: ShootingProblem, solution: Solution) -> Array:
+    """How many times worse than measured the angles (n,) are predicted."""
+    return np.asarray(solution.sigma / np.maximum(_noise(problem.intervals), 1e-12))
+
+
 def _coarse(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
-    off = solution.sigma / np.maximum(_noise(problem.intervals), 1e-12)
+    off = _worse(problem, solution)
     worst = int(np.argmax(off))
-    if off[worst] > _MORE:
+    if not explained(problem, solution):
         yield (
             f"Angle {worst + 1} is predicted {off[worst]:.0f} times worse than it is measured: "
-            "what is fitted does not explain the motion."
+            "what is fitted does not explain the motion. Intervals hold what windows of other "
+            "lengths would change."
         )
 
 

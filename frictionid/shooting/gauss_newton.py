@@ -57,7 +57,8 @@ class Solution(NamedTuple):
     estimate; nodes (K, s); windows (W, N); residual (W, N + 1, n) [rad] after the last step, share
     (W, N + 1) and weight of each; sigma (n,) [rad]; normal equations of the windows before the last
     step, as much as each counts, and that step, move (D,); free (D,), parameters that are not at a
-    bound; counts (W,), how much windows count; converged, and the number of iterations.
+    bound; counts (W,), how much windows count; kinked (W,), true for those that were left out as
+    their predictions jump; converged, and the number of iterations.
     """
 
     estimate: Estimate
@@ -71,6 +72,7 @@ class Solution(NamedTuple):
     move: Array
     free: Array
     counts: Array
+    kinked: Array
     converged: bool = False
     iterations: int = 0
 
@@ -146,6 +148,20 @@ def solve(
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
     return solution._replace(iterations=total)
+
+
+def move_with_windows(problem: ShootingProblem, solution: Solution, seconds: float) -> Array:
+    """What a Gauss-Newton step with windows of another length would change in the parameters (D,).
+
+    Only in intervals of windows that counted.
+    """
+    windows = solution.windows[solution.closed]
+    use = np.zeros(len(problem.intervals.dt), dtype=bool)
+    use[windows[windows >= 0]] = True
+    stage = _Stage(problem, cut_windows(problem.intervals, use, seconds))
+    estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
+    point = linearised_at(problem, stage.windows, estimate, nodes, sigma)
+    return _next_step(stage, point, sigma, _DAMPING[0], 1.0).solution.move
 
 
 def _leading(problem: ShootingProblem) -> ShootingProblem:
@@ -273,6 +289,7 @@ def _next_step(stage: _Stage, point: Point, sigma: Array, damping: float, share:
         move=one.move,
         free=free,
         counts=counts,
+        kinked=point.kinked,
     )
     return _Step(
         point,

@@ -24,6 +24,7 @@ from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
 from frictionid.shooting.gauss_newton import Solution, solve
 from frictionid.shooting.limits_of_data import limits_of_data
 from frictionid.shooting.networks import as_given, on_arrays, with_combinations
+from frictionid.shooting.odd_recordings import OddRecording, odd_recordings, odd_sentences
 from frictionid.shooting.omitted_blocks import (
     model_error,
     omitted_blocks,
@@ -37,6 +38,7 @@ from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.significance import Dropped, least_significant
 from frictionid.shooting.torque_samples import torque_samples
+from frictionid.shooting.window_settings import settings_error
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 
@@ -61,6 +63,7 @@ class Diagnostics:
     converged : whether no parameter moved any more; iterations : how many that took
     warnings : sentences on what makes the numbers doubtful as a whole
     dropped : blocks of sensors that were offered and left out, as they showed nothing
+    odd : recordings that are not explained as the others are
     """
 
     sigma: Array
@@ -71,6 +74,7 @@ class Diagnostics:
     iterations: int
     warnings: tuple[str, ...] = ()
     dropped: tuple[Dropped, ...] = ()
+    odd: tuple[OddRecording, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +241,8 @@ def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) ->
     estimate = solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted = omitted_blocks(problem, solution)
-    covariance = covariance_of(problem, solution, model_error(omitted))
+    shared = model_error(omitted) + settings_error(problem, solution)
+    covariance = covariance_of(problem, solution, shared)
     more = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
     return Refined(
         as_given(fitted, given),
@@ -254,15 +259,17 @@ def _diagnostics(
     share = solution.share[..., None] * np.ones_like(solution.residual)
     square = (solution.residual / solution.sigma) ** 2 * share
     size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
-    odd = size > _UNEXPLAINED
+    far = size > _UNEXPLAINED
+    odd = odd_recordings(problem, solution)
     return Diagnostics(
         solution.sigma,
         len(solution.windows),
-        _segments(problem, solution, ~solution.closed & ~odd, size),
-        _segments(problem, solution, odd, size),
+        _segments(problem, solution, ~solution.closed & ~far, size),
+        _segments(problem, solution, far, size),
         solution.converged,
         solution.iterations,
-        (*warnings_of(problem, solution), *more),
+        (*odd_sentences(odd), *warnings_of(problem, solution), *more),
+        odd=odd,
     )
 
 

@@ -45,6 +45,7 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "windows": went.windows,
         "left_out": [segment._asdict() for segment in went.left_out],
         "unexplained": [segment._asdict() for segment in went.unexplained],
+        "odd": [odd._asdict() for odd in went.odd],
         "settled": went.converged,
         "iterations": went.iterations,
         "warnings": list(went.warnings),

@@ -36,7 +36,13 @@ def of_rows(A, y):
     normal = NormalEquations(H, g, nothing, nothing, nothing)
     return Solution(
         *(None, nothing, nothing, nothing, nothing, nothing, nothing),
-        *(normal, move, np.ones(A.shape[-1], dtype=bool), np.ones(len(A), dtype=bool)),
+        *(
+            normal,
+            move,
+            np.ones(A.shape[-1], dtype=bool),
+            np.ones(len(A)),
+            np.zeros(len(A), dtype=bool),
+        ),
     )
 
 

@@ -1,0 +1,35 @@
+"""Errors of the model that show between settings: what windows of other lengths would change."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.shooting.data_checks import explained
+from frictionid.shooting.gauss_newton import Solution, move_with_windows
+from frictionid.shooting.problem import ShootingProblem
+
+_LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
+
+
+def settings_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+    """Covariance (D, D) between windows of other lengths, where the motion is not explained.
+
+    A model that explains the motion finds the same with windows of any length, but for noise. One
+    that does not errs more the longer it predicts, and its parameters are those of a length that
+    somebody chose. With the moves m_k of one Gauss-Newton step each, by windows of other lengths:
+
+        C = mean_k m_k m_k'
+    """
+    network = solution.estimate.friction.law.is_network
+    if explained(problem, solution) or network or not problem.count:
+        return 0.0
+    seconds, moves = problem.settings.windows[-1], []
+    for length in _LENGTHS:
+        try:
+            moves.append(move_with_windows(problem, solution, length * seconds))
+        except InputError:  # no three intervals in one piece are left
+            continue
+    known = [move for move in moves if np.isfinite(move).all()]
+    return np.mean([np.outer(m, m) for m in known], axis=0) if known else 0.0
