@@ -53,8 +53,9 @@ def by_integral(case: Case, dataset: Dataset) -> list[Estimated]:
     """What a one-step fit finds."""
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
     weights = np.ones(len(problem.r))
-    friction = LeastSquares(case.law).fit(problem, weights[None], seed=0)[0]
-    half = half_widths(friction, problem, weights)
+    identifier = LeastSquares(case.law)
+    friction = identifier.fit(problem, weights[None], seed=0)[0]
+    half = half_widths(friction, problem, weights, robust=identifier.robust)
     out = []
     true = true_values(case, dataset)
     for (j, i), value in np.ndenumerate(friction.theta):

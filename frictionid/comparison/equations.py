@@ -1,4 +1,4 @@
-"""Friction as an equation, with an interval behind each coefficient."""
+"""Friction as an equation, with an interval or error behind each coefficient."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ from frictionid.friction import Friction
 def with_equations(fit: Fit) -> Friction:
     """Friction (F, n, P) of a fit; its provenance has a line for each joint of all data.
 
-    Laws that are not sparse have none. Intervals of 95 % are those of shooting where the recipe
-    shoots, and else those of the one-step fit.
+    Laws that are not sparse have none. Behind each coefficient stands its 95 % interval where the
+    recipe shoots, and else its standard error in a one-step fit; `equation_errors` says which.
     """
     friction, last = fit.friction, fit.friction[-1]
     if not last.law.is_sparse:
         return friction
-    lines = last.law.equation(last.theta, fit.half_widths(), last.angle_unit)
-    return replace(friction, provenance={**friction.provenance, "equation": lines})
+    bars = fit.error_bars()
+    own = {
+        "equation": last.law.equation(last.theta, bars.size, last.angle_unit),
+        "equation_errors": bars.meaning,
+    }
+    return replace(friction, provenance={**friction.provenance, **own})

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import Recipe
+from frictionid.identifiers.one_step_fit import ErrorBars
 from frictionid.shooting import CalibratedRecipe, Refined
 from frictionid.shooting.calibrated_recipe import CalibratedData
 
@@ -23,8 +23,8 @@ class Fit(Protocol):
     @property
     def refined(self) -> Refined | None: ...
 
-    def half_widths(self) -> Array:
-        """Half the width (n, P) of the 95 % intervals of the friction of all data."""
+    def error_bars(self) -> ErrorBars:
+        """What stands behind each parameter of the friction of all data."""
         ...
 
 

@@ -10,16 +10,29 @@ from frictionid.friction import Friction
 from frictionid.identifiers.grams import clusters
 from frictionid.identifiers.linearised import Linearised
 from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import normalised
+from frictionid.identifiers.row_weights import huber_factors, normalised
 
 
-def half_widths(friction: Friction, problem: Problem, weights: Array, level: float = 0.95) -> Array:
+def half_widths(
+    friction: Friction,
+    problem: Problem,
+    weights: Array,
+    level: float = 0.95,
+    robust: float | None = None,
+) -> Array:
     """Half the widths (n, P) of confidence intervals of the parameters of a fit, weights (K,).
+
+    Of noise alone: errors that all recordings share, as the bias of smoothed states, are not in it,
+    and where they are as large, such an interval holds the truth less often than its level says.
+    See `standard_errors`.
+
+    robust : clip of the fit's Huber weights [standard deviations], as `LeastSquares.robust`, or
+        None for a fit without them
 
     By the sandwich covariance H^-1 (sum_c s_c s_c') H^-1, with H = J'WJ and the score s_c = J'We of
     each cluster c of rows: a recording, or where these are few, a stretch of one; with a t
     distribution. NaN where the data do not determine a parameter, and for terms that a sparse law
-    does not have. Errors that all recordings share, as those of smoothed states, are not in it.
+    does not have.
 
     >>> from frictionid.identifiers.least_squares import LeastSquares
     >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
@@ -32,16 +45,34 @@ def half_widths(friction: Friction, problem: Problem, weights: Array, level: flo
     >>> fit.theta.round(4)
     array([[0.0989, 0.0415, 1.5209, 0.0202]])
     """
+    error, freedom = _errors(friction, problem, weights, robust)
+    return np.asarray(stdtrit(freedom, 0.5 + level / 2) * error)
+
+
+def standard_errors(
+    friction: Friction, problem: Problem, weights: Array, robust: float | None = None
+) -> Array:
+    """Standard errors (n, P) of the parameters of a fit, of noise alone, see `half_widths`."""
+    return _errors(friction, problem, weights, robust)[0]
+
+
+def _errors(
+    friction: Friction, problem: Problem, weights: Array, robust: float | None
+) -> tuple[Array, int]:
+    """Standard errors (n, P), and their degrees of freedom."""
     n, P = friction.theta.shape
     law, theta = Linearised(friction.law, problem), np.reshape(friction.theta, (1, -1))
     share = normalised(np.reshape(weights, (1, -1)), problem)[0]
+    residual = law.residual(theta)
+    if robust is not None:
+        share = share * huber_factors(residual, share[None], robust)[0]
     J = law.jacobian(theta)[0].reshape(*problem.r.shape, n * P)
     determined = J.reshape(-1, n * P).any(axis=0)
     if friction.law.is_sparse:
         determined &= theta[0] != 0
     J = J[..., determined]
     weighted = J * share[:, None, None]
-    scores = np.einsum("kip,ki->kp", weighted, law.residual(theta)[0])
+    scores = np.einsum("kip,ki->kp", weighted, residual[0])
     bread = np.linalg.pinv(np.einsum("kip,kiq->pq", weighted, J), hermitian=True)
     label = clusters(problem)
     used = np.unique(label[share > 0])
@@ -49,5 +80,5 @@ def half_widths(friction: Friction, problem: Problem, weights: Array, level: flo
     freedom = max(len(used) - 1, 1)
     covariance = bread @ (by_cluster.T @ by_cluster) @ bread * len(used) / freedom
     out = np.full(n * P, np.nan)
-    out[determined] = stdtrit(freedom, 0.5 + level / 2) * np.sqrt(np.diag(covariance))
-    return out.reshape(n, P)
+    out[determined] = np.sqrt(np.diag(covariance))
+    return out.reshape(n, P), freedom

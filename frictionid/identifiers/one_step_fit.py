@@ -1,9 +1,9 @@
-"""One-step fits: what an identifier makes of a problem, checked, with its intervals."""
+"""One-step fits: what an identifier makes of a problem, checked, with its errors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,15 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers.identifier import Identifier
-from frictionid.identifiers.ols_covariance import half_widths
+from frictionid.identifiers.ols_covariance import standard_errors
 from frictionid.identifiers.residual import Problem
+
+
+class ErrorBars(NamedTuple):
+    """What stands behind each parameter (n, P) of a fit, and what it is."""
+
+    size: Array
+    meaning: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +34,12 @@ class OneStepFit:
     weights: Array
     refined: ClassVar[None] = None
 
-    def half_widths(self) -> Array:
-        """Half the width (n, P) of the 95 % intervals of the friction of all data."""
-        return half_widths(self.friction[-1], self.problem, self.weights)
+    def error_bars(self) -> ErrorBars:
+        """Standard errors of the friction of all data, without what smoothing gets wrong."""
+        size = standard_errors(self.friction[-1], self.problem, self.weights)
+        return ErrorBars(
+            size, "standard errors of the noise alone, bias of the smoothing not included"
+        )
 
 
 def checked_fit(identifier: Identifier, problem: Problem, weights: Array, seed: int) -> Friction:

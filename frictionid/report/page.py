@@ -160,9 +160,11 @@ def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[Shooting
     return out
 
 
-def _notes(section: Section, key: str) -> list[tuple[Model, str]]:
-    """Lines that models tell of themselves under a key."""
-    models = [
-        (model, model.document.get("provenance", {}).get(key, ())) for model in section.models
+def _notes(section: Section, key: str) -> list[tuple[Model, str, str]]:
+    """Lines that models tell of themselves under a key, each with what its errors are."""
+    models = [(model, model.document.get("provenance", {})) for model in section.models]
+    return [
+        (model, text, own.get(f"{key}_errors", ""))
+        for model, own in models
+        for text in own.get(key, ())
     ]
-    return [(model, text) for model, own in models for text in own]

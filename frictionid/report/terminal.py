@@ -131,7 +131,7 @@ def show_fit(friction: Friction) -> None:
     else:
         out.print(str(friction), markup=False, soft_wrap=True)
     if "equation" in source:
-        lines = ["with 95 % intervals:", *source["equation"]]
+        lines = [f"with {source.get('equation_errors', '95 % intervals')}:", *source["equation"]]
         out.print("\n  ".join(lines), markup=False, soft_wrap=True)
     if "inclusion" in source:
         lines = ["how often draws of the recordings had a term:", *source["inclusion"]]

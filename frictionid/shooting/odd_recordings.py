@@ -81,8 +81,9 @@ def odd_among(sizes: Array, names: Sequence[str]) -> tuple[OddRecording, ...]:
 def odd_sentences(odd: Sequence[OddRecording]) -> tuple[str, ...]:
     """What is odd, for people."""
     return tuple(
-        f"Recording {own.recording!r} is not explained as the others are: its angles are "
-        f"{own.size:.2g} times the noise off, theirs {own.usual:.2g} times (p = {own.p_value:.1g}). "
+        f"Recording {own.recording!r} is not explained as the others are: its angles "
+        f"are off by {own.size:.2g} times the noise, theirs by {own.usual:.2g} (p = "
+        f"{own.p_value:.1g}). "
         "Was it disturbed, or did it have another load? Leave it out, or give it that load."
         for own in odd
     )

@@ -15,7 +15,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe, TrainingData
-from frictionid.identifiers.one_step_fit import OneStepFit
+from frictionid.identifiers.one_step_fit import ErrorBars, OneStepFit
 from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
 from frictionid.shooting.known_calibration import KnownCalibration
 from frictionid.shooting.parameters import ParameterBlock
@@ -44,14 +44,14 @@ class ShootingFit:
     friction: Friction
     refined: Refined
 
-    def half_widths(self) -> Array:
-        """Half the width (n, P) of the 95 % intervals of the friction of all data, or NaN."""
+    def error_bars(self) -> ErrorBars:
+        """Half the width of the 95 % intervals of the friction of all data, or NaN."""
         covariance = self.refined.covariance
         half = np.full(np.shape(self.refined.friction.theta), np.nan)
         for entry, error in zip(covariance.parameters, covariance.error, strict=True):
             if entry.block == "friction":
                 half[entry.place] = stdtrit(covariance.freedom, 0.975) * error
-        return half
+        return ErrorBars(half, "95 % intervals")
 
 
 @dataclass(frozen=True)

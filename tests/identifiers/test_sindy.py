@@ -213,7 +213,9 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
     assert [p.name for p in whole.covariance.parameters] == ["sign of joint 1"]
     np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
-    (line,) = with_equations(ShootingFit(friction, whole)).provenance["equation"]
+    shot = with_equations(ShootingFit(friction, whole)).provenance
+    (line,) = shot["equation"]
+    assert shot["equation_errors"] == "95 % intervals"
     assert line.startswith("Tf1 = (0.02") and "+-" in line
 
 
@@ -224,9 +226,12 @@ def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])
     assert main() == 0
     lines = capsys.readouterr().out.splitlines()
-    place = lines.index("with 95 % intervals:")
+    meaning = "standard errors of the noise alone, bias of the smoothing not included"
+    place = lines.index(f"with {meaning}:")
     assert lines[place + 1].startswith("  Tf1 = (0.0") and "s(w" in lines[place + 1]
     assert read_json(model)["provenance"]["equation"] == [lines[place + 1].strip()]
+    assert read_json(model)["provenance"]["equation_errors"] == meaning
+    assert "95 %" not in " ".join(lines)
     assert not any(" 0 N m" in line for line in lines)
 
 
@@ -253,6 +258,20 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
         half = half_widths(found, problem, everything(problem)[0])
         inside.append(np.abs(found.theta - COULOMB) < half)
     assert 0.85 < np.mean(inside) < 0.995
+
+
+def test_rows_that_a_fit_weighs_less_widen_its_intervals_less():
+    """Wild rows in one of the recordings, by Huber's weights of the fit and without them."""
+    problem, law = made_of(CoulombViscous(), COULOMB, 1e-3), LeastSquares(CoulombViscous())
+    weights = everything(problem)
+    wild = problem.r.copy()
+    wild[::25] += np.random.default_rng(3).choice([-1.0, 1.0], wild[::25].shape)
+    bad = replace(problem, r=wild)
+    clean, found = (law.fit(own, weights, 0)[0] for own in (problem, bad))
+    usual = half_widths(clean, problem, weights[0], robust=law.robust)
+    held = half_widths(found, bad, weights[0], robust=law.robust)
+    plain = half_widths(found, bad, weights[0])
+    assert (held < 0.25 * plain).all() and (usual < 0.25 * plain).all()
 
 
 def test_a_fold_that_trains_on_noise_alone_has_no_friction():
