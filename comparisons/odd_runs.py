@@ -16,10 +16,10 @@ import numpy as np
 from coverage_cases import case_of, rig_of
 from coverage_fits import BLOCKS, SETTINGS
 
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.shooting import refine
 from frictionid.simulate import simulate
 from frictionid.simulate.torques import Command

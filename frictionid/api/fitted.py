@@ -290,7 +290,8 @@ class Fit:
 
     @property
     def _table(self) -> Any:
-        return estimate_table(self._estimates, known=self._known)
+        alone = self.method == "one_step"
+        return estimate_table(self._estimates, known=self._known, noise_alone=alone)
 
     @property
     def _headline(self) -> str:
@@ -312,6 +313,10 @@ class Fit:
         if self.friction.law.is_network:
             notes.append(f"{len(self.friction.law.names)} weights for each joint")
         notes += self.friction.provenance.get("equation", ())
+        if self.method == "one_step" and self._known:
+            notes.append(
+                "intervals hold the noise alone, not the bias of the smoothing: shoot for more"
+            )
         went = self.convergence
         if went is not None:
             done = "converged" if went.converged else "NOT converged"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import Recipe
@@ -22,6 +23,10 @@ class Fit(Protocol):
     def friction(self) -> Friction: ...
     @property
     def refined(self) -> Refined | None: ...
+
+    def half_widths(self) -> Array:
+        """Half the width (n, P) of 95 % intervals; of one-step fits, of the noise alone."""
+        ...
 
     def error_bars(self) -> ErrorBars:
         """What stands behind each parameter of the friction of all data."""

@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers.identifier import Identifier
-from frictionid.identifiers.ols_covariance import standard_errors
+from frictionid.identifiers.ols_covariance import half_widths, standard_errors
 from frictionid.identifiers.residual import Problem
 
 
@@ -33,6 +33,10 @@ class OneStepFit:
     problem: Problem
     weights: Array
     refined: ClassVar[None] = None
+
+    def half_widths(self) -> Array:
+        """Half the width (n, P) of 95 % intervals of the noise alone, without bias of smoothing."""
+        return half_widths(self.friction[-1], self.problem, self.weights)
 
     def error_bars(self) -> ErrorBars:
         """Standard errors of the friction of all data, without what smoothing gets wrong."""

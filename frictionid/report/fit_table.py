@@ -73,15 +73,18 @@ def _estimate(
     )
 
 
-def estimate_table(read: Sequence[Estimate], *, known: bool = True) -> Table:
+def estimate_table(
+    read: Sequence[Estimate], *, known: bool = True, noise_alone: bool = False
+) -> Table:
     """Table of estimates: value, 95 % interval, unit, and whether the data determine it.
 
+    noise_alone : whether intervals hold the noise, but not the bias of smoothed states
     known : whether intervals are known; without them nothing is said of that
     """
     columns = [
         *text_columns("parameter"),
         Column("value"),
-        Column("95 % interval"),
+        Column("interval of the noise alone" if noise_alone else "95 % interval"),
         *text_columns("unit", "identified"),
     ]
     lines = []

@@ -44,14 +44,18 @@ class ShootingFit:
     friction: Friction
     refined: Refined
 
-    def error_bars(self) -> ErrorBars:
-        """Half the width of the 95 % intervals of the friction of all data, or NaN."""
+    def half_widths(self) -> Array:
+        """Half the width (n, P) of the 95 % intervals of the friction of all data, or NaN."""
         covariance = self.refined.covariance
         half = np.full(np.shape(self.refined.friction.theta), np.nan)
         for entry, error in zip(covariance.parameters, covariance.error, strict=True):
             if entry.block == "friction":
                 half[entry.place] = stdtrit(covariance.freedom, 0.975) * error
-        return ErrorBars(half, "95 % intervals")
+        return half
+
+    def error_bars(self) -> ErrorBars:
+        """Half the width of the 95 % intervals of the friction of all data, or NaN."""
+        return ErrorBars(self.half_widths(), "95 % intervals")
 
 
 @dataclass(frozen=True)

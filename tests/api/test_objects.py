@@ -139,6 +139,8 @@ def test_one_step_fits_have_intervals_too(data):
     frame = fid.fit(data, "stribeck").frame
     assert np.isfinite(frame.low_95).all() and frame.identified.all()
     assert fid.fit(data, "stribeck").covariance is None
+    text = repr(fid.fit(data, "stribeck"))
+    assert "interval of the noise alone" in text and "95 %" not in text
 
 
 def test_a_saved_fit_is_the_same_but_for_its_data(shot, data, tmp_path):

@@ -11,10 +11,10 @@ sys.path.append(str(Path(__file__).parents[2] / "comparisons"))
 
 from coverage_cases import case_of, sets_of
 
+from frictionid.data.plants import plant_of
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import plant_of
 from frictionid.shooting import Settings, refine
 from frictionid.shooting.parameters import FrictionBlock, InertiaBlock
 
