@@ -104,7 +104,7 @@ def started(folder, out, finished):
         start_new_session=True,
     )
     deadline = time.monotonic() + 60
-    while len(list((folder / out / "unfinished" / "tasks").glob("*.json"))) < finished:
+    while len(list((folder / out / "unfinished" / "tasks").glob("[!.]*.json"))) < finished:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -123,7 +123,7 @@ def group_is_gone(group):
 
 
 def stamps(folder):
-    return {path.name: path.stat().st_mtime_ns for path in (folder / "tasks").glob("*.json")}
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "tasks").glob("[!.]*.json")}
 
 
 # --- Stopped and resumed -------------------------------------------------------------------------
