@@ -40,11 +40,12 @@ def fit(
         Such as "stribeck"; `frictionid.identifiers()` lists the names.
     method : str or Method
         "one_step" on smoothed states, in seconds; "shooting" on the measured angles, which refines
-        that fit, with intervals. The name of a recipe stands for a one-step fit by it.
+        that fit, with intervals; "inverse_dynamics" on the torques, for arms. The name of a recipe
+        stands for a one-step fit by it.
     recipe : str
         Of the one-step fit: "integral", or "study".
     free : list of str, optional
-        Blocks that shooting frees: "friction", "inertia", "delay", "gain", "bias", "offset",
+        Blocks that these free: "friction", "inertia", "delay", "gain", "bias", "offset",
         "actuator"; friction is always free. None: friction, and the delay where a motor's torque
         is sampled.
     fixed : list of str
@@ -77,7 +78,7 @@ def fit(
     dataset = dataset_of(data)
     protocol = Protocol(sample_time=optional_number("sample_time", sample_time))
     identifier = identifier_of(law, settings)
-    if method == "shooting" and free is not None and "friction" not in free:
+    if method in ("shooting", "inverse_dynamics") and free is not None and "friction" not in free:
         free = f"friction,{free}" if isinstance(free, str) else ["friction", *free]
     chosen = method_of(
         method,

@@ -91,7 +91,11 @@ class Fit:
 
     @property
     def method(self) -> str:
-        """How it was fitted: "shooting" or "one_step"."""
+        """How it was fitted: "shooting", "inverse_dynamics" or "one_step"."""
+        source = self.friction.provenance
+        recipe = source.get("recipe") or source.get("settings", {}).get("recipe", "")
+        if str(recipe).startswith("InverseDynamics"):
+            return "inverse_dynamics"
         return "shooting" if self._document else "one_step"
 
     @property
@@ -295,7 +299,7 @@ class Fit:
 
     @property
     def _headline(self) -> str:
-        method = {"shooting": "shooting", "one_step": "one-step"}[self.method]
+        method = "one-step" if self.method == "one_step" else self.method.replace("_", " ")
         if self.data is None:
             source = self.friction.provenance.get("dataset")
             where = f" to {source!r}, from a file" if source else ", from a file"
@@ -320,7 +324,8 @@ class Fit:
         went = self.convergence
         if went is not None:
             done = "converged" if went.converged else "NOT converged"
-            notes.append(f"{done} after {went.iterations} iterations, {went.windows} windows")
+            windows = f", {went.windows} windows" if self.method == "shooting" else ""
+            notes.append(f"{done} after {went.iterations} iterations{windows}")
             without = [str(own["block"]) for own in self._document["dropped"]]
             if without:
                 notes.append(f"left out, as none shows: {', '.join(without)}")

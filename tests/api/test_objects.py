@@ -173,6 +173,12 @@ def test_what_is_fitted_may_be_a_name_a_class_or_an_object(data):
         np.testing.assert_array_equal(theta, thetas[0])
 
 
+def test_inverse_dynamics_frees_friction_beside_what_is_named(data):
+    fit = fid.fit(data, "coulomb_viscous", method="inverse_dynamics", free=["inertia"])
+    assert fit.method == "inverse_dynamics" and "inverse dynamics fit to 'arm'" in repr(fit)
+    assert set(fit.frame.block) == {"friction", "inertia"}
+
+
 def test_a_calibration_may_be_a_fit(data, shot):
     held = fid.fit(data, "coulomb_viscous", calibration=shot)
     np.testing.assert_array_equal(held.calibration.base, shot.calibration.base)
