@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -73,13 +74,13 @@ class Fit:
     made: methods.Fit | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        return "\n".join([self._headline, terminal_text(self._table), *self._notes])
+        table = [terminal_text(self._table)] if self._estimates else []
+        return "\n".join([self._headline, *table, *self._notes])
 
     def _repr_html_(self) -> str:
-        from html import escape
-
         notes = "".join(f"<p>{escape(note)}</p>" for note in self._notes)
-        return f"<p>{escape(self._headline)}</p>{html(self._table)}{notes}"
+        table = html(self._table) if self._estimates else ""
+        return f"<p>{escape(self._headline)}</p>{table}{notes}"
 
     @property
     def law(self) -> str:
@@ -317,7 +318,7 @@ class Fit:
         if self.friction.law.is_network:
             notes.append(f"{len(self.friction.law.names)} weights for each joint")
         notes += self.friction.provenance.get("equation", ())
-        if self.method == "one_step" and self._known:
+        if self.method == "one_step" and self._known and self._estimates:
             notes.append(
                 "intervals hold the noise alone, not the bias of the smoothing: shoot for more"
             )

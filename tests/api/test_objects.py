@@ -173,6 +173,11 @@ def test_what_is_fitted_may_be_a_name_a_class_or_an_object(data):
         np.testing.assert_array_equal(theta, thetas[0])
 
 
+def test_a_fit_without_parameters_shows_no_table(data):
+    assert repr(fid.fit(data, "none")).startswith("none, one-step fit to 'arm'")
+    assert "\n" not in repr(fid.fit(data, "none")) and len(fid.fit(data, "none").frame) == 0
+
+
 def test_inverse_dynamics_frees_friction_beside_what_is_named(data):
     fit = fid.fit(data, "coulomb_viscous", method="inverse_dynamics", free=["inertia"])
     assert fit.method == "inverse_dynamics" and "inverse dynamics fit to 'arm'" in repr(fit)
