@@ -43,15 +43,22 @@ assert frictionid.load_dataset("acrobot_lag").recordings
 """
 
 
-def _built(kind: str, folder: Path) -> Path:
+def _run(words: list[str], cwd: Path, path: Path | None = None) -> str:
+    """Output of Python with some words in a folder, with another PYTHONPATH."""
     done = subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(folder)],
-        cwd=ROOT,
+        [sys.executable, *words],
+        cwd=cwd,
+        env=os.environ if path is None else {**os.environ, "PYTHONPATH": str(path)},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def _built(kind: str, folder: Path) -> Path:
+    _run(["-m", "hatchling", "build", "-t", kind, "-d", str(folder)], ROOT)
     (built,) = folder.iterdir()
     return built
 
@@ -66,18 +73,10 @@ def test_the_default_comparison_runs_from_a_wheel_in_any_folder(tmp_path: Path) 
         there = {p.relative_to(share) for p in (share / kind).rglob("*") if p.is_file()}
         assert there == here
     elsewhere.mkdir()
-    done = subprocess.run(
-        [sys.executable, "-c", FOREIGN, str(site)],
-        cwd=elsewhere,
-        env={**os.environ, "PYTHONPATH": str(site)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    said = _run(["-c", FOREIGN, str(site)], elsewhere, site)
     for dataset in ("acrobot_clean", "acrobot_sim"):
         for name in ("none", "stribeck", "sindy", "mlp", "lstm", "truth"):
-            assert f"{dataset}:{name}" in done.stdout.split()
+            assert f"{dataset}:{name}" in said.split()
 
 
 def test_tests_are_collected_from_the_source_distribution(tmp_path: Path) -> None:
@@ -90,20 +89,7 @@ def test_tests_are_collected_from_the_source_distribution(tmp_path: Path) -> Non
     kept = listing.stdout.decode().split("\0")
     needed = [name for name in kept if name and not name.startswith(".ci/")]
     assert [name for name in needed if not (root / name).exists()] == []
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pytest",
-            "--collect-only",
-            "-q",
-            "tests/docs",
-            "tests/mechanics",
-        ],
-        cwd=root,
-        env={**os.environ, "PYTHONPATH": str(root)},
-        capture_output=True,
-        text=True,
-        check=False,
+    said = _run(
+        ["-m", "pytest", "--collect-only", "-q", "tests/docs", "tests/mechanics"], root, root
     )
-    assert done.returncode == 0, done.stdout
+    assert "::" in said

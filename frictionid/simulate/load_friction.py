@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.config import NotNegative
 from frictionid.data.signals import Array
-from frictionid.simulate.true_friction import Curve, Numbers, check_joints
+from frictionid.simulate.true_friction import Curve, MemoryFree, Numbers, check_joints
 
 _SHARES = ("bearing", "motor", "external", "peak_motor", "peak_external")
 _SQUARES = ("quadratic_motor", "quadratic_external")
@@ -25,7 +25,7 @@ class Load(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LoadFriction:
+class LoadFriction(MemoryFree):
     """Memory-free friction whose level grows with the load, set-valued at rest.
 
         Tf = (level(w) + bearing N + |motor u - external te| + left (|peak_motor u - peak_external
@@ -68,15 +68,6 @@ class LoadFriction:
     @cached_property
     def _coefficients(self) -> tuple[Array, ...]:
         return tuple(np.array(getattr(self, name)) for name in (*_SHARES, *_SQUARES))
-
-    def start(self, w: Array) -> Array:
-        return np.zeros_like(w)
-
-    def torque(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
-        return self.curve.torque(w, mode)
-
-    def rate(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
-        return np.zeros_like(w)
 
     def loaded_level(self, w: Array, load: Load) -> Array:
         """What the load adds to the level [N m] at velocities w, (..., n)."""

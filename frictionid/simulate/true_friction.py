@@ -133,8 +133,26 @@ class Curve:
         return {field.name: list(getattr(self, field.name)) for field in fields(self)}
 
 
+class MemoryFree:
+    """Friction that follows a steady-state curve and remembers nothing."""
+
+    curve: Curve
+
+    def start(self, w: Array) -> Array:
+        """Memory: none."""
+        return np.zeros_like(w)
+
+    def torque(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
+        """Friction torque [N m] of the curve."""
+        return self.curve.torque(w, mode)
+
+    def rate(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
+        """dz/dt: none."""
+        return np.zeros_like(w)
+
+
 @dataclass(frozen=True)
-class Stribeck:
+class Stribeck(MemoryFree):
     """Memory-free friction: the steady-state curve, set-valued at rest.
 
     Examples
@@ -146,15 +164,6 @@ class Stribeck:
     curve: Curve
     kind: Literal["stribeck"] = "stribeck"
     sticks: ClassVar[bool] = True
-
-    def start(self, w: Array) -> Array:
-        return np.zeros_like(w)
-
-    def torque(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
-        return self.curve.torque(w, mode)
-
-    def rate(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
-        return np.zeros_like(w)
 
     def table(self) -> dict[str, Any]:
         return {"kind": self.kind, **self.curve.table()}

@@ -254,16 +254,14 @@ KEYS = (
 patient = settings(deadline=None, max_examples=60)
 
 
-def survives(place, content):
-    """The tasks of a suite's bytes, or one line that says what is wrong."""
+def outcome(place, content):
+    """The file of a suite's bytes, its tasks, and what was said where it has none."""
     file = place / "damaged.toml"
     file.write_bytes(content)
     try:
-        made = tasks_of(load_suite(file), file)
+        return file, tasks_of(load_suite(file), file), ""
     except InputError as error:
-        assert "\n" not in str(error) and str(error).startswith(str(file))
-    else:
-        assert made
+        return file, [], str(error)
     finally:
         file.unlink()
 
@@ -276,7 +274,8 @@ def test_any_value_anywhere_is_taken_or_refused(place, changes):
         content = tomli_w.dumps(document).encode()
     except (TypeError, AttributeError, KeyError, IndexError, UnicodeEncodeError):
         return  # the first change took away what the second one names
-    survives(place, content)
+    file, made, said = outcome(place, content)
+    assert made or (said.startswith(str(file)) and "\n" not in said)
 
 
 @patient
@@ -287,7 +286,8 @@ def test_any_value_anywhere_is_taken_or_refused(place, changes):
 )
 def test_any_damage_to_the_text_is_taken_or_refused(place, where, length, instead):
     content = TEXT.encode()
-    survives(place, content[:where] + instead + content[where + length :])
+    file, made, said = outcome(place, content[:where] + instead + content[where + length :])
+    assert made or (said.startswith(str(file)) and "\n" not in said)
 
 
 def test_friction_files_are_read_by_the_names_of_the_laws(place):
