@@ -127,7 +127,10 @@ def suggest(
         recordings=recordings,
         drive_rate=drive_rate,
         camera_rate=camera_rate,
-        angle_noise=math.radians(noise) if machine.position_units[0] == "rad" else noise / 1000.0,
+        angle_noise=tuple(
+            math.radians(noise) if unit == "rad" else noise / 1000.0
+            for unit in machine.position_units
+        ),
         band=(low, high),
         start=None if start is None else tuple(map(float, start)),
         friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),

@@ -19,7 +19,7 @@ def with_equations(fit: Fit) -> Friction:
         return friction
     bars = fit.error_bars()
     own = {
-        "equation": last.law.equation(last.theta, bars.size, last.angle_unit),
+        "equation": last.law.equation(last.theta, bars.size, last.position_units),
         "equation_errors": bars.meaning,
     }
     return replace(friction, provenance={**friction.provenance, **own})

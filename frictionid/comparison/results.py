@@ -115,8 +115,8 @@ def _about(prepared: Prepared) -> dict[str, Any]:
         "mechanism": dataset.mechanism.table,
         "own_base": recordings_own(dataset),
         "joints": list(d.joints),
-        "torque_unit": d.torque_units[0],
-        "angle_unit": d.position_units[0],
+        "torque_units": list(d.torque_units),
+        "position_units": list(d.position_units),
         "recordings": len(dataset.recordings),
         "samples": sum(len(r.angle.time) for r in dataset.recordings),
         "seconds": sum(float(r.angle.time[-1] - r.angle.time[0]) for r in dataset.recordings),
@@ -270,14 +270,15 @@ def _score_frame(
 ) -> pd.DataFrame:
     """Scores of all tasks, see `Results.scores`.
 
-    Rows count angles and numbers of friction: here positions of joints that slide are in m, and
-    `n_parameters` counts what shooting freed beside friction, too.
+    Rows count numbers of friction: here `n_parameters` counts what shooting freed beside it, too.
+    In folders of earlier versions "rad" stands for the unit of the positions.
     """
     frames = []
     for number, task in enumerate(tasks):
         for dataset, rows in task["rows"].items():
             frame = score_frame(rows)
-            frame["unit"] = frame["unit"].str.replace("rad", datasets[dataset]["angle_unit"])
+            if own := datasets[dataset].get("angle_unit"):
+                frame["unit"] = frame["unit"].str.replace("rad", own)
             beside = beside_friction((task.get("refined") or {}).get("parameters", ()))
             frame.loc[frame["score"] == "n_parameters", "value"] += beside
             names = suite, dataset, task["identifier"], task["fit"]

@@ -45,9 +45,9 @@ class TrainingSet:
     views: Mapping[str, tuple[CalibratedView, ...]] = field(default_factory=dict)
 
     @property
-    def angle_unit(self) -> str:
-        """Unit of the joints' angles, "rad" or "m"."""
-        return self.prepared.angle_unit
+    def position_units(self) -> tuple[str, ...]:
+        """Unit of each joint's position, "rad" or "m"."""
+        return self.prepared.position_units
 
     @property
     def intervals(self) -> Intervals:

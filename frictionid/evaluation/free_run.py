@@ -17,6 +17,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages
+from frictionid.data.joint_sizes import joint_sizes, norm_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import sample
@@ -218,7 +219,9 @@ def trajectory_folds(trajectory: Trajectory, folds: Folds) -> Array:
     return np.array([-1 if fold is None else fold for fold in held])
 
 
-def free_run_scores(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[Score]:
+def free_run_scores(
+    q: Array, trajectory: Trajectory, fold: Array, position_units: Sequence[str] = ()
+) -> Iterator[Score]:
     """Mean and RMS position errors of free runs q (T + 1, R, n).
 
     Both are taken over each recording, then over the recordings: of each fold (R,), and of all that
@@ -227,20 +230,22 @@ def free_run_scores(q: Array, trajectory: Trajectory, fold: Array) -> Iterator[S
     error = q - trajectory.measured
     known = np.asarray(np.isfinite(trajectory.measured).all(-1))
     error = np.where(known[..., None], np.where(np.isfinite(error), error, np.inf), 0.0)
-    norm = np.linalg.norm(error, axis=-1)
-    use = fold >= 0
+    units = tuple(position_units) or ("rad",) * error.shape[-1]
+    norm, unit = norm_of(error, units, joint_sizes(units, trajectory.measured))
+    of, use = Score("all", "free_run", unit=unit), fold >= 0
     for f in np.unique(fold[use]):
-        yield from _pooled(norm[:, fold == f], known[:, fold == f], str(f), "all")
-    yield from _pooled(norm[:, use], known[:, use], "all", "all")
-    for j in range(error.shape[-1]):
-        yield from _pooled(np.abs(error[:, use, j]), known[:, use], "all", str(j + 1))
+        yield from _pooled(norm[:, fold == f], known[:, fold == f], of._replace(fold=str(f)))
+    yield from _pooled(norm[:, use], known[:, use], of)
+    for j, own in enumerate(units):
+        joint = of._replace(joint=str(j + 1), unit=own)
+        yield from _pooled(np.abs(error[:, use, j]), known[:, use], joint)
     for r in np.flatnonzero(use):
-        yield from _pooled(norm[:, [r]], known[:, [r]], "all", "all", f" {trajectory.names[r]}")
+        yield from _pooled(norm[:, [r]], known[:, [r]], of, f" {trajectory.names[r]}")
 
 
-def _pooled(error: Array, known: Array, fold: str, joint: str, name: str = "") -> Iterator[Score]:
+def _pooled(error: Array, known: Array, of: Score, name: str = "") -> Iterator[Score]:
     count = known.sum(axis=0)
     mean, square = error.sum(axis=0) / count, (error**2).sum(axis=0) / count
     values = {"mean": float(mean.mean()), "rms": float(np.sqrt(square.mean()))}
     for statistic, value in values.items():
-        yield Score(fold, "free_run", f"{statistic}{name}", None, joint, value, "rad")
+        yield of._replace(statistic=f"{statistic}{name}", value=value)

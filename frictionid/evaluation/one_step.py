@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.joint_sizes import norm_of
 from frictionid.evaluation.score_frame import Score, summarise
 from frictionid.friction import Friction, along
 from frictionid.identifiers.residual import Problem
@@ -21,11 +22,24 @@ def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Ar
     return residual[fold, np.flatnonzero(use)]
 
 
-def one_step_scores(residual: Array, fold: Array, score: str) -> Iterator[Score]:
-    """Scores of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled."""
-    norm, of = np.linalg.norm(residual, axis=-1), Score("all", score, unit="rad/s")
+def one_step_scores(
+    residual: Array,
+    fold: Array,
+    score: str,
+    velocity_units: Sequence[str] = (),
+    sizes: Array | None = None,
+) -> Iterator[Score]:
+    """Scores of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled.
+
+    velocity_units : of each joint, all "rad/s" where there are none
+    sizes : (n,) of the joints, see `joint_sizes`
+    """
+    n = residual.shape[-1]
+    units = tuple(velocity_units) or ("rad/s",) * n
+    norm, unit = norm_of(residual, units, np.ones(n) if sizes is None else sizes)
+    of = Score("all", score, unit=unit)
     for f in np.unique(fold):
         yield from summarise(norm[fold == f], of._replace(fold=str(f)))
     yield from summarise(norm, of)
-    for j in range(residual.shape[-1]):
-        yield from summarise(np.abs(residual[:, j]), of._replace(joint=str(j + 1)))
+    for j, own in enumerate(units):
+        yield from summarise(np.abs(residual[:, j]), of._replace(joint=str(j + 1), unit=own))

@@ -143,9 +143,9 @@ class Prepared:
         return velocity_grid(speeds(self.dataset, self.smoothed))
 
     @property
-    def angle_unit(self) -> str:
-        """Unit of the joints' positions, "rad" or "m"."""
-        return self.plant.mechanism.position_units[0]
+    def position_units(self) -> tuple[str, ...]:
+        """Unit of each joint's position, "rad" or "m"."""
+        return self.plant.mechanism.position_units
 
     def _problem(self, recipe: Recipe) -> Problem:
         limits = self.protocol.sample_time, self.protocol.history

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.joint_sizes import TURN, joint_sizes, norm_of
 from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation.initial_state_estimator import estimate_initial_states
 from frictionid.evaluation.initial_states import InitialStates
-from frictionid.evaluation.score_frame import Score, divergence_limit, summarise_rollouts
+from frictionid.evaluation.score_frame import Score, summarise_rollouts
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
 from frictionid.shooting import SampleWindows
@@ -51,18 +52,20 @@ def rollout_scores(
     motion: Rollout,
     initial: InitialStates,
     fold: Array,
-    angle_unit: str = "rad",
+    position_units: Sequence[str] = (),
     *,
     true: bool = False,
 ) -> Iterator[Score]:
     """Scores for every horizon against the measured angles, and the true ones where they are known.
 
+    position_units : of each joint, "rad" or "m"; all "rad" where there are none
     fold : (H, S) as `initial_state_folds` gives it, or zeros where nothing was fitted to these data
     true : whether the motion starts from true states, and is compared with the true angles only
     """
     angles = {"rollout_angle": initial.measured, "rollout_angle_truth": initial.truth}
     angles = {"rollout_true_start": initial.truth} if true else angles
-    limit = divergence_limit(angle_unit, initial.truth if true else initial.measured)
+    units = tuple(position_units) or ("rad",) * motion.q.shape[-1]
+    limit = joint_sizes(units, initial.truth if true else initial.measured)
     for score, reference in angles.items():
         for h, horizon in enumerate(initial.horizons):
             use = (initial.last[h] > 0) & (fold[h] >= 0)
@@ -70,15 +73,17 @@ def rollout_scores(
                 at = initial.last[h, use], np.flatnonzero(use)
                 error = motion.q[at] - reference[at]
                 of = Score("all", score, horizon_s=float(horizon))
-                yield from _horizon_scores(error, fold[h, use], of, limit)
+                yield from _horizon_scores(error, fold[h, use], of, units, limit)
 
 
-def _horizon_scores(error: Array, fold: Array, of: Score, limit: Array) -> Iterator[Score]:
-    norm, most = np.linalg.norm(error, axis=-1), float(limit.max())
+def _horizon_scores(
+    error: Array, fold: Array, of: Score, units: Sequence[str], limit: Array
+) -> Iterator[Score]:
+    norm, unit = norm_of(error, units, limit)
+    of, most = of._replace(unit=unit), TURN if unit == "1" else float(limit.max())
     for f in np.unique(fold):
         yield from summarise_rollouts(norm[fold == f], of._replace(fold=str(f)), most)
     yield from summarise_rollouts(norm, of, most)
-    for j, own in enumerate(limit):
-        yield from summarise_rollouts(
-            np.abs(error[:, j]), of._replace(joint=str(j + 1)), float(own)
-        )
+    for j, (unit, own) in enumerate(zip(units, limit, strict=True)):
+        joint = of._replace(joint=str(j + 1), unit=unit)
+        yield from summarise_rollouts(np.abs(error[:, j]), joint, float(own))

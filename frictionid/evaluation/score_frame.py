@@ -8,7 +8,11 @@ statistic  how the errors are summarised: "mean", "rms", "median", "q90", "diver
 horizon_s  [s] ahead, NaN for scores without a horizon
 joint      "1", "2", ..., or "all" for the norm over the joints
 value      the score, infinite or NaN where a prediction is not finite
-unit       of the value; "rad" stands for the unit of the joints' positions
+unit       of the value; in folders of earlier versions "rad" stands for that of the positions
+
+Where some joints turn and others slide, errors in the norm over the joints count in units of their
+joint's size, 1 rad or a quarter of its travel (`frictionid.data.joint_sizes`): the norm has the
+unit "1", or "1/s" of velocities.
 """
 
 from __future__ import annotations
@@ -20,11 +24,8 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
+from frictionid.data.joint_sizes import TURN
 from frictionid.errors import InputError
-
-# A prediction further off than this, or not finite, has diverged: [rad], and for joints that slide
-# a share of their travel, for a metre is much for one machine and little for another.
-DIVERGED, TRAVEL = 1.0, 0.25
 
 
 class Score(NamedTuple):
@@ -96,34 +97,19 @@ def summarise(errors: Array, of: Score) -> Iterator[Score]:
         yield of._replace(statistic=name, value=float(value))
 
 
-def divergence_limit(angle_unit: str, positions: Any) -> Array:
-    """Errors (n,) beyond which a prediction has diverged: 1 rad, or a quarter of a joint's travel.
-
-    positions (..., n) : measured ones, NaN where there are none
-
-    >>> divergence_limit("m", np.array([[0.0], [0.4], [np.nan]]))
-    array([0.1])
-    """
-    if angle_unit == "rad":
-        return np.full(positions.shape[-1], DIVERGED)
-    flat = positions.reshape(-1, positions.shape[-1])
-    out: Array = TRAVEL * (np.nanmax(flat, axis=0) - np.nanmin(flat, axis=0))
-    return out
-
-
-def summarise_rollouts(errors: Array, of: Score, limit: float = DIVERGED) -> Iterator[Score]:
-    """Median, 90 % quantile and diverged share of rollout errors (N,) [rad].
+def summarise_rollouts(errors: Array, of: Score, limit: float = TURN) -> Iterator[Score]:
+    """Median, 90 % quantile and diverged share of rollout errors (N,), in the unit of the score.
 
     Diverged predictions stay in the quantiles, at infinity when they are not finite; errors beyond
     the `limit` count as diverged.
 
-    >>> of = Score("0", "rollout_angle", horizon_s=1.0)
+    >>> of = Score("0", "rollout_angle", horizon_s=1.0, unit="rad")
     >>> [s.value for s in summarise_rollouts(np.array([0.1, 0.2, np.nan]), of)]
     [0.2, inf, 0.3333333333333333]
     """
     errors = np.where(np.isfinite(errors), errors, np.inf)
     for name, level in (("median", 0.5), ("q90", 0.9)):
-        yield of._replace(statistic=name, value=_quantile(errors, level), unit="rad")
+        yield of._replace(statistic=name, value=_quantile(errors, level))
     yield of._replace(statistic="diverged", value=float(np.mean(errors > limit)), unit="1")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
+from frictionid.data.joint_sizes import joint_sizes_of
 from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import curve_error, curve_scores, curves
@@ -140,12 +141,12 @@ def _scored(
     initial, motion = _rollouts(model, owner)
     scores = [
         *_one_step_scores(model, held_out),
-        *rollout_scores(motion, initial, held_out.rollouts, prepared.angle_unit),
+        *rollout_scores(motion, initial, held_out.rollouts, prepared.position_units),
     ]
     if prepared.true_initial_states is not None:
         true, ideal = _rollouts(model, owner, true=True)
-        unit = prepared.angle_unit
-        scores += rollout_scores(ideal, true, held_out.rollouts, unit, true=True)
+        units = prepared.position_units
+        scores += rollout_scores(ideal, true, held_out.rollouts, units, true=True)
     if prepared.trajectory is not None:
         scores += _free_run_scores(model, held_out.recordings)
     scores += _curve_scores(model.friction, overall, prepared)
@@ -154,6 +155,8 @@ def _scored(
 
 
 def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
+    data = model.views[0].data
+    units, sizes = data.plant.mechanism.velocity_units, joint_sizes_of(data.dataset)
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
         residual = np.empty((len(held), model.friction.n))
         for folds, data in model.views:
@@ -161,7 +164,7 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
             place = np.searchsorted(folds, held[use])
             problem: Problem = getattr(data, name)
             residual[use] = held_out_residual(model.friction[folds], problem, use, place)
-        yield from one_step_scores(residual, held, f"one_step_{name}")
+        yield from one_step_scores(residual, held, f"one_step_{name}", units, sizes)
 
 
 def _rollouts(model: _Model, owner: Array, *, true: bool = False) -> tuple[InitialStates, Rollout]:
@@ -202,7 +205,8 @@ def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
             own = data.trajectory.take(rows)
             measured[:, rows] = own.measured
             q[:, rows] = free_run(data.plant[rows], model.friction[owner[rows]], own)
-    yield from free_run_scores(q, trajectory._replace(measured=measured), held)
+    units = model.views[0].data.position_units
+    yield from free_run_scores(q, trajectory._replace(measured=measured), held, units)
 
 
 def _curve_scores(friction: Friction, overall: Friction, prepared: Prepared) -> Iterable[Score]:

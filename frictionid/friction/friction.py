@@ -39,7 +39,8 @@ class Friction:
     `parameters` are mechanism parameters that belong to this friction (published models bring their
     own inertias); empty where those of the data set hold. `mechanism` is "unit" where there is no
     other physics than this friction's, a negative acceleration. `provenance` says where it is from.
-    `angle_unit` is "m" for prismatic joints, whose friction is a force, see `units_of`.
+    `position_units` has "m" for prismatic joints, whose friction is a force, see `units_of`; all
+    are "rad" where it is empty.
     `calibration` holds base parameters and sensor corrections, with the batch axes of theta.
     `constraints` are the bounds and priors under which theta was fitted, with its shape.
 
@@ -61,7 +62,7 @@ class Friction:
     theta: Array
     parameters: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    angle_unit: str = "rad"
+    position_units: tuple[str, ...] = ()
     calibration: Calibration | None = None
     mechanism: str = ""
     constraints: Constraints | None = None
@@ -75,6 +76,11 @@ class Friction:
             )
         if self.mechanism not in ("", "unit"):
             raise ValueError(f'mechanism = {self.mechanism!r} must be "unit", or be left out')
+        if len(self.position_units) not in (0, self.n):
+            raise ValueError(
+                f"position_units = {self.position_units!r} must have one entry for each of "
+                f"{self.n} joints"
+            )
 
     def __getitem__(self, index: Any) -> Friction:
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
@@ -87,10 +93,9 @@ class Friction:
         """Number of joints."""
         return int(self.theta.shape[-2])
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of the law's parameters for these joints."""
-        return units_of(self.law, self.angle_unit)
+    def units_at(self, joint: int) -> tuple[str, ...]:
+        """Units of the law's parameters at a joint, from 0."""
+        return units_of(self.law, self.position_units[joint] if self.position_units else "rad")
 
     def torque(self, x: Inputs, memory: Memory = ()) -> Array:
         """Friction torque at inputs whose batch axes broadcast against theta's, (..., n) [N m]."""
@@ -130,23 +135,23 @@ class Friction:
         for j in range(self.n):
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"
-                for i, (name, unit) in enumerate(zip(self.law.names, self.units, strict=True))
+                for i, (name, unit) in enumerate(zip(self.law.names, self.units_at(j), strict=True))
                 if has[j, i] and not (self.law.is_sparse and (theta[:, j, i] == 0).all())
             )
             lines.append(f"  joint {j + 1}  " + ", ".join(values))
         return "\n".join(lines)
 
 
-def units_of(law: Law, angle_unit: str = "rad") -> tuple[str, ...]:
-    """Units of a law's parameters for joints whose positions are in `angle_unit`, "rad" or "m".
+def units_of(law: Law, position_unit: str = "rad") -> tuple[str, ...]:
+    """Units of a law's parameters for a joint whose position is in "rad" or "m".
 
     >>> from frictionid.friction.laws import CoulombViscous
     >>> units_of(CoulombViscous()), units_of(CoulombViscous(), "m")
     (('N m', 'N m s/rad'), ('N', 'N s/m'))
     """
-    if angle_unit == "rad":
+    if position_unit == "rad":
         return tuple(law.units)
-    return tuple(unit.replace("N m", "N").replace("rad", angle_unit) for unit in law.units)
+    return tuple(unit.replace("N m", "N").replace("rad", position_unit) for unit in law.units)
 
 
 def _number(values: Array) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any, ClassVar, NamedTuple
 
@@ -196,11 +197,11 @@ class Law(ABC):
         return self.with_width(SHARP_WIDTH) if numerical else self
 
     def equation(
-        self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
+        self, theta: Array, half: Array | None = None, position_units: Sequence[str] = ()
     ) -> list[str]:
         """One line for each joint of a sparse law: its terms with coefficients theta (n, P).
 
         `half` (n, P) is half the width of an interval of each coefficient, written behind it where
-        it is finite.
+        it is finite; without `position_units` of the joints all are "rad".
         """
         return []

@@ -41,7 +41,7 @@ def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[st
     words = [
         {
             name: {"value": float(mean[j, i]), "unit": unit}
-            for i, (name, unit) in enumerate(zip(friction.law.names, friction.units, strict=True))
+            for i, (name, unit) in enumerate(zip(friction.law.names, friction.units_at(j), strict=True))
             if has[j, i]
         }
         for j in range(friction.n)
@@ -54,10 +54,30 @@ def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[st
         "shape": list(theta.shape),
         "parameters": dict(friction.parameters),
         "provenance": dict(friction.provenance),
-        **({} if friction.angle_unit == "rad" else {"angle_unit": friction.angle_unit}),
+        **_units_table(friction),
         **({"mechanism": friction.mechanism} if friction.mechanism else {}),
         **({} if friction.calibration is None else {"calibration": asdict(friction.calibration)}),
     }
+
+
+def _units_table(friction: Friction) -> dict[str, Any]:
+    """Units of the positions where they are not all "rad"; one where it is that of all joints."""
+    units = friction.position_units
+    if set(units) <= {"rad"}:
+        return {}
+    return {"angle_unit": units[0] if len(set(units)) == 1 else list(units)}
+
+
+def _units_of_document(document: Mapping[str, Any], joints: int, where: str) -> tuple[str, ...]:
+    """Units of the positions of each joint, () where all are "rad"."""
+    given = document.get("angle_unit", "rad")
+    units = tuple(given) if isinstance(given, list) else (given,) * joints
+    if len(units) != joints or not set(units) <= {"rad", "m"}:
+        raise InputError(
+            f'{where}: "angle_unit" must be "rad" or "m", or one of these for each of {joints} '
+            f"joints, not {given!r}"
+        )
+    return () if set(units) <= {"rad"} else units
 
 
 def _law_table(law: Law, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
@@ -191,10 +211,10 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where
     try:
         theta = _theta(document, law, where)
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
-        unit = str(document.get("angle_unit", "rad"))
+        units = _units_of_document(document, theta.shape[-2], where)
         calibration = _calibration(document.get("calibration", document.get("rig")), where)
         source, mechanism = dict(document.get("provenance", {})), document.get("mechanism", "")
-        friction = Friction(law, theta, parameters, source, unit, calibration, str(mechanism))
+        friction = Friction(law, theta, parameters, source, units, calibration, str(mechanism))
     except InputError:
         raise
     except (TypeError, ValueError, AttributeError) as error:
@@ -274,9 +294,10 @@ def _words(document: Mapping[str, Any], joints: Sequence[Any], law: Law, where: 
         has = law.has_parameters(len(joints))
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    units = units_of(law, str(document.get("angle_unit", "rad")))
+    each = _units_of_document(document, len(joints), where) or ("rad",) * len(joints)
     out = np.zeros(has.shape)
-    for j, (joint, own) in enumerate(zip(joints, has, strict=True)):
+    for j, (joint, own, unit) in enumerate(zip(joints, has, each, strict=True)):
+        units = units_of(law, unit)
         known = {name: units[i] for i, name in enumerate(law.names) if own[i]}
         out[j, own] = _joint(joint, known, f"{where}: joint {j + 1}")
     return out

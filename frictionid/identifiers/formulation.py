@@ -12,6 +12,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.joint_sizes import are_mixed, joint_sizes_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
@@ -83,15 +84,14 @@ class Recipe:
         problem = data.problems[self.name] if uses else data.without_mechanism(self)
         weights = data.weights[self.name]
         friction = checked_fit(identifier, problem, weights, seed)
-        friction = replace(friction, angle_unit=data.angle_unit)
+        friction = replace(friction, position_units=data.position_units)
         return OneStepFit(friction, problem, weights[-1])
 
 
 class TrainingData(Protocol):
     """What recipes fit: a one-step problem for each, and the weights (F + 1, K) of its rows.
 
-    The rows of the weights are those of the folds' training and, last, of all data. `angle_unit` is
-    that of the mechanism's joints, "rad" or "m".
+    The rows of the weights are those of the folds' training and, last, of all data.
     """
 
     @property
@@ -99,7 +99,7 @@ class TrainingData(Protocol):
     @property
     def weights(self) -> Mapping[str, Array]: ...
     @property
-    def angle_unit(self) -> str: ...
+    def position_units(self) -> tuple[str, ...]: ...
 
     def without_mechanism(self, recipe: Recipe) -> Problem:
         """The problem for joints of unit inertia on which nothing but friction acts."""
@@ -175,7 +175,15 @@ def training_problem(
     history: float = 0.0,
     states: tuple[States, ...] | None = None,
 ) -> Problem:
-    """One-step problem for fits: `problem_of` with the rows of joints at rest projected out."""
+    """One-step problem for fits: `problem_of` with the rows of joints at rest projected out.
+
+    Where some joints turn and others slide, r and G are in units of the joints' sizes, as in the
+    scores: a fit does not depend on whether a position is in m or in mm.
+    """
     problem = problem_of(dataset, plant, recipe, sample_time, history, states)
+    if are_mixed(plant.mechanism.position_units):
+        sizes = joint_sizes_of(dataset)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        problem = replace(problem, r=problem.r / sizes, G=problem.G / sizes[:, None])
     threshold = recipe.velocity_threshold
     return problem if threshold == 0 else mask_stiction(problem, threshold)

@@ -59,7 +59,7 @@ def _estimate(
         name=f"{name} of {joints[j]}",
         parameter=name,
         joint=j,
-        unit=friction.units[i],
+        unit=friction.units_at(j)[i],
         value=value,
         error=error,
         inner=(value - inner, value + inner),

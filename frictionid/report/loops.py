@@ -113,7 +113,8 @@ def loop_table(section: Section) -> Table | None:
     models += [model for model in section.of_role("truth") if has_memory(model)]
     data = section.description
     columns = [*text_columns("model", "joint"), Column("Hz")]
-    columns += [Column(f"{text} width [m{data.torque_unit}]") for text in KINDS.values()]
+    unit = ", ".join(dict.fromkeys(f"m{unit}" for unit in data.torque_units))
+    columns += [Column(f"{text} width [{unit}]") for text in KINDS.values()]
     columns += [Column(f"{KINDS['offset']} lag [ms]"), Column("share of torque")]
     columns += text_columns("verdict")
     lines = []

@@ -112,12 +112,13 @@ def mean_sd(values: Array, places: int | None = None) -> str:
 
 
 def divergence_limit(angle_unit: str) -> str:
-    """Error beyond which a prediction has diverged (`evaluation.score_rows.far`).
+    """Error beyond which a prediction has diverged (`frictionid.data.joint_sizes`).
 
-    >>> divergence_limit("rad"), divergence_limit("m")
-    ('1 rad', 'a quarter of the travel')
+    >>> divergence_limit("rad"), divergence_limit("m"), divergence_limit("sizes")
+    ('1 rad', 'a quarter of the travel', '1 rad or a quarter of the travel')
     """
-    return "1 rad" if angle_unit == "rad" else "a quarter of the travel"
+    limits = {"rad": "1 rad", "m": "a quarter of the travel"}
+    return limits.get(angle_unit, "1 rad or a quarter of the travel")
 
 
 def seconds(horizon: float) -> str:

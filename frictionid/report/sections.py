@@ -11,6 +11,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results
+from frictionid.data.joint_sizes import are_mixed
 
 ROLES = ("none", "fitted", "given", "truth")
 RIVALS = ("fitted", "given")  # models that are ranked
@@ -45,8 +46,8 @@ class DataDescription:
     """
 
     joints: tuple[str, ...]
-    torque_unit: str
-    angle_unit: str
+    torque_units: tuple[str, ...]
+    position_units: tuple[str, ...]
     recordings: int
     samples: int
     seconds: float
@@ -59,6 +60,16 @@ class DataDescription:
     own_base: Any
     velocities: Array | None
     speeds: Mapping[str, Any] | None
+
+    @property
+    def angle_unit(self) -> str:
+        """Unit of errors over all joints; where some turn and others slide, their joints' sizes."""
+        return "sizes" if are_mixed(self.position_units) else self.position_units[0]
+
+    @property
+    def velocity_unit(self) -> str:
+        """Unit of velocities, or those of joints of both kinds."""
+        return ", ".join(dict.fromkeys(f"{unit}/s" for unit in self.position_units))
 
     @property
     def coordinate(self) -> str:
@@ -77,7 +88,9 @@ def description_of(document: Mapping[str, Any]) -> DataDescription:
     truth, velocities = document["truth"], document.get("velocities")
     return DataDescription(
         joints=tuple(map(str, document["joints"])),
-        **{key: document[key] for key in ("torque_unit", "angle_unit", "recordings", "samples")},
+        torque_units=_each(document, "torque_unit"),
+        position_units=_each(document, "position_unit", "angle_unit"),
+        **{key: int(document[key]) for key in ("recordings", "samples")},
         seconds=float(document["seconds"]),
         velocity=velocity,
         truth=None if truth is None else np.asarray(truth, dtype=float),
@@ -89,6 +102,11 @@ def description_of(document: Mapping[str, Any]) -> DataDescription:
         velocities=None if velocities is None else np.asarray(velocities, dtype=float),
         speeds=document.get("speeds"),
     )
+
+
+def _each(document: Mapping[str, Any], key: str, older: str = "") -> tuple[str, ...]:
+    """Units of the joints; folders of earlier versions have one for all."""
+    return tuple(document.get(f"{key}s") or [document[older or key]] * len(document["joints"]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,7 +89,10 @@ def show_scores(table: pd.DataFrame) -> None:
         joints = sorted(own[own["score"] == "curve_error"]["joint"].unique())
         frame = summary_numbers(level, folds, horizons, joints).reset_index(names="identifier")
         frame = frame.assign(recipe="", role="given")
-        _print_summary(Summary(frame, str(dataset), horizons, tuple(joints), "rad"), str(dataset))
+        ahead = own[own["score"].str.startswith("rollout") & (own["statistic"] == "median")]
+        units = {"1": "sizes"} | {unit: unit for unit in ("rad", "m")}
+        unit = units[next(iter(ahead.loc[ahead["joint"] == "all", "unit"]), "rad")]
+        _print_summary(Summary(frame, str(dataset), horizons, tuple(joints), unit), str(dataset))
 
 
 def show_table(table: Table) -> None:

@@ -73,12 +73,12 @@ def test_a_quarter_of_the_travel_is_far_off_for_a_joint_that_slides():
     starts.measured[0, 0], starts.measured[0, 1] = [0.0, -1.0], [0.2, 1.0]
     starts.measured[0, 2:] = np.nan
     fold = np.zeros((1, 4), int)
-    rows = list(rollout_scores(motion, starts, fold, "m"))
+    rows = list(rollout_scores(motion, starts, fold, ("m",) * starts.measured.shape[-1]))
     shares = select([row for row in rows if row.fold == "all"], statistic="diverged")
     assert shares == {("all", "1"): 0.25, ("all", "2"): 0.25, ("all", "all"): 0.25}
     scaled = made_up(np.multiply(errors, 1000.0))
     scaled[1].measured[:] = 1000.0 * starts.measured
-    again = list(rollout_scores(*scaled, fold, "m"))
+    again = list(rollout_scores(*scaled, fold, ("m",) * starts.measured.shape[-1]))
     assert [r.value for r in again if r.unit == "1"] == [r.value for r in rows if r.unit == "1"]
 
 

@@ -246,7 +246,7 @@ def test_it_writes_its_equation_with_units_and_intervals():
     other = replace(found, law=CoulombViscous(), theta=COULOMB[None], provenance={})
     assert with_equations(replace(own, friction=other)).provenance == {}
     assert LAW.equation(0.0 * found.theta[0])[0] == "Tf1 = 0"
-    axis = Library(velocities=()).equation(np.array([[1.0, 0, 0, -2.0, 0, 0]]), None, "m")
+    axis = Library(velocities=()).equation(np.array([[1.0, 0, 0, -2.0, 0, 0]]), None, ("m",))
     assert axis == ["Tf1 = 1 N s(w) - 2 N s/m w"]
 
 

@@ -52,10 +52,10 @@ def test_no_unit_of_a_prismatic_joint_turns(law):
 
 
 def test_forces_are_printed_and_kept_in_newtons(tmp_path):
-    friction = Friction(CoulombViscous(), np.array([[20.4, 203.5]]), angle_unit="m")
+    friction = Friction(CoulombViscous(), np.array([[20.4, 203.5]]), position_units=("m",))
     assert "coulomb 20.4 N, viscous 203.5 N s/m" in str(friction)
-    assert friction[..., :].angle_unit == "m"
+    assert friction[..., :].position_units == ("m",)
     save_model(friction, tmp_path / "model.json", LAWS)
     text = (tmp_path / "model.json").read_text()
     assert '"N s/m"' in text and "N m" not in text
-    assert load_model(tmp_path / "model.json", LAWS).units == ("N", "N s/m")
+    assert load_model(tmp_path / "model.json", LAWS).units_at(0) == ("N", "N s/m")

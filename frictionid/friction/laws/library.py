@@ -9,7 +9,7 @@ for ripple and `offset` (which make a level differ by angle and direction) and f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -137,14 +137,20 @@ class Library(Law):
         return above_zero(level)
 
     def equation(
-        self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
+        self, theta: Array, half: Array | None = None, position_units: Sequence[str] = ()
     ) -> list[str]:
-        units = units_of(self, angle_unit)
-        terms = [f"{unit} {c.formula}" for unit, c in zip(units, self.candidates, strict=True)]
         rows = np.asarray(theta)
         halves = [None] * len(rows) if half is None else half
-        sums = [written_sum(row, own, terms) for row, own in zip(rows, halves, strict=True)]
+        units = position_units or ("rad",) * len(rows)
+        sums = [
+            written_sum(row, own, self._terms(unit))
+            for row, own, unit in zip(rows, halves, units, strict=True)
+        ]
         return [f"Tf{j} = {text}" for j, text in enumerate(sums, start=1)]
+
+    def _terms(self, position_unit: str) -> list[str]:
+        units = units_of(self, position_unit)
+        return [f"{unit} {c.formula}" for unit, c in zip(units, self.candidates, strict=True)]
 
 
 @lru_cache(maxsize=64)  # each step of a rollout asks for them

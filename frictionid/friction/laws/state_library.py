@@ -9,6 +9,7 @@ where it slides), w, a smooth sign of w, and u, in which the sum is linear, as m
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations_with_replacement
@@ -109,7 +110,7 @@ class StateLibrary(Law):
         return 0.0 * (theta[..., 0] + x.w)
 
     def equation(
-        self, theta: Array, half: Array | None = None, angle_unit: str = "rad"
+        self, theta: Array, half: Array | None = None, position_units: Sequence[str] = ()
     ) -> list[str]:
         """One line for each joint: its acceleration in SI units."""
         terms = ["" if name == "1" else name for name in self.names]

@@ -54,7 +54,7 @@ def _picture(
         high = 1.12 * most([np.abs(band.curve) for band in bands.values()])
         near = {model: _near(model, bands[model], data, joint) for model in every}
         scale, prefix = prefixed(max(near.values()))
-        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{data.torque_unit}]")
+        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{data.torque_units[joint]}]")
         for c, model in enumerate(shown):
             band, colour = bands[model], styles[model.label].colour
             upper, lower = axes[2 * joint : 2 * joint + 2, c]

@@ -59,11 +59,11 @@ def _picture(
         for axis, model in zip(row, columns, strict=True):
             _panel(axis, model, given, (data, joint, limits[joint]), styles)
             axis.tick_params(labelleft=axis is row[0], labelbottom=joint == len(limits) - 1)
-        row[0].set_ylabel(f"{data.joints[joint]}\n[{data.torque_unit}]")
+        row[0].set_ylabel(f"{data.joints[joint]}\n[{data.torque_units[joint]}]")
     for axis, model in zip(axes[0], columns, strict=True):
         axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
     key_above(picture, _key(given, data, styles))
-    picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
+    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
     return picture
 
 

@@ -61,7 +61,7 @@ def _picture(
         high = 1.12 * max(_high(model, joint) for model in every)
         near = max(_near(model, data, joint) for model in every)
         scale, prefix = prefixed(near)
-        axes[2 * joint + 1, 0].set_ylabel(f"about the mean\n[{prefix}{data.torque_unit}]")
+        axes[2 * joint + 1, 0].set_ylabel(f"about the mean\n[{prefix}{data.torque_units[joint]}]")
         for c, model in enumerate(shown):
             colour, (upper, lower) = styles[model.label].colour, axes[2 * joint : 2 * joint + 2, c]
             mean = _mean(model, joint)

@@ -50,11 +50,11 @@ def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, St
         own = [loop for model in columns for loop in loops_of(model, joint, kind)]
         tones = ", ".join(dict.fromkeys(f"{loop.frequency:.3g}" for loop in own))
         name = f"{plain(data.joints[joint])}, {KINDS[kind]}"
-        axes[r, 0].set_ylabel(f"{name}\n{tones} Hz  [{data.torque_unit}]", fontsize=7)
+        axes[r, 0].set_ylabel(f"{name}\n{tones} Hz  [{data.torque_units[joint]}]", fontsize=7)
     for axis, model in zip(axes[0], columns, strict=True):
         axis.set_title(plain(model.label), color=styles[model.label].colour, weight="bold")
     key_above(picture, _key(bool(section.of_role("truth")) or data.truth is not None))
-    picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
+    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
     return picture
 
 

@@ -36,8 +36,8 @@ def motions(
         for joint, axis in enumerate(column):
             _panel(axis, shown, joint, styles)
         column[0].set_title(_title(*start), fontsize=7, loc="left")
-    for axis, name in zip(axes[:, 0], description.joints, strict=True):
-        axis.set_ylabel(f"{name} [{description.angle_unit}]")
+    for joint, (axis, name) in enumerate(zip(axes[:, 0], description.joints, strict=True)):
+        axis.set_ylabel(f"{name} [{description.position_units[joint]}]")
     text = "time since the start of the prediction [s]"
     picture.supxlabel(f"{text}{plain(beside)}", fontsize=8)
     key = {m.label: line(styles[m.label].colour, styles[m.label].line) for m in models}

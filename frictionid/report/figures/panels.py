@@ -58,11 +58,11 @@ def label_panels(
 ) -> None:
     """Titles of the columns, and the joints' names at the upper panels."""
     for joint, name in enumerate(data.joints):
-        axes[2 * joint, 0].set_ylabel(f"{plain(name)}\n[{data.torque_unit}]")
+        axes[2 * joint, 0].set_ylabel(f"{plain(name)}\n[{data.torque_units[joint]}]")
     for axis, model in zip(axes[0], models, strict=True):
         axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
     picture.align_ylabels(axes[:, 0])
-    picture.supxlabel(f"velocity [{data.angle_unit}/s]", fontsize=8)
+    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
 
 
 def draw_truth(axis: Any, data: DataDescription, joint: int) -> None:

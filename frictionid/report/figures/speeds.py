@@ -14,7 +14,8 @@ from frictionid.report.tables import Column, Table, line, text_columns
 def velocity_scatter(data: DataDescription, w: Array) -> Any:
     """Picture of each joint's velocity (N, n) over the first one's, and how often each occurred."""
     n = w.shape[1]
-    names = [f"{plain(name)} [{data.angle_unit}/s]" for name in data.joints]
+    units = zip(data.joints, data.position_units, strict=True)
+    names = [f"{plain(name)} [{unit}/s]" for name, unit in units]
     picture = figure(2.5, 7.2 if n > 1 else 3.6)
     axes = picture.subplots(1, max(n - 1, 0) + n, squeeze=False)[0]
     for joint in range(1, n):
@@ -33,7 +34,7 @@ def velocity_scatter(data: DataDescription, w: Array) -> Any:
 
 def speed_table(dataset: str, data: DataDescription, speeds: Any) -> Table:
     """How fast the joints were: levels that shares of the samples stay below."""
-    unit = f"{data.angle_unit}/s"
+    unit = data.velocity_unit
     columns = [*text_columns("joint"), Column("at rest")]
     columns += [Column(percent(level), "speed below which", unit) for level in speeds["levels"]]
     lines = [

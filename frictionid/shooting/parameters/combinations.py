@@ -78,7 +78,7 @@ class CombinationBlock(ParameterBlock):
             Parameter(
                 block=self.name,
                 name=f"{friction.law.names[k]} of {joint}",
-                unit=friction.units[k],
+                unit=friction.units_at(j)[k],
                 value=float(value[j, k]),
                 prior=1.0,
                 place=(j, k),

@@ -36,13 +36,13 @@ class FrictionBlock(ParameterBlock):
         check_fixed(self.fixed, law.names, self.name, f"{law} has no parameter")
         joints = estimate.mechanism.friction_names
         has = law.has_parameters(len(theta))
-        units, own = estimate.friction.units, estimate.friction.constraints
+        own = estimate.friction.constraints
         own = own or constraints_of(law, _no_range(len(theta)))
         return tuple(
             Parameter(
                 block=self.name,
                 name=f"{name} of {joints[j]}",
-                unit=units[i],
+                unit=estimate.friction.units_at(j)[i],
                 value=float(theta[j, i]),
                 low=float(own.low[j, i]),
                 high=float(own.high[j, i]),

@@ -36,12 +36,12 @@ class _JointSensor(ParameterBlock):
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         d, deviation = estimate.mechanism, prior_deviation(self.prior, self.name)
         values = getattr(estimate.calibration, self.name)
-        units = {"gain": "1", "bias": d.torque_units[0], "offset": d.position_units[0]}
+        units = {"bias": d.torque_units, "offset": d.position_units}.get(self.name, ("1",) * d.n)
         free = (
             Parameter(
                 block=self.name,
                 name=f"{self.label} of {d.joints[j]}",
-                unit=units[self.name],
+                unit=units[j],
                 value=float(values[j]),
                 low=self.low,
                 prior=deviation,

@@ -72,5 +72,5 @@ def test_truth_in_truth_out(law, theta, n):
 
 
 def test_the_coefficient_of_a_prismatic_joint_has_no_unit():
-    friction = Friction(LoadDependent(), THETA, angle_unit="m")
-    assert friction.units == ("N", "N/N", "N s/m")
+    friction = Friction(LoadDependent(), THETA, position_units=("m",) * len(THETA))
+    assert friction.units_at(0) == ("N", "N/N", "N s/m")
