@@ -99,11 +99,14 @@ def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
         "angle": [f"q{j}_true" for j in joints],
         "velocity": [f"w{j}_true" for j in joints],
     }
+    m = dataset.mechanism
+    units = {"angle": m.position_units, "velocity": m.velocity_units, "torque": m.torque_units}
     return {
         "name": dataset.name,
         **dataset.origin,
-        "mechanism": dict(dataset.mechanism.table),
+        "mechanism": m.table,
         "columns": columns,
+        **({"units": {k: list(v) for k, v in units.items()}} if "m" in m.position_units else {}),
         "recordings": {"patterns": ["*.csv"]},
     }
 

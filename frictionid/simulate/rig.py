@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from frictionid.config import Count, NotNegative, Positive, check_settings
@@ -24,12 +25,13 @@ AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discrim
 class Camera:
     """Measurement of the angles: number of samples, rate [Hz], noise (standard deviation) [rad].
 
+    angle_noise : one for all joints, or one for each [rad, or m]
     resolution : [rad], step of an encoder; 0: none
     """
 
     samples: Annotated[int, Field(ge=2)]
     rate: Positive = 60.0
-    angle_noise: NotNegative = 0.0
+    angle_noise: NotNegative | tuple[NotNegative, ...] = 0.0
     resolution: NotNegative = 0.0
 
     def __post_init__(self) -> None:
@@ -129,6 +131,11 @@ class Rig:
         (self.true_mechanism or mechanism).nominal(self.true_parameters)
         if self.controller is not None:
             _check_controller(self, self.controller, mechanism.n)
+        if np.size(self.camera.angle_noise) not in (1, mechanism.n):
+            raise InputError(
+                f"camera: angle_noise has {np.size(self.camera.angle_noise)} numbers for "
+                f"{mechanism.n} joints; give one, or one for each"
+            )
         if not self.recordings:
             raise InputError("a rig needs at least one recording")
         seen: set[str] = set()

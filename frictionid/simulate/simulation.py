@@ -117,7 +117,7 @@ def _recorded(
 ) -> Recording:
     q, w = states[:, 0], states[:, 1]
     noise = _generator(seed, run, "camera").standard_normal(q.shape)
-    angle = q + rig.camera.angle_noise * noise
+    angle = q + np.asarray(rig.camera.angle_noise) * noise
     if rig.camera.resolution:
         angle = rig.camera.resolution * np.round(angle / rig.camera.resolution)
     return Recording(

@@ -7,15 +7,15 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_bytes
+from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_bytes, write
 from fixtures.paths import ROOT
 
-from frictionid.data.readers.dataset import dataset_files, load_dataset
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, check_dataset_toml
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.errors import InputError
-from frictionid.mechanics import pendulum
+from frictionid.mechanics import unit_inertia
 
 
 def assert_same(left, right):
@@ -47,16 +47,6 @@ def test_the_descriptions_tables_are_kept_as_they_stand(tmp_path):
     assert dataset.origin == {"licence": "MIT"}
     content = (tmp_path / "a.csv").read_bytes()
     assert dataset.hashes == {"a.csv": hashlib.sha256(content).hexdigest()}
-
-
-def test_a_mechanism_that_does_not_exist_is_named_with_the_file(tmp_path):
-    with pytest.raises(InputError, match=r"dataset\.toml: \[mechanism\] kind = 'acrobott' is unk"):
-        load(tmp_path, described(mechanism__kind="acrobott"))
-    recordings = load(tmp_path).recordings
-    with pytest.raises(InputError, match=r"kind = 'acrobott' is unknown; did you mean 'acrobot'"):
-        Dataset("rig", {"kind": "acrobott"}, recordings)
-    with pytest.raises(InputError, match=r"a mechanism must be one of .*, not 'acrobot'"):
-        Dataset("rig", "acrobot", recordings)
 
 
 def test_folder_and_file_name_the_same_data_set(tmp_path):
@@ -94,12 +84,14 @@ def test_every_unit_describes_the_same_motion(tmp_path, quantity, unit):
     columns, scale = motion(), UNITS[quantity][unit]
     names = {"time": ["time"], "angle": ["q1", "q2"], "velocity": ["w1", "w2"], "torque": ["u2"]}
     in_unit = columns | {name: columns[name] / scale for name in names[quantity]}
-    document = described(columns__velocity=["w1", "w2"])
+    document = described(columns__velocity=["w1", "w2"], mechanism__parameters={})
     reference = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
     document["units"] = {quantity: unit}
     if unit in CURRENTS:
         document["motor"] = {"kt": 1.0}
-    recording = load(tmp_path, document, a_csv=csv_bytes(in_unit)).recordings[0]
+    slides = unit_inertia(("m", "m")) if unit in ("m", "mm", "m/s", "mm/s", "N") else None
+    written = write(tmp_path, document, a_csv=csv_bytes(in_unit))
+    recording = load_dataset(written, mechanism=slides).recordings[0]
     assert_same(recording, reference)
     np.testing.assert_allclose(recording.velocity.value, reference.velocity.value, rtol=1e-12)
 
@@ -356,42 +348,3 @@ def test_a_torque_that_ends_early_or_begins_late_is_refused_and_a_silent_one_is_
         Recording("cut", angle, push)
     Recording("idle", angle, push._replace(value=0 * push.value))
     Recording("almost", angle, Signal(time[2:-3], np.cos(time[2:-3])[:, None]))
-
-
-TILTING = """<robot name="tilting"><link name="base"/><link name="arm"><inertial>
-<origin xyz="0 0 -0.2"/><mass value="0.5"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
-<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/>
-<axis xyz="0 -1 0"/></joint></robot>"""
-
-
-def with_urdf(folder, **changes):
-    document = described(mechanism=None, columns__angle=["q1"], columns__torque=["u1"], **changes)
-    document["mechanism"] = {"urdf": "arm/tilting.urdf"}
-    return load(folder, document)
-
-
-def test_a_urdf_beside_the_data_set_describes_its_mechanism(tmp_path, monkeypatch):
-    (tmp_path / "arm").mkdir()
-    (tmp_path / "arm" / "tilting.urdf").write_text(TILTING)
-    (tmp_path / "other").mkdir()
-    monkeypatch.chdir(tmp_path / "other")
-    data = with_urdf(tmp_path)
-    p = data.mechanism.base({})
-    alike = pendulum(mass=0.5, length=0.2, inertia=0.01)
-    at = np.array([0.3]), np.array([2.0])
-    for one, other in zip(
-        data.mechanism.dynamics(p, *at), alike.dynamics(alike.base({}), *at), strict=True
-    ):
-        np.testing.assert_allclose(one, other)
-    digest = hashlib.sha256(TILTING.encode()).hexdigest()
-    assert data.hashes["arm/tilting.urdf"] == digest
-    assert tmp_path / "arm" / "tilting.urdf" in dataset_files(tmp_path)
-    assert with_urdf(tmp_path, sha256={"arm/tilting.urdf": digest}).hashes == data.hashes
-    with pytest.raises(InputError, match=r"tilting\.urdf is not the described file"):
-        with_urdf(tmp_path, sha256={"arm/tilting.urdf": "0" * 64})
-
-
-def test_a_urdf_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"tilting\.urdf"):
-        with_urdf(tmp_path)

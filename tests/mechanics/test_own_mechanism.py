@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import tomllib
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def recorded():
             name="cart_pole",
             mechanism=cart_pole(),
             friction=Stribeck(Curve(*(tuple(x) for x in TRUE.T[[0, 0, 1]].tolist()))),
-            camera=Camera(samples=240, rate=60.0, angle_noise=2e-4),
+            camera=Camera(samples=240, rate=60.0, angle_noise=(1e-4, 4e-4)),
             recordings=tuple(runs),
             substeps=12,
         )
@@ -123,6 +124,12 @@ def test_a_data_set_and_the_module_beside_it_are_read_with_trust(recorded, tmp_p
         load_dataset(tmp_path / "data")
     again = load_dataset(tmp_path / "data", trust=True)
     assert again.mechanism == recorded.mechanism
+    text = (tmp_path / "data" / "dataset.toml").read_text()
+    assert tomllib.loads(text)["units"] == {
+        "angle": ["m", "rad"],
+        "velocity": ["m/s", "rad/s"],
+        "torque": ["N", "N m"],
+    }
     given = load_dataset(tmp_path / "data", mechanism=cart_pole())
     assert given.mechanism == recorded.mechanism
     assert isinstance(given, Dataset)

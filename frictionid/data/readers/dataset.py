@@ -13,7 +13,7 @@ import numpy as np
 
 from frictionid.config import imported, nearest, read_toml
 from frictionid.data.readers.dataset_path import dataset_path
-from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
+from frictionid.data.readers.dataset_toml import CURRENTS, DatasetToml, check_dataset_toml
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
 from frictionid.data.readers.table import read_table, table_name
@@ -76,15 +76,37 @@ def load_dataset(
     if machine is not None:
         name = toml.mechanism.file
         hashes[name] = _sha256(read_bytes(machine), machine, toml.sha256.get(name))
+    own = _mechanism(document["mechanism"], file, machine, mechanism, trust)
+    _check_units(toml, own, file)
     origin = {key: getattr(toml, key) for key in ("description", "origin", "licence", "citation")}
     return Dataset(
         name=toml.name,
-        mechanism=_mechanism(document["mechanism"], file, machine, mechanism, trust),
+        mechanism=own,
         recordings=tuple(recordings),
         hashes=hashes,
         origin={key: text for key, text in origin.items() if text},
         truth=toml.truth,
     )
+
+
+# Units of joints that slide; all others are those of joints that turn, but for currents.
+_SLIDING = {"angle": ("m", "mm"), "velocity": ("m/s", "mm/s"), "torque": ("N",)}
+
+
+def _check_units(toml: DatasetToml, mechanism: Mechanism, file: Path) -> None:
+    """Refuse stated units that the mechanism's joints do not have."""
+    for quantity in toml.units.model_fields_set & set(_SLIDING):
+        units = getattr(toml.units, quantity)
+        each = units * mechanism.n if len(units) == 1 else units
+        for joint, unit, position in zip(
+            mechanism.joints, each, mechanism.position_units, strict=False
+        ):
+            if unit not in CURRENTS and (unit in _SLIDING[quantity]) != (position == "m"):
+                raise InputError(
+                    f'{file}: units.{quantity} = "{unit}", but {joint} of {mechanism.kind} '
+                    f"{'slides' if position == 'm' else 'turns'}: correct the unit"
+                    + (", one per joint" if mechanism.n > 1 else "")
+                )
 
 
 def _mechanism_file(toml: DatasetToml, file: Path, folder: Path) -> Path | None:

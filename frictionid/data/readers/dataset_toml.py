@@ -166,17 +166,24 @@ class ColumnNames(Strict):
 
 
 class Units(Strict):
-    """Unit of each quantity in the tables."""
+    """Unit of each quantity in the tables: one, or one per joint."""
 
     time: str = "s"
-    angle: str = "rad"
-    velocity: str = "rad/s"
-    torque: str = "N m"
+    angle: Names = ["rad"]
+    velocity: Names = ["rad/s"]
+    torque: Names = ["N m"]
 
     @field_validator("*")
     @classmethod
-    def _known_unit(cls, unit: str, info: ValidationInfo) -> str:
-        return unit_named(info.field_name or "", unit)
+    def _known_unit(cls, unit: str | list[str], info: ValidationInfo) -> str | list[str]:
+        name = info.field_name or ""
+        if isinstance(unit, str):
+            return unit_named(name, unit)
+        return [unit_named(name, own) for own in unit]
+
+    def scales(self, quantity: str) -> list[float]:
+        """SI value of the unit: one, or one per joint."""
+        return [UNITS[quantity][unit] for unit in getattr(self, quantity)]
 
 
 class Signs(Strict):
@@ -314,29 +321,31 @@ class DatasetToml(Strict):
                     "joints; give one row per joint"
                 )
         given |= {f"signs.{label}": numbers for label, numbers in self.signs}
-        for label, numbers in given.items():
-            if numbers is not None and len(numbers) not in (1, joints):
+        units = {f"units.{label}": own for label, own in self.units if label != "time"}
+        for label, entries in (given | units).items():
+            if entries is not None and len(entries) not in (1, joints):
+                what = "units" if label in units else "numbers"
                 raise ValueError(
-                    f"{label} has {len(numbers)} numbers for {joints} joints; "
+                    f"{label} has {len(entries)} {what} for {joints} joints; "
                     "give one, or one per joint"
                 )
         return self
 
     @model_validator(mode="after")
     def _motor_of_currents(self) -> Self:
-        unit = self.units.torque
-        if unit in CURRENTS and self.motor is not None and self.motor.kt is None:
+        currents = [unit for unit in self.units.torque if unit in CURRENTS]
+        if currents and self.motor is not None and self.motor.kt is None:
             raise ValueError("the key 'motor.kt' is missing; add it")
-        if unit in CURRENTS and self.motor is None:
+        if currents and self.motor is None:
             raise ValueError(
-                f'units.torque = "{unit}" needs the table [motor]: add it with kt [N m/A] and '
-                "gear; torque at the joint = kt gear current"
+                f'units.torque = "{currents[0]}" needs the table [motor]: add it with kt [N m/A] '
+                "and gear; torque at the joint = kt gear current"
             )
-        if self.motor is not None and unit not in CURRENTS:
+        if self.motor is not None and not currents:
             if self.motor.kt is not None:
                 raise ValueError(
-                    f'[motor] needs currents, but units.torque = "{unit}": delete kt, or correct '
-                    'the unit to "A"'
+                    f'[motor] needs currents, but units.torque = "{self.units.torque[0]}": delete '
+                    'kt, or correct the unit to "A"'
                 )
             if self.motor.angle == self.motor.torque == "joint":
                 raise ValueError(

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.data.readers.dataset_toml import UNITS, ColumnNames, DatasetToml
+from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, ColumnNames, DatasetToml
 from frictionid.data.readers.motor_toml import Motor
 from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_signals import signal_of
@@ -100,10 +100,10 @@ def _signal(
     torque = quantity == "torque"
     clock = columns.time.torque if torque and any(names) else columns.time.angle
     sigma = getattr(toml.sigma, quantity) if quantity else None
-    unit: Any = UNITS[quantity][getattr(toml.units, quantity)] if quantity else 1.0
+    unit: Any = np.array(toml.units.scales(quantity) if quantity else [1.0])
     unit = unit * np.array(toml.signs.of(quantity), float)
     if torque and toml.motor is not None and toml.motor.kt is not None:
-        unit = unit * np.array(toml.motor.kt)
+        unit = unit * np.where(np.isin(toml.units.torque, CURRENTS), toml.motor.kt, 1.0)
     return signal_of(
         table,
         clock,
