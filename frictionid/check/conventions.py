@@ -45,11 +45,14 @@ class Scored(NamedTuple):
     score: float
 
 
-def hypotheses(n: int, driven: Sequence[bool], unit: str = "rad") -> Iterator[Convention]:
+def hypotheses(
+    n: int, driven: Sequence[bool], position_units: Sequence[str] = ()
+) -> Iterator[Convention]:
     """Conventions that recordings of n joints may follow; the first is the data as given.
 
-    unit : of the positions, "rad", or "m" for prismatic joints
+    position_units : of each joint, "rad", or "m" where it slides; all "rad" where there are none
     """
+    slides = np.array([unit == "m" for unit in position_units or ("rad",) * n])
     eye = np.eye(n)
     yield Convention("as_given", "as given", eye, eye)
     for j in range(n):
@@ -58,14 +61,14 @@ def hypotheses(n: int, driven: Sequence[bool], unit: str = "rad") -> Iterator[Co
         if driven[j]:
             yield Convention("flipped_torque", f"torque {j + 1} has the wrong sign", eye, flip)
     swap = eye[::-1]
-    if n == 2:
+    if n == 2 and len(set(slides)) == 1:
         yield Convention("swapped_angles", "the angles of the joints are swapped", swap, eye)
         if any(driven):
             yield Convention("swapped_torques", "the torques of the joints are swapped", eye, swap)
             yield Convention(
                 "swapped_joints", "the joints are swapped, angles and torques", swap, swap
             )
-    if n > 1:
+    if n > 1 and not slides.any():
         relative = eye - np.diag(np.ones(n - 1), -1)
         yield Convention(
             "absolute_angle",
@@ -73,23 +76,23 @@ def hypotheses(n: int, driven: Sequence[bool], unit: str = "rad") -> Iterator[Co
             relative,
             eye,
         )
-    if unit == "m":
-        yield Convention("millimetres", "positions are in mm, not m", 1e-3 * eye, eye)
-        yield Convention("metres", "positions are in m, not mm", 1e3 * eye, eye)
-        return
-    turn = np.pi / 180
-    yield Convention("degrees", "angles are in degrees, not rad", turn * eye, eye)
-    yield Convention("radians", "angles are in rad, not degrees", eye / turn, eye)
+    if slides.any():
+        scale = np.diag(np.where(slides, 1e3, 1.0))
+        yield Convention("millimetres", "positions are in mm, not m", np.linalg.inv(scale), eye)
+        yield Convention("metres", "positions are in m, not mm", scale, eye)
+    if not slides.all():
+        turn = np.diag(np.where(slides, 1.0, np.pi / 180))
+        yield Convention("degrees", "angles are in degrees, not rad", turn, eye)
+        yield Convention("radians", "angles are in rad, not degrees", np.linalg.inv(turn), eye)
 
 
 def scores(measured: Measured) -> list[Scored]:
     """All conventions with their scores, the data as given first."""
-    description = measured.mechanism
     acting = [
         bool(any(r.torque.value[:, j].any() for r in measured.dataset.recordings))
         for j in range(measured.mechanism.n)
     ]
-    candidates = list(hypotheses(measured.mechanism.n, acting, description.position_units[0]))
+    candidates = list(hypotheses(measured.mechanism.n, acting, measured.mechanism.position_units))
     maps = list({c.angle.tobytes(): c.angle for c in candidates}.values())
     rows = dict(zip((m.tobytes() for m in maps), _rows(measured, maps), strict=True))
     torques = {key: r.means(measured.torque) for key, r in rows.items()}

@@ -26,20 +26,20 @@ KNOWN_DELAY = 0.005
 
 def still_joints(tests: HypothesisTests, facts: Sequence[JointFacts]) -> list[Finding]:
     """Findings of joints that hardly move in any recording."""
-    unit = tests.measured.mechanism.position_units[0]
+    units = tests.measured.mechanism.velocity_units
     windows = tests.as_given.moving.sum(0)
     anything = bool((windows >= MIN_WINDOWS).any())
     return [
         Finding(
             "missing_excitation",
             "doubtful" if anything else "unusable",
-            f"joint {fact.joint} hardly moves: 95 % of the time below {fact.fast:.2g} {unit}/s "
+            f"joint {fact.joint} hardly moves: 95 % of the time below {fact.fast:.2g} {unit} "
             f"(noise {fact.velocity_noise:.2g}), {count} windows of sliding",
             "its friction cannot be identified; record motion of this joint",
             fact.joint,
             {"fast": fact.fast, "windows": float(count)},
         )
-        for fact, count in zip(facts, windows, strict=True)
+        for fact, count, unit in zip(facts, windows, units, strict=True)
         if count < MIN_WINDOWS
     ]
 
@@ -63,9 +63,8 @@ def advice(
 
 def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -> list[str]:
     out = []
-    revolute = mechanism.position_units[0] == "rad"
-    for fact in facts:
-        if revolute and fact.top < FAST:
+    for fact, unit in zip(facts, mechanism.position_units, strict=True):
+        if unit == "rad" and fact.top < FAST:
             out.append(
                 f"joint {fact.joint} never exceeds {_round(max(fact.top, 0.1))} rad/s: "
                 f"add {_swing(mechanism, nominal, fact.joint - 1)}"

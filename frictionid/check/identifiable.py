@@ -34,14 +34,14 @@ def identifiable(
     tests: HypothesisTests, facts: Sequence[JointFacts], estimate: Estimate
 ) -> list[Identifiable]:
     """Friction of each joint, inertia combinations, gain and delay."""
-    description = tests.measured.mechanism
+    mechanism = tests.measured.mechanism
     terms = _terms(tests)
     out = [
-        _friction(estimate, fact, description.position_units[0], float(terms[fact.joint - 1]))
-        for fact in facts
+        _friction(estimate, fact, unit, float(terms[fact.joint - 1]))
+        for fact, unit in zip(facts, mechanism.velocity_units, strict=True)
     ]
-    out.append(_base(tests.measured.mechanism.base_names, estimate))
-    return [*out, _gain(tests), _delay(tests)] if any(description.driven) else out
+    out.append(_base(mechanism.base_names, estimate))
+    return [*out, _gain(tests), _delay(tests)] if any(mechanism.driven) else out
 
 
 def _terms(tests: HypothesisTests) -> Array:
@@ -72,7 +72,7 @@ def _friction(estimate: Estimate, fact: JointFacts, unit: str, terms: float) -> 
         return Identifiable(what, False, reason)
     deviation = float(np.sqrt(gradient @ estimate.covariance[np.ix_(at, at)] @ gradient))
     share = deviation / max(total, 1e-300)
-    reason = f"known to {percent(share)} of its level at {fact.fast:.2g} {unit}/s"
+    reason = f"known to {percent(share)} of its level at {fact.fast:.2g} {unit}"
     return Identifiable(what, share < PRECISE, reason)
 
 

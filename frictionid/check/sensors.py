@@ -44,21 +44,23 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
 
     Examples
     --------
+    >>> from frictionid.mechanics import pendulum
     >>> from frictionid.data.recordings import Recording
     >>> from frictionid.data.signals import Signal
     >>> time = np.arange(50) * 0.02
     >>> angle = (4.0 * time[:, None] + np.pi) % TURN - np.pi
-    >>> wrapped = Dataset("a", {}, (Recording("r", Signal(time, angle), Signal(time, 0 * angle)),))
+    >>> recording = Recording("r", Signal(time, angle), Signal(time, 0 * angle))
+    >>> wrapped = Dataset("a", pendulum(), (recording,))
     >>> mended, found = unwrapped(wrapped)
     >>> float(mended.recordings[0].angle.value[-1, 0].round(6)), found[0].kind
     (3.92, 'wrapped_angle')
     """
-    span = _span(dataset)
-    jumps = np.zeros(len(span), int)
+    span, jumps = _span(dataset), np.zeros(dataset.mechanism.n, int)
+    turns = np.array([unit == "rad" for unit in dataset.mechanism.position_units])
     recordings = []
     for recording in dataset.recordings:
         value = recording.angle.value
-        hits = (np.abs(np.diff(value, axis=0)) > np.pi) & (span <= TURN + 0.1)
+        hits = (np.abs(np.diff(value, axis=0)) > np.pi) & (span <= TURN + 0.1) & turns
         if hits.any():
             jumps += hits.sum(0)
             mended = np.where(hits.any(0), np.unwrap(value, axis=0), value)
@@ -231,10 +233,10 @@ def frozen_findings(
     measured: Measured, frozen: Sequence[Frozen], quantity: Literal["angle", "torque"]
 ) -> list[Finding]:
     """A finding for each joint with frozen angles or torques."""
-    description = measured.mechanism
-    kind, unit, contradiction = {
-        "angle": ("frozen_sensor", description.position_units[0], "the joint must move"),
-        "torque": ("frozen_torque", description.torque_units[0], "the motion needs others"),
+    mechanism = measured.mechanism
+    kind, units, contradiction = {
+        "angle": ("frozen_sensor", mechanism.position_units, "the joint must move"),
+        "torque": ("frozen_torque", mechanism.torque_units, "the motion needs others"),
     }[quantity]
     out = []
     for joint in sorted({f.joint for f in frozen}):
@@ -246,7 +248,7 @@ def frozen_findings(
             Finding(
                 kind,
                 "doubtful",
-                f"{quantity} {joint + 1} stands still at {longest.value:.3g} {unit} for "
+                f"{quantity} {joint + 1} stands still at {longest.value:.3g} {units[joint]} for "
                 f"{longest.length:.2g} s while {contradiction}, in {name!r} at "
                 f"{longest.start:.3g} s{more}",
                 "cut these intervals out, or record them again",

@@ -31,7 +31,7 @@ class Experiment:
     length : float [s], of each recording
     recordings : int
     drive_rate, camera_rate : float [Hz]
-    angle_noise : float, standard deviation [rad], or [m]
+    angle_noise : standard deviation [rad], or [m]: one, or one for each joint
     band : lowest and highest frequency of the torque [Hz]
     start : start angles (n,) of each recording, at rest; None to search them as well
     friction_scales : factors of the prior friction for all of which the signal shall be good
@@ -44,16 +44,16 @@ class Experiment:
     recordings: int = 4
     drive_rate: float = 60.0
     camera_rate: float = 60.0
-    angle_noise: float = math.radians(0.1)
+    angle_noise: float | tuple[float, ...] = math.radians(0.1)
     band: tuple[float, float] = (0.2, 4.0)
     start: tuple[float, ...] | None = None
     friction_scales: tuple[float, ...] = (1.0,)
 
     def __post_init__(self) -> None:
         for name in ("length", "drive_rate", "camera_rate", "angle_noise"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name.replace('_', ' ')} = {value:g} must be positive")
+            for value in np.ravel(getattr(self, name)):
+                if not (math.isfinite(value) and value > 0):
+                    raise InputError(f"{name.replace('_', ' ')} = {value:g} must be positive")
         if self.recordings < 1:
             raise InputError(f"recordings = {self.recordings} must be at least 1")
         if self.length * self.camera_rate < 20:
@@ -68,6 +68,11 @@ class Experiment:
                 f"quarter of the drive rate of {self.drive_rate:g} Hz"
             )
         _check_start(self.start, self.limits, self.plant.n)
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviations (n,) of the joints' angles [rad], or [m]."""
+        return np.broadcast_to(np.asarray(self.angle_noise, dtype=float), (self.plant.n,))
 
     @property
     def velocity_threshold(self) -> Array:

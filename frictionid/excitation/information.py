@@ -83,7 +83,7 @@ def expected_information(experiment: Experiment, motions: Motions, seed: int) ->
     The seed is that of one draw of noise by which the smoother's jerk ratio is found.
     """
     images, L, N, n = motions.q.shape
-    dt, noise = 1.0 / experiment.camera_rate, experiment.angle_noise
+    dt, noise = 1.0 / experiment.camera_rate, experiment.noise
     draw = np.random.default_rng(seed).normal(0.0, noise, (images, 1, 1, n))
     decades = jerk_decades(motions.q + draw, dt)
     q, w = smoothed_states(motions.q, decades, dt)
@@ -98,8 +98,8 @@ def expected_information(experiment: Experiment, motions: Motions, seed: int) ->
         for decade in np.unique(decades[:, j]):
             own = decades[:, j] == decade
             gains = smoother_gains(images, dt, float(decade))
-            V[own] += noise**2 * _noise_variance(by_state[own, ..., j], gains)
-            sigma = noise * np.sqrt(gains[1].power(2).sum(axis=1))
+            V[own] += noise[j] ** 2 * _noise_variance(by_state[own, ..., j], gains)
+            sigma = noise[j] * np.sqrt(gains[1].power(2).sum(axis=1))
             V[own] += _mask_variance(by_mask[own, ..., j], margin[own, :, j] / sigma)
     P = H.shape[-1]
     return Information(H.reshape(L, N, P, P), V.reshape(L, N, P, P))

@@ -45,7 +45,7 @@ def monte_carlo(
     """
     images, _, N, n = motions.q.shape
     dt = 1.0 / experiment.camera_rate
-    noise = np.random.default_rng(seed).normal(0.0, experiment.angle_noise, (images, draws, N, n))
+    noise = np.random.default_rng(seed).normal(0.0, experiment.noise, (images, draws, N, n))
     q, w = smoothed_states(motions.q + noise, jerk_decades(motions.q + noise, dt), dt)
     H, g = [], []
     for d in range(draws):

@@ -94,9 +94,10 @@ class SignalSpace:
         if e.start is not None:
             return np.broadcast_to(np.array(e.start, dtype=float), (len(x), e.plant.n)).copy()
         # without a limit a revolute joint may start at any angle, a carriage at zero
-        free = math.pi if e.plant.mechanism.position_units[0] == "rad" else 0.0
+        revolute = np.array([unit == "rad" for unit in e.plant.mechanism.position_units])
+        free = np.where(revolute, math.pi, 0.0)
         limit = np.where(np.isfinite(e.limits.angle), _START * e.limits.angle, free)
-        largest = np.minimum(limit, free) if free else limit
+        largest = np.where(revolute, np.minimum(limit, free), limit)
         return np.round(largest * (2 * x[:, -e.plant.n :] - 1), 3)
 
     def family(self, x: Array) -> list[list[str]]:

@@ -10,6 +10,7 @@ from frictionid.mechanics import Mechanism
 from frictionid.quickstart.quick import Candidate, Quick
 from frictionid.report.figures.panels import panel_grid, plain_logarithm, velocity_axis
 from frictionid.report.figures.style import COLOURS, DARK, GREY, drawing, key_above, line, rendered
+from frictionid.report.numbers import norm_unit
 
 _HIGH = 1.25  # of the largest friction shown
 
@@ -60,8 +61,8 @@ def _friction(
     end = _HIGH * high or 1.0
     velocity_axis(axes, w, (-end, end))
     axes.set_title(mechanism.joints[joint], loc="left")
-    axes.set_xlabel(f"velocity [{mechanism.position_units[0]}/s]")
-    axes.set_ylabel(f"friction [{mechanism.torque_units[0]}]")
+    axes.set_xlabel(f"velocity [{mechanism.velocity_units[joint]}]")
+    axes.set_ylabel(f"friction [{mechanism.torque_units[joint]}]")
 
 
 def _errors(axes: Any, found: Quick, mechanism: Mechanism, colours: dict[str, str]) -> None:
@@ -72,4 +73,4 @@ def _errors(axes: Any, found: Quick, mechanism: Mechanism, colours: dict[str, st
     plain_logarithm(axes)
     axes.set_xticks(range(len(found.candidates)), [c.name for c in found.candidates], rotation=20)
     axes.set_title(f"after {found.horizon:g} s, held out; dots: folds", loc="left", color=DARK)
-    axes.set_ylabel(f"error [{mechanism.position_units[0]}]")
+    axes.set_ylabel(f"error [{norm_unit(mechanism.position_units)}]")

@@ -13,7 +13,7 @@ from frictionid.quickstart.quick import FEWEST, Candidate, Quick
 from frictionid.report.console import console
 from frictionid.report.diagnostics import COLOURS
 from frictionid.report.estimates import estimates
-from frictionid.report.numbers import NOTHING, short
+from frictionid.report.numbers import NOTHING, norm_unit, short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 from frictionid.report.terminal import parameter_table
 
@@ -129,4 +129,4 @@ def _without(found: Quick) -> Candidate:
 
 def _unit(found: Quick) -> str:
     mechanism = found.check.regression.measured.dataset.mechanism
-    return mechanism.position_units[0]
+    return norm_unit(mechanism.position_units)

@@ -15,7 +15,7 @@ from frictionid.check.questions import answer_of
 from frictionid.check.regression import Estimate
 from frictionid.files import plain
 from frictionid.report.console import console
-from frictionid.report.numbers import NOTHING
+from frictionid.report.numbers import NOTHING, either
 from frictionid.report.tables import Column, Line, Table, for_terminal, line, text_columns
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
@@ -40,8 +40,8 @@ def as_json(verdict: Verdict) -> str:
 
 
 def _units(verdict: Verdict) -> tuple[str, str]:
-    description = verdict.regression.measured.dataset.mechanism
-    return description.position_units[0], description.torque_units[0]
+    mechanism = verdict.regression.measured.dataset.mechanism
+    return either(mechanism.position_units), either(mechanism.torque_units)
 
 
 def _headline(verdict: Verdict, console: Any) -> None:

@@ -34,16 +34,19 @@ def command_csv(design: Design, recording: int) -> str:
 def described(design: Design) -> str:
     """The signals, their motion against the limits, and the expected standard errors."""
     e = design.experiment
-    unit = e.plant.mechanism.position_units[0]
-    noise = math.degrees(e.angle_noise) if unit == "rad" else e.angle_noise
+    units = e.plant.mechanism.position_units
+    noise = dict.fromkeys(
+        f"{math.degrees(own):.3g} deg" if unit == "rad" else f"{own:.3g} {unit}"
+        for own, unit in zip(e.noise, units, strict=True)
+    )
     families = design.space.family(design.x)
     context = {
         "experiment": e,
         "search": design.search,
-        "noise": f"{noise:.3g} {'deg' if unit == 'rad' else unit}",
+        "noise": ", ".join(noise),
         "friction": str(e.friction).splitlines()[1:],
         "recordings": list(zip(families, design.start.tolist(), strict=True)),
-        "unit": unit,
+        "unit": ", ".join(dict.fromkeys(units)),
         "limits": terminal_text(limit_table(design)),
         "repetitions": len(design.monte_carlo.everything),
         "errors": terminal_text(error_table(design)),
@@ -56,22 +59,22 @@ def limit_table(design: Design) -> Table:
     """Largest torque, velocity and angle of each joint that has a limit."""
     e, m, d = design.experiment, design.motions, design.experiment.plant.mechanism
     rows = (
-        ("torque", d.torque_units[0], np.abs(design.torque).max((0, 1)), e.limits.torque, 1.0),
+        ("torque", d.torque_units, np.abs(design.torque).max((0, 1)), e.limits.torque, 1.0),
         (
             "velocity",
-            f"{d.position_units[0]}/s",
+            d.velocity_units,
             np.abs(m.w).max((0, 1, 2)),
             e.limits.velocity,
             MARGIN,
         ),
-        ("angle", d.position_units[0], np.abs(m.q).max((0, 1, 2)), e.limits.angle, MARGIN),
+        ("angle", d.position_units, np.abs(m.q).max((0, 1, 2)), e.limits.angle, MARGIN),
     )
     lines = []
-    for name, unit, most, limit, margin in rows:
+    for name, units, most, limit, margin in rows:
         for j in np.flatnonzero((limit > 0) & np.isfinite(limit)):
             binding = "binding" if most[j] >= BINDING * margin * limit[j] else ""
             values = f"{most[j]:.4g}", f"{limit[j]:.4g}"
-            lines.append(line([name, f"joint {j + 1}", *values, unit, binding]))
+            lines.append(line([name, f"joint {j + 1}", *values, units[j], binding]))
     columns = [
         *text_columns("limit", "joint"),
         Column("largest"),

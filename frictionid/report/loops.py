@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.numbers import mean_sd, percent
+from frictionid.report.numbers import either, mean_sd, percent
 from frictionid.report.sections import Model, Section
 from frictionid.report.tables import Column, Table, line, text_columns
 
@@ -113,7 +113,7 @@ def loop_table(section: Section) -> Table | None:
     models += [model for model in section.of_role("truth") if has_memory(model)]
     data = section.description
     columns = [*text_columns("model", "joint"), Column("Hz")]
-    unit = ", ".join(dict.fromkeys(f"m{unit}" for unit in data.torque_units))
+    unit = either([f"m{unit}" for unit in data.torque_units])
     columns += [Column(f"{text} width [{unit}]") for text in KINDS.values()]
     columns += [Column(f"{KINDS['offset']} lag [ms]"), Column("share of torque")]
     columns += text_columns("verdict")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.joint_sizes import are_mixed
 
 NOTHING = "–"
 INFINITE = "∞"
@@ -109,6 +110,24 @@ def mean_sd(values: Array, places: int | None = None) -> str:
     deviation = float(known.std(ddof=1))
     places = decimals([deviation]) if places is None else places
     return f"{fixed(mean, places)} ± {fixed(deviation, places)}"
+
+
+def either(units: Sequence[str]) -> str:
+    """Unit of the joints' numbers, or those of joints of both kinds.
+
+    >>> either(["rad", "rad"]), either(["m", "rad"])
+    ('rad', 'm, rad')
+    """
+    return ", ".join(dict.fromkeys(units))
+
+
+def norm_unit(position_units: Sequence[str]) -> str:
+    """Unit of errors over all joints: where some turn and others slide, their joints' sizes.
+
+    >>> norm_unit(["m", "m"]), norm_unit(["m", "rad"])
+    ('m', 'sizes')
+    """
+    return "sizes" if are_mixed(position_units) else position_units[0]
 
 
 def divergence_limit(angle_unit: str) -> str:

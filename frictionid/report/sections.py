@@ -11,7 +11,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results
-from frictionid.data.joint_sizes import are_mixed
+from frictionid.report.numbers import either, norm_unit
 
 ROLES = ("none", "fitted", "given", "truth")
 RIVALS = ("fitted", "given")  # models that are ranked
@@ -64,12 +64,12 @@ class DataDescription:
     @property
     def angle_unit(self) -> str:
         """Unit of errors over all joints; where some turn and others slide, their joints' sizes."""
-        return "sizes" if are_mixed(self.position_units) else self.position_units[0]
+        return norm_unit(self.position_units)
 
     @property
     def velocity_unit(self) -> str:
         """Unit of velocities, or those of joints of both kinds."""
-        return ", ".join(dict.fromkeys(f"{unit}/s" for unit in self.position_units))
+        return either([f"{unit}/s" for unit in self.position_units])
 
     @property
     def coordinate(self) -> str:

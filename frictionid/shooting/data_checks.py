@@ -69,8 +69,7 @@ def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: f
         Saying which.
     """
     mechanism = intervals.dataset.mechanism
-    if mechanism.position_units[0] == "rad":
-        _check_unwrapped(intervals)
+    _check_unwrapped(intervals)
     _check_length(intervals, len(parameters), seconds)
     still = _still(intervals)
     for parameter in parameters:
@@ -86,8 +85,9 @@ def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: f
 def _check_unwrapped(intervals: Intervals) -> None:
     values = [r.angle.value for r in intervals.dataset.recordings]
     span = np.ptp(np.concatenate(values), axis=0)
+    turns = np.array([u == "rad" for u in intervals.dataset.mechanism.position_units])
     for recording, value in zip(intervals.dataset.recordings, values, strict=True):
-        jumps = (np.abs(np.diff(value, axis=0)) > _TURN / 2) & (span <= _TURN + 0.1)
+        jumps = (np.abs(np.diff(value, axis=0)) > _TURN / 2) & (span <= _TURN + 0.1) & turns
         if jumps.any():
             k, j = np.argwhere(jumps)[0]
             raise InputError(

@@ -24,6 +24,7 @@ from frictionid.report.figures.style import (
     key_above,
     rendered,
 )
+from frictionid.report.numbers import either
 
 _SHOWN = 8.0  # [s] of torque
 _CROWD = 4000  # points
@@ -91,7 +92,7 @@ def _torques(ax: Any, one: AlignedRecording) -> None:
             label="asked for by motion and friction",
         )
     ax.set_xlabel("time of the angles [s]")
-    ax.set_ylabel(f"torque [{one.mechanism.torque_units[0]}]")
+    ax.set_ylabel(f"torque [{either(one.mechanism.torque_units)}]")
 
 
 def least_squares_friction(rows: Rows, torque: Array) -> Array:
@@ -141,7 +142,7 @@ def _scatter(
     line = np.linspace(command.min(), command.max(), 200)
     ax.plot(line, line, color=GREY, lw=0.7, ls=(0, (4, 2)))
     ax.plot(line, np.clip(r.gain * line + r.bias, r.low, r.high), color=DARK, lw=1.0)
-    unit = one.mechanism.torque_units[0]
+    unit = either(one.mechanism.torque_units)
     ax.set_xlabel(f"command, {1e3 * r.delay:.1f} ms before [{unit}]")
     ax.set_ylabel(f"measured [{unit}]")
 
@@ -154,4 +155,4 @@ def _over_time(
     ax.plot(time[shown], command[shown], color=GREY, drawstyle="steps-post", label="command")
     ax.plot(time[shown], measured[shown], color=COLOURS[0], lw=0.9, label="measured")
     ax.set_xlabel("time of the angles [s]")
-    ax.set_ylabel(f"torque [{one.mechanism.torque_units[0]}]")
+    ax.set_ylabel(f"torque [{either(one.mechanism.torque_units)}]")

@@ -13,6 +13,7 @@ from frictionid.check.motion import Motion
 from frictionid.check.published import one_way
 from frictionid.data.recordings import Recording
 from frictionid.files import write_bytes
+from frictionid.mechanics import Mechanism
 from frictionid.report.figures.panels import panel_grid
 from frictionid.report.figures.style import (
     COLOURS,
@@ -25,6 +26,7 @@ from frictionid.report.figures.style import (
     plain,
     rendered,
 )
+from frictionid.report.numbers import either
 
 MOVING, RESTING = COLOURS[:2]
 RECORDINGS = 3  # shown over time
@@ -46,14 +48,13 @@ def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
     return paths
 
 
-def _units(verdict: Verdict) -> tuple[str, str]:
-    description = verdict.regression.measured.dataset.mechanism
-    return description.position_units[0], description.torque_units[0]
+def _mechanism(verdict: Verdict) -> Mechanism:
+    return verdict.regression.measured.dataset.mechanism
 
 
 def _coverage(verdict: Verdict) -> Any:
     """The (q, w) plane of each joint, rest marked."""
-    unit = _units(verdict)[0]
+    units = _mechanism(verdict).position_units
     picture, panels = panel_grid(len(verdict.joints), ABREAST, 2.4, 0.35)
     states = [m.states for m in verdict.regression.measured.motions]
     q, w = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
@@ -65,25 +66,25 @@ def _coverage(verdict: Verdict) -> Any:
             axes.scatter(q[which, j], w[which, j], s=size, color=colour, lw=0, rasterized=True)
         axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
         axes.set_title(f"joint {j + 1}: {100 * fact.at_rest:.0f} % of the time at rest", loc="left")
-        axes.set_xlabel(f"q{j + 1} [{unit}]")
-        axes.set_ylabel(f"w{j + 1} [{unit}/s]")
+        axes.set_xlabel(f"q{j + 1} [{units[j]}]")
+        axes.set_ylabel(f"w{j + 1} [{units[j]}/s]")
     key_above(picture, {"moving": marker(MOVING), "at rest, or too slow to tell": marker(RESTING)})
     return picture
 
 
 def _motion(verdict: Verdict) -> Any:
     """Angles, velocities and torques over time, of the recordings that move most."""
-    measured, (unit, torque_unit) = verdict.regression.measured, _units(verdict)
-    slides = unit == "m"
+    measured, mechanism = verdict.regression.measured, _mechanism(verdict)
+    slides = set(mechanism.position_units) == {"m"}
     chosen, joints = _chosen(verdict), range(len(verdict.joints))
     picture = figure(4.6)
     rows = picture.subplots(3, len(chosen), sharex="col", sharey="row", squeeze=False)
     for column, i in zip(rows.T, chosen, strict=True):
         _over_time(column, measured.dataset.recordings[i], measured.motions[i], joints)
     labels = (
-        f"{'position' if slides else 'angle'} [{unit}]",
-        f"velocity [{unit}/s]",
-        f"{'force' if slides else 'torque'} [{torque_unit}]",
+        f"{'position' if slides else 'angle'} [{either(mechanism.position_units)}]",
+        f"velocity [{either(mechanism.velocity_units)}]",
+        f"{'force' if slides else 'torque'} [{either(mechanism.torque_units)}]",
     )
     for axes, label in zip(rows[:, 0], labels, strict=True):
         axes.set_ylabel(label)
@@ -108,21 +109,22 @@ def _over_time(column: Any, recording: Recording, motion: Motion, joints: range)
 
 
 def _chosen(verdict: Verdict) -> list[int]:
-    """Recordings to show: those in which all joints together are fastest, in their own order."""
-    speed = [np.sqrt(np.mean(m.states.w**2)) for m in verdict.regression.measured.motions]
+    """Recordings to show: those in which the joints are fastest for them, in their own order."""
+    square = np.stack([np.mean(m.states.w**2, 0) for m in verdict.regression.measured.motions])
+    speed = np.mean(square / np.maximum(square.mean(0), 1e-300), axis=1)
     return sorted(np.argsort(speed)[::-1][:RECORDINGS].tolist())
 
 
 def _residual(verdict: Verdict) -> Any:
     """Torque that the nominal mechanism leaves to friction, against velocity, and least squares."""
     rows = verdict.regression.rows
-    unit, torque_unit = _units(verdict)
+    mechanism = _mechanism(verdict)
     picture, panels = panel_grid(len(verdict.joints), ABREAST, 2.4, 0.35)
     for j, axes in enumerate(panels):
         axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
         axes.axvline(0.0, color=PALE, linewidth=0.6, zorder=0)
-        axes.set_xlabel(f"w{j + 1} [{unit}/s]")
-        axes.set_ylabel(f"residual torque [{torque_unit}]")
+        axes.set_xlabel(f"w{j + 1} [{mechanism.velocity_units[j]}]")
+        axes.set_ylabel(f"residual torque [{mechanism.torque_units[j]}]")
         axes.set_title(f"joint {j + 1}", loc="left")
         if one_way(rows, j).any():
             _friction(axes, verdict, j)

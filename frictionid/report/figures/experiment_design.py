@@ -17,6 +17,7 @@ from frictionid.report.figures.style import (
     line,
     rendered,
 )
+from frictionid.report.numbers import either
 
 
 def picture(design: Design) -> bytes:
@@ -30,9 +31,9 @@ def design_figure(design: Design) -> Any:
     e = design.experiment
     d = e.plant.mechanism
     rows = {
-        f"torque [{d.torque_units[0]}]": (e.commands, design.torque, e.limits.torque),
-        f"angle [{d.position_units[0]}]": (e.images, design.motions.q[:, 0], e.limits.angle),
-        f"velocity [{d.position_units[0]}/s]": (
+        f"torque [{either(d.torque_units)}]": (e.commands, design.torque, e.limits.torque),
+        f"angle [{either(d.position_units)}]": (e.images, design.motions.q[:, 0], e.limits.angle),
+        f"velocity [{either(d.velocity_units)}]": (
             e.images,
             design.motions.w[:, 0],
             e.limits.velocity,

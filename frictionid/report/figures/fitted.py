@@ -68,7 +68,7 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
             axes.plot(grid[:, j], truth[:, j], color=DARK, linewidth=1, linestyle=DASHED)
         _density(axes, w[:, j], grid[:, j])
         axes.set_title(description.joints[j], loc="left")
-        axes.set_xlabel(f"velocity [{description.position_units[j]}/s]")
+        axes.set_xlabel(f"velocity [{description.velocity_units[j]}]")
         axes.set_ylabel(f"friction [{description.torque_units[j]}]")
     key_above(picture, _key(half is not None, truth is not None))
     return picture
