@@ -45,9 +45,9 @@ class TrainingSet:
     views: Mapping[str, tuple[CalibratedView, ...]] = field(default_factory=dict)
 
     @property
-    def position_units(self) -> tuple[str, ...]:
-        """Unit of each joint's position, "rad" or "m"."""
-        return self.prepared.position_units
+    def friction_units(self) -> tuple[str, ...]:
+        """Unit of the position where friction acts, see `Mechanism.friction_units`."""
+        return self.prepared.plant.mechanism.friction_units
 
     @property
     def intervals(self) -> Intervals:

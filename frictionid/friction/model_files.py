@@ -41,7 +41,9 @@ def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[st
     words = [
         {
             name: {"value": float(mean[j, i]), "unit": unit}
-            for i, (name, unit) in enumerate(zip(friction.law.names, friction.units_at(j), strict=True))
+            for i, (name, unit) in enumerate(
+                zip(friction.law.names, friction.units_at(j), strict=True)
+            )
             if has[j, i]
         }
         for j in range(friction.n)

@@ -84,7 +84,7 @@ class Recipe:
         problem = data.problems[self.name] if uses else data.without_mechanism(self)
         weights = data.weights[self.name]
         friction = checked_fit(identifier, problem, weights, seed)
-        friction = replace(friction, position_units=data.position_units)
+        friction = replace(friction, position_units=data.friction_units)
         return OneStepFit(friction, problem, weights[-1])
 
 
@@ -99,7 +99,7 @@ class TrainingData(Protocol):
     @property
     def weights(self) -> Mapping[str, Array]: ...
     @property
-    def position_units(self) -> tuple[str, ...]: ...
+    def friction_units(self) -> tuple[str, ...]: ...
 
     def without_mechanism(self, recipe: Recipe) -> Problem:
         """The problem for joints of unit inertia on which nothing but friction acts."""

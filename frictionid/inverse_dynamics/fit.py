@@ -110,7 +110,7 @@ def _friction(
     """The identifier's friction (n, P) for the calibration of an estimate."""
     problem = balance.sliding_problem(left_to_friction(balance, estimate))
     friction = checked_fit(identifier, problem, use[None] * 1.0, seed)[0]
-    return replace(friction, position_units=estimate.mechanism.position_units)
+    return replace(friction, position_units=estimate.mechanism.friction_units)
 
 
 def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: Array) -> Estimate:

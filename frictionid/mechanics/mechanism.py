@@ -168,6 +168,12 @@ class Mechanism(ABC):
         """Names of the m places where parts slide: the joints, then the coupled parts."""
         return (*self.joints, *(name for name, _ in self.coupled))
 
+    @property
+    def friction_units(self) -> tuple[str, ...]:
+        """Unit of the position at each of these places: "rad", or "m" where parts slide straight."""
+        moved = (np.flatnonzero(row) for _, row in self.coupled)
+        return (*self.position_units, *(self.position_units[int(own[0])] for own in moved))
+
     @cached_property
     def friction_map(self) -> Array:
         """A (m, n): parts slide with velocities A w; friction there acts on joints by A'."""

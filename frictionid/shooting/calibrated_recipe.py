@@ -153,7 +153,7 @@ class CalibratedRecipe:
             frictions |= {int(fold): fitted[place] for place, fold in enumerate(folds)}
         together = _together([frictions[fold] for fold in range(len(weights))], repr(identifier))
         calibration = data.calibrations[self.name]
-        friction = replace(together, calibration=calibration, position_units=data.position_units)
+        friction = replace(together, calibration=calibration, position_units=data.friction_units)
         return OneStepFit(friction, problem, weights[-1])
 
 

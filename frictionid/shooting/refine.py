@@ -213,7 +213,7 @@ def prepare_fit(
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     network = friction.law.is_network
-    friction = replace(on_arrays(friction), position_units=mechanism.position_units)
+    friction = replace(on_arrays(friction), position_units=mechanism.friction_units)
     if friction.constraints is None and not network:
         own = constraints_of(friction.law, _speed_range(intervals, use))
         friction = replace(friction, constraints=own)
