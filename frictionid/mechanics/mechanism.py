@@ -170,7 +170,7 @@ class Mechanism(ABC):
 
     @property
     def friction_units(self) -> tuple[str, ...]:
-        """Unit of the position at each of these places: "rad", or "m" where parts slide straight."""
+        """Unit of the position at each of these places: "rad", or "m"."""
         moved = (np.flatnonzero(row) for _, row in self.coupled)
         return (*self.position_units, *(self.position_units[int(own[0])] for own in moved))
 

@@ -144,9 +144,11 @@ def _estimate(verdict: Verdict, console: Any) -> None:
 
 
 def _friction(verdict: Verdict, console: Any) -> None:
-    angle, torque = _units(verdict)
-    published = _published(verdict)
-    units = {"coulomb": torque, "viscous": f"{torque} s/{angle}", "offset": torque}
+    mechanism, published = verdict.regression.measured.dataset.mechanism, _published(verdict)
+    torque = either(mechanism.torque_units)
+    pairs = zip(mechanism.torque_units, mechanism.position_units, strict=True)
+    viscous = either([f"{force} s/{position}" for force, position in pairs])
+    units = {"coulomb": torque, "viscous": viscous, "offset": torque}
     columns = [
         *text_columns("joint"),
         *(Column(f"{name} [{unit}]") for name, unit in units.items()),

@@ -1,12 +1,12 @@
 """Mechanisms from their bodies, and the cart-pole of comparisons/own_mechanism.py as an example."""
 
 import shutil
-import sys
 import tomllib
 
 import numpy as np
 import pytest
 import sympy as sp
+from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
 from fixtures.paths import ROOT
 from fixtures.random_machines import close
 
@@ -28,13 +28,8 @@ from frictionid.mechanics import (
 )
 from frictionid.shooting import Shooting
 from frictionid.shooting.parameters import FrictionBlock
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, Stribeck, simulate
 from frictionid.simulate import write_dataset as write
 
-sys.path.append(str(ROOT / "comparisons"))
-from own_mechanism import cart_pole
-
-TRUE = np.array([[1.1, 0.8], [0.010, 0.001]])  # Coulomb and viscous friction of cart and pole
 MJCF = """<mujoco><compiler angle="radian"/><option gravity="0 -{g} 0"><flag contact="disable"/>
 </option><worldbody><body><joint type="slide" axis="1 0 0"/>
 <inertial pos="0 0 0" mass="{cart}" diaginertia="1 1 1"/>
@@ -44,23 +39,7 @@ diaginertia="{inertia} {inertia} {inertia}"/></body></body></worldbody></mujoco>
 
 @pytest.fixture(scope="module")
 def recorded():
-    """A simulated cart-pole with friction that truly sticks, on the cart and on the pole."""
-    runs = [
-        Run("sine", (0.0, 1.5), torques=(Sine(5.0, 0.8),)),
-        Run("steps", (0.0, -1.0), (0.0, 3.0), (Steps(6.0, 0.25),)),
-        Run("slow", (0.0, 0.4), torques=(Sine(3.0, 0.4),)),
-        Run("fall", (0.0, 2.5)),
-    ]
-    return simulate(
-        Rig(
-            name="cart_pole",
-            mechanism=cart_pole(),
-            friction=Stribeck(Curve(*(tuple(x) for x in TRUE.T[[0, 0, 1]].tolist()))),
-            camera=Camera(samples=240, rate=60.0, angle_noise=(1e-4, 4e-4)),
-            recordings=tuple(runs),
-            substeps=12,
-        )
-    )
+    return cart_pole_data()
 
 
 def test_the_example_is_short_and_stands_in_the_docs():
