@@ -30,7 +30,7 @@ def test_joints_may_have_units_of_their_own(tmp_path):
         columns__torque=["u1", "u2"],
         columns__velocity=["w1", "w2"],
         units={"angle": ["mm", "deg"], "velocity": ["mm/s", "rpm"], "torque": ["N", "A"]},
-        motor={"kt": [1.0, 0.5], "gear": 2.0},
+        motor={"kt": [1.0, 0.5], "gear": [1.0, 2.0]},
         sigma={"angle": [0.5, 0.1]},
     )
     written = write(tmp_path, document, a_csv=csv_bytes(columns))
