@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from frictionid.api.quick import quick as quick
     from frictionid.api.simulate import simulate as simulate
     from frictionid.api.suggest import suggest as suggest
+    from frictionid.api.suggest_trajectories import suggest_trajectories as suggest_trajectories
     from frictionid.api.suites import run_suite as run_suite
     from frictionid.comparison.fit_model import fit_model as fit_model
     from frictionid.data.readers.dataset import load_dataset as load_dataset
@@ -146,6 +147,7 @@ _HOME = {
     "run_suite": "frictionid.api.suites",
     "simulate": "frictionid.api.simulate",
     "suggest": "frictionid.api.suggest",
+    "suggest_trajectories": "frictionid.api.suggest_trajectories",
 }
 
 __all__ = ["__version__", *_HOME, *_ROOMS]

@@ -117,11 +117,11 @@ def suggest(
         For limits and priors that no machine has.
     """
     machine = as_mechanism(getattr(mechanism, "mechanism", mechanism))
-    most = excitation.limits_of(_option(limits, "limits"), machine)
+    most = excitation.limits_of(option(limits, "limits"), machine)
     low, high = map(float, frequencies)
     experiment = excitation.Experiment(
         Plant.from_parameters(machine, machine.nominal()),
-        excitation.prior_friction_of(_option(friction, "friction"), most),
+        excitation.prior_friction_of(option(friction, "friction"), most),
         most,
         length=length,
         recordings=recordings,
@@ -148,7 +148,7 @@ def _search(effort: int, seed: int) -> excitation.Search:
     return excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
 
 
-def _option(given: Mapping[str, Any] | str, name: str) -> str:
+def option(given: Mapping[str, Any] | str, name: str) -> str:
     """The text of an option of the command line."""
     if isinstance(given, str):
         return given

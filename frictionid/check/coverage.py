@@ -22,6 +22,7 @@ FAST = 2.0
 DECAY, SOME_DECAY = 20.0, 2.0
 # A delay is known where its standard error is below this [s].
 KNOWN_DELAY = 0.005
+_SWINGING = 2  # joints of what swings freely without harm; arms with a motor at each of more fall
 
 
 def still_joints(tests: HypothesisTests, facts: Sequence[JointFacts]) -> list[Finding]:
@@ -55,7 +56,7 @@ def advice(
     driven = measured.mechanism.driven
     return [
         *_faster(measured.mechanism, measured.nominal[0], facts),
-        *(_decay(passive, unmoved=not all(driven)) if _falls(measured) else []),
+        *(_decay(passive, unmoved=not all(driven)) if _may_fall(measured) else []),
         *(_delay(tests.delay) if any(driven) else []),
         *_base(measured.mechanism, estimate),
     ]
@@ -75,8 +76,10 @@ def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -
     return out
 
 
-def _falls(measured: Measured) -> bool:
-    """Whether gravity moves the mechanism when its motors are off."""
+def _may_fall(measured: Measured) -> bool:
+    """Whether gravity moves the mechanism when its motors are off, and it is no arm that breaks."""
+    if measured.mechanism.n > _SWINGING and all(measured.mechanism.driven):
+        return False
     q = np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(measured.mechanism.n)
     return bool(measured.mechanism.dynamics(measured.nominal[0], q, 0 * q)[1].any())
 

@@ -1,4 +1,4 @@
-"""frictionid suggest: torque signals that identify friction and inertia, within limits."""
+"""frictionid suggest: torque signals or trajectories that identify friction, within limits."""
 
 from __future__ import annotations
 
@@ -42,20 +42,42 @@ def suggest(
     effort: Annotated[
         int, typer.Option(help="Number of random signals that the search starts from.")
     ] = 600,
+    trajectory: Annotated[
+        bool,
+        typer.Option(
+            "--trajectory",
+            help="Design positions for a controller to follow (Fourier series), as for an arm.",
+        ),
+    ] = False,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     json: Json = False,
     replace: Replace = False,
 ) -> None:
-    """Suggest torque signals, and say how well friction will be known from them."""
+    """Suggest torque signals or trajectories, and say how well friction will be known from them."""
     from frictionid.api.suggest import stages
     from frictionid.api.suggest import suggest as suggested
+    from frictionid.api.suggest_trajectories import suggest_trajectories
     from frictionid.cli.progress import counted
     from frictionid.excitation import load_mechanism
     from frictionid.outputs import check_outputs
 
     places = _places(out, max(1, recordings))
     check_outputs([*places, figure], [mechanism], replace=replace)
+    if trajectory:
+        with counted(recordings, "searching") as done:
+            motions = suggest_trajectories(
+                load_mechanism(mechanism),
+                limits,
+                friction,
+                recordings=recordings,
+                length=length,
+                effort=effort,
+                seed=seed,
+                done=done,
+            )
+        _write_trajectories(motions.design, places, drive_rate, figure, json)
+        return
     with counted(stages(effort, seed), "searching") as done:
         found = suggested(
             load_mechanism(mechanism),
@@ -92,6 +114,29 @@ def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> 
         return
     print(described(design))
     print(f"written to {', '.join(map(str, places))}")
+
+
+def _write_trajectories(
+    design: Any, places: list[Path], rate: float, figure: Path | None, json: bool
+) -> None:
+    from frictionid.files import json_text, write_bytes, write_text
+    from frictionid.report.figures.trajectory_design import trajectory_picture
+    from frictionid.report.trajectory_design import (
+        trajectory_csv,
+        trajectory_document,
+        trajectory_text,
+    )
+
+    for number, path in enumerate(places):
+        write_text(path, trajectory_csv(design, number, rate))
+    if figure is not None:
+        write_bytes(figure, trajectory_picture(design))
+    written = [*places, *([figure] if figure is not None else [])]
+    if json:
+        print(json_text(trajectory_document(design) | {"written": written}), end="")
+        return
+    print(trajectory_text(design))
+    print(f"written to {', '.join(map(str, written))}")
 
 
 def _places(out: Path, recordings: int) -> list[Path]:

@@ -14,6 +14,11 @@ from frictionid.excitation.motion import Motions, predict_motions
 from frictionid.excitation.prior_friction import prior_friction_of
 from frictionid.excitation.search import Search, search_signals
 from frictionid.excitation.signals import SignalSpace
+from frictionid.excitation.trajectory_design import (
+    TrajectoryDesign,
+    TrajectoryTask,
+    design_trajectories,
+)
 
 __all__ = [
     "Design",
@@ -24,8 +29,11 @@ __all__ = [
     "Motions",
     "Search",
     "SignalSpace",
+    "TrajectoryDesign",
+    "TrajectoryTask",
     "covariances",
     "design_signals",
+    "design_trajectories",
     "expected_information",
     "limits_of",
     "load_mechanism",
