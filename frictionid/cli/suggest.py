@@ -57,7 +57,6 @@ def suggest(
     """Suggest torque signals or trajectories, and say how well friction will be known from them."""
     from frictionid.api.suggest import stages
     from frictionid.api.suggest import suggest as suggested
-    from frictionid.api.suggest_trajectories import suggest_trajectories
     from frictionid.cli.progress import counted
     from frictionid.excitation import load_mechanism
     from frictionid.outputs import check_outputs
@@ -65,18 +64,10 @@ def suggest(
     places = _places(out, max(1, recordings))
     check_outputs([*places, figure], [mechanism], replace=replace)
     if trajectory:
-        with counted(recordings, "searching") as done:
-            motions = suggest_trajectories(
-                load_mechanism(mechanism),
-                limits,
-                friction,
-                recordings=recordings,
-                length=length,
-                effort=effort,
-                seed=seed,
-                done=done,
-            )
-        _write_trajectories(motions.design, places, drive_rate, figure, json)
+        prior, size = (limits, friction), (recordings, length, effort, seed)
+        _suggest_trajectories(
+            load_mechanism(mechanism), prior, size, places, drive_rate, figure, json
+        )
         return
     with counted(stages(effort, seed), "searching") as done:
         found = suggested(
@@ -116,9 +107,18 @@ def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> 
     print(f"written to {', '.join(map(str, places))}")
 
 
-def _write_trajectories(
-    design: Any, places: list[Path], rate: float, figure: Path | None, json: bool
+def _suggest_trajectories(
+    mechanism: dict[str, Any],
+    prior: tuple[str, str],
+    size: tuple[int, float, int, int],
+    places: list[Path],
+    rate: float,
+    figure: Path | None,
+    json: bool,
 ) -> None:
+    """Write trajectories for limits and prior friction, of a number, length, effort and seed."""
+    from frictionid.api.suggest_trajectories import suggest_trajectories
+    from frictionid.cli.progress import counted
     from frictionid.files import json_text, write_bytes, write_text
     from frictionid.report.figures.trajectory_design import trajectory_picture
     from frictionid.report.trajectory_design import (
@@ -127,6 +127,17 @@ def _write_trajectories(
         trajectory_text,
     )
 
+    recordings, length, effort, seed = size
+    with counted(recordings, "searching") as done:
+        design = suggest_trajectories(
+            mechanism,
+            *prior,
+            recordings=recordings,
+            length=length,
+            effort=effort,
+            seed=seed,
+            done=done,
+        ).design
     for number, path in enumerate(places):
         write_text(path, trajectory_csv(design, number, rate))
     if figure is not None:
