@@ -14,41 +14,45 @@ MechanismFile = Annotated[
     Path, typer.Option(help="Any TOML file with a [mechanism] table.", callback=present)
 ]
 
+Trajectory = Annotated[
+    bool,
+    typer.Option(
+        "--trajectory",
+        help="Design positions for a controller to follow (Fourier series), as for an arm.",
+    ),
+]
+Effort = Annotated[int, typer.Option(help="Number of random signals that the search starts from.")]
+Robust = Annotated[
+    bool, typer.Option("--robust", help="Design also for half and twice the prior friction.")
+]
+Noise = Annotated[float, typer.Option(help="Angle noise, standard deviation [deg], or [mm].")]
+Recordings = Annotated[
+    int, typer.Option(help="Number of recordings; several are written to OUT_1.csv ...")
+]
+Prior = Annotated[
+    str, typer.Option(help='Prior, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].')
+]
+LimitsText = Annotated[
+    str, typer.Option(help='E.g. "torque=0.14,velocity=[10,20],angle=3.1"; SI units.')
+]
+
 
 def suggest(
     mechanism: MechanismFile,
-    limits: Annotated[
-        str, typer.Option(help='E.g. "torque=0.14,velocity=[10,20],angle=3.1"; SI units.')
-    ],
+    limits: LimitsText,
     out: Annotated[Path, typer.Option(help="Torque table to write (CSV).")],
-    friction: Annotated[
-        str, typer.Option(help='Prior, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].')
-    ] = "",
-    recordings: Annotated[
-        int, typer.Option(help="Number of recordings; several are written to OUT_1.csv ...")
-    ] = 4,
+    friction: Prior = "",
+    recordings: Recordings = 4,
     length: Annotated[float, typer.Option(help="Length of each [s].")] = 5.0,
     families: Annotated[str, typer.Option(help="Wave forms.")] = "multisine,chirp",
     frequencies: Annotated[str, typer.Option(help="Lowest and highest [Hz].")] = "0.2,4",
     start: Annotated[str, typer.Option(help="Start angles, e.g. 0,0 [searched].")] = "",
     drive_rate: Annotated[float, typer.Option(help="Commands per second [Hz].")] = 60.0,
     camera_rate: Annotated[float, typer.Option(help="Images per second [Hz].")] = 60.0,
-    noise: Annotated[
-        float, typer.Option(help="Angle noise, standard deviation [deg], or [mm].")
-    ] = 0.1,
-    robust: Annotated[
-        bool, typer.Option("--robust", help="Design also for half and twice the prior friction.")
-    ] = False,
-    effort: Annotated[
-        int, typer.Option(help="Number of random signals that the search starts from.")
-    ] = 600,
-    trajectory: Annotated[
-        bool,
-        typer.Option(
-            "--trajectory",
-            help="Design positions for a controller to follow (Fourier series), as for an arm.",
-        ),
-    ] = False,
+    noise: Noise = 0.1,
+    robust: Robust = False,
+    effort: Effort = 600,
+    trajectory: Trajectory = False,
     figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     json: Json = False,
