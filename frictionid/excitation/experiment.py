@@ -103,6 +103,8 @@ def _check_start(start: tuple[float, ...] | None, limits: Limits, joints: int) -
 def load_mechanism(path: Path) -> dict[str, Any]:
     """The [mechanism] table of a TOML file, or of the dataset.toml of a folder.
 
+    The file of a robot counts from the folder of the TOML file.
+
     Raises
     ------
     InputError
@@ -113,4 +115,5 @@ def load_mechanism(path: Path) -> dict[str, Any]:
     table = document.get("mechanism")
     if not isinstance(table, dict):
         raise InputError(f'{file} has no [mechanism] table; add one, e.g. kind = "acrobot"')
-    return table
+    robots = {key: str(file.parent / str(table[key])) for key in ("urdf", "mjcf") if key in table}
+    return {**table, **robots}

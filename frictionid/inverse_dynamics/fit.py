@@ -10,7 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
-from frictionid.friction import Friction, along, constraints_of
+from frictionid.friction import Friction, Inputs, along, constraints_of
 from frictionid.friction.laws import NoFriction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.grams import clusters
@@ -221,6 +221,12 @@ def check_blocks(
             "holds for inertia and friction of any size: leave inertia out, give it a prior, or "
             "free it by shooting"
         )
+    if free.get("inertia") and not known and _reads_torque(estimate.friction):
+        raise InputError(
+            f"data set {name!r}: {estimate.friction.law} follows the motors' torque, and beside "
+            "free inertias that explains any torque by itself: leave inertia out, give it a "
+            "prior, or choose load_dependent, which follows the motion"
+        )
     still = ~balance.slides[use].any(axis=0)
     if "friction" in names and still.any():
         j = int(np.argmax(still))
@@ -228,6 +234,18 @@ def check_blocks(
             f"data set {name!r}: joint {j + 1} never slides one way for as long as a window: give "
             "recordings in which it does, or shorten the window"
         )
+
+
+def _reads_torque(friction: Friction) -> bool:
+    """Whether friction depends on the motors' torque."""
+    law, theta = friction.law, np.asarray(friction.theta)
+    some = np.clip(np.full_like(theta, 0.5), *np.array(law.bounds).reshape(-1, 2).T)
+    without = Inputs(*(np.ones((1, len(theta))) for _ in range(4)))._replace(
+        u=np.zeros((1, len(theta)))
+    )
+    both = (without, without._replace(u=without.w))
+    off, on = (law.torque(some, x, law.start(some, without)) for x in both)
+    return bool(np.any(off != on))
 
 
 def _warnings(problem: TorqueProblem, solution: TorqueSolution) -> list[str]:

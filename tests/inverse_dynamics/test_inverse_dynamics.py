@@ -20,7 +20,7 @@ from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.friction.laws import CoulombViscous, MotorLoad, Stribeck
 from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.inverse_dynamics import InverseDynamics, TorqueSettings, torque_balance
 from frictionid.inverse_dynamics.residual import TorqueProblem
@@ -228,6 +228,14 @@ def test_folds_do_not_see_what_they_hold_out():
 def test_what_it_cannot_show_is_refused(clean, method, says):
     with pytest.raises(InputError, match=says):
         fit_model(clean, COULOMB, method)
+
+
+def test_a_loss_of_the_motor_s_torque_needs_known_inertias(clean):
+    loss = LeastSquares(MotorLoad())
+    with pytest.raises(InputError, match="explains any torque by itself"):
+        fit_model(clean, loss, InverseDynamics())
+    friction = fit_model(clean, loss, InverseDynamics(blocks=(FrictionBlock(),)))
+    assert np.isfinite(friction.theta).all()
 
 
 def test_networks_are_refused(clean):

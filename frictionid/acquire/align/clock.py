@@ -365,18 +365,22 @@ def _viscous(fit: _Fit, n: int) -> tuple[Array, Array]:
 
         -H_oo^-1 H_od d
 
-    where H is the Hessian of the fit.
+    where H is the Hessian of the fit. Friction that is not identified is held, such as a Stribeck
+    peak that is not there: together with the viscous friction it could move by any amount.
     """
     covariance, solution = fit.covariance, fit.solution
     parameters, k = covariance.parameters, fit.place("delay")
     H = solution.curvature + np.diag(fit.problem.prior_precision)
-    others = np.array([i for i in range(len(parameters)) if i != k and solution.free[i]])
+    viscous = [p.block == "friction" and LAW.names[p.place[1]] == "viscous" for p in parameters]
+    friction = np.array([p.block == "friction" for p in parameters])
+    moves = solution.free & (covariance.identified | viscous | ~friction)
+    others = np.array([i for i in np.flatnonzero(moves) if i != k])
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H)[others], 1e-300))
     inner = H[np.ix_(others, others)] * np.outer(scale, scale)
     move = -scale * np.linalg.lstsq(inner, scale * H[others, k], rcond=1e-9)[0]
     value, slope = np.zeros(n), np.zeros(n)
     for i, step in zip(others, move, strict=True):
-        p = parameters[i]
-        if p.block == "friction" and LAW.names[p.place[1]] == "viscous":
-            value[p.place[0]], slope[p.place[0]] = covariance.values[i], step
+        if viscous[i]:
+            j = parameters[i].place[0]
+            value[j], slope[j] = covariance.values[i], step
     return value, slope
