@@ -139,10 +139,11 @@ def check_rows(fit: Linearised, weights: Array, slides: Array) -> None:
         Naming the fold and the joint.
     """
     counts = (weights > 0).astype(float) @ slides
-    P = len(fit.law.names)
-    if (counts < P).any():
-        f, j = np.argwhere(counts < P)[0]
+    needed = fit.law.has_parameters(slides.shape[1]).sum(axis=1)
+    if (counts < needed).any():
+        f, j = np.argwhere(counts < needed)[0]
         raise InputError(
-            f"joint {j + 1} slides in {counts[f, j]:.0f} rows of fold {f}, too few for the {P} "
-            f"parameters of {fit.law}: give recordings in which it moves, or use fewer folds"
+            f"joint {j + 1} slides in {counts[f, j]:.0f} rows of fold {f}, too few for the "
+            f"{needed[j]} parameters of {fit.law}: give recordings in which it moves, or use fewer "
+            "folds"
         )

@@ -93,6 +93,12 @@ def test_fits_find_each_joint_s_own(two_joints, tmp_path):
     assert again.theta == pytest.approx(friction.theta)
 
 
+def test_a_joint_may_have_no_friction(two_joints):
+    friction = fit_model(two_joints, LeastSquares(PerJoint(("stribeck", "none"))))
+    assert friction.theta[0].any()
+    assert not friction.theta[1].any()
+
+
 def test_equal_laws_are_that_law(two_joints):
     alike = fit_model(two_joints, LeastSquares(PerJoint(("stribeck", "stribeck"))))
     plain = fit_model(two_joints, LeastSquares(Stribeck()))

@@ -1,6 +1,6 @@
 """A simulated arm of seven joints: friction curves and intervals over many sets.
 
-    python comparisons/arm.py [--sets 50] [--seed 1] [--methods inverse_dynamics,shooting]
+    python comparisons/seven_joints.py [--sets 50] [--seed 1] [--methods inverse_dynamics,shooting]
         [--recordings 3] [--seconds 5] [--jobs 1]
 
 At 1 kHz, with real stiction, encoders of 19 bits, 2 % of torque noise, the torque 1.5 ms late, and
