@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from importlib import import_module
 
 import cv2
 import numpy as np
@@ -283,7 +284,7 @@ def test_a_film_that_broke_off_is_none(tmp_path, monkeypatch):
         yield from itertools.islice(shots(FILM, MOTION), 3)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("frictionid.simulate.film.shots", broken)
+    monkeypatch.setattr(import_module("frictionid.simulate.film"), "shots", broken)
     with pytest.raises(KeyboardInterrupt):
         write_film(FILM, MOTION, tmp_path / "half")
     assert not list(tmp_path.iterdir())

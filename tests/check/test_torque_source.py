@@ -13,13 +13,13 @@ from fixtures.paths import DATA
 from frictionid.check import check
 from frictionid.check.fine_structure import deviations, noise_of, resolution, unexplained_noise
 from frictionid.check.torque_source import torque_sources
-from frictionid.cli.fit import _show as show_fit
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
+from frictionid.report import show_fit
 
 COUNT = 40
 ARM = (DATA / "dfki_c1" / "dataset.toml").read_text()
@@ -153,10 +153,10 @@ def test_without_motor_or_torque_the_question_is_not_tested():
         assert (first.passed, first.words) == (None, words)
 
 
-def test_a_fit_repeats_where_its_torque_comes_from(capsys, tmp_path):
+def test_a_fit_repeats_where_its_torque_comes_from(capsys):
     dataset = sets(Setup(logged="command", lag=0.005), 1, seed=4)[0]
     friction = fit_model(dataset, LeastSquares(CoulombViscous()))
     (sentence,) = friction.provenance["torque"]
     assert sentence.startswith("torque 1 is commanded: no quantisation step, and noise of only")
-    show_fit(friction, tmp_path / "model.json")
+    show_fit(friction)
     assert sentence in capsys.readouterr().out

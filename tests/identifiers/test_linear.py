@@ -1,6 +1,7 @@
 """The identifier `spline`, and others that are linear: one Gram matrix for each fold."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -96,7 +97,7 @@ def test_rows_that_all_weigh_differently_come_to_the_same(monkeypatch):
     problem = synthetic_problem(2)
     A, weights = columns(Spline(KNOTS), problem), synthetic_weights(problem)
     together = grams(A, weights, clusters(problem))
-    monkeypatch.setattr("frictionid.identifiers.grams._CELLS", 3)
+    monkeypatch.setattr(import_module("frictionid.identifiers.grams"), "_CELLS", 3)
     np.testing.assert_allclose(grams(A, weights, clusters(problem)), together, atol=1e-12)
 
 

@@ -73,6 +73,8 @@ class _Part(NamedTuple):
 class PerJoint(Law):
     """The laws of the joints by name, in their order.
 
+    laws : name of each joint's law, or one name for all joints
+
     The parameters are those of all laws together; what a joint's law does not have stays zero.
 
     >>> law = PerJoint(("stribeck", "coulomb_viscous"))
@@ -141,6 +143,8 @@ class PerJoint(Law):
         return any(law.has_memory for law in self.parts)
 
     def has_parameters(self, joints: int) -> NDArray[np.bool_]:
+        if len(self.laws) == 1:
+            return np.ones((joints, len(self.names)), dtype=bool)
         if joints != len(self.laws):
             raise InputError(
                 f"per_joint: {len(self.laws)} laws for {joints} joint{'s' if joints > 1 else ''}; "
@@ -185,7 +189,7 @@ class PerJoint(Law):
 
     def _each(self, theta: Array, x: Inputs, memory: Memory) -> Iterator[_Part]:
         for j, (law, places) in enumerate(zip(self.parts, self._places, strict=True)):
-            one = slice(j, j + 1)
+            one = slice(j, j + 1) if len(self.laws) > 1 else slice(None)
             own = memory[: self._entries[j]] if memory else ()
             yield _Part(
                 law,
