@@ -148,6 +148,7 @@ def _result(
             solution.converged,
             solution.iterations,
             tuple(_warnings(problem, solution)),
+            noise_of="torque",
         ),
         estimate.mechanism,
     )

@@ -56,7 +56,8 @@ class Segment(NamedTuple):
 class Diagnostics:
     """How a fit went.
 
-    sigma : (n,) [rad], noise of the angles as the residuals show it
+    sigma : (n,) [rad], noise of the angles as the residuals show it; of the torques [N m], where
+        `noise_of` is "torque"
     windows : their number; left_out : those whose prediction jumps with their initial state (a
         joint just misses or just reaches a stop) and so do not count; unexplained : those with
         residuals of three times the noise and more, which count little or not at all
@@ -75,11 +76,12 @@ class Diagnostics:
     warnings: tuple[str, ...] = ()
     dropped: tuple[Dropped, ...] = ()
     odd: tuple[OddRecording, ...] = ()
+    noise_of: str = "angle"
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """Result of shooting: friction with its calibration, their covariance, and how the fit went.
+    """Result of shooting or inverse dynamics: friction, calibration, covariance, how the fit went.
 
     fitted : the friction as a function of the free parameters, of a network that of a few
         combinations of its weights

@@ -41,7 +41,7 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "undetermined": list(covariance.undetermined),
         "driven": any(bool(np.any(r.torque.value)) for r in dataset.recordings),
         "bands": _bands(result, BEYOND * grid),
-        "angle_noise": went.sigma,
+        f"{went.noise_of}_noise": went.sigma,
         "windows": went.windows,
         "left_out": [segment._asdict() for segment in went.left_out],
         "unexplained": [segment._asdict() for segment in went.unexplained],

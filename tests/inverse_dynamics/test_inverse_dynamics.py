@@ -100,6 +100,8 @@ def test_truth_in_truth_out(clean):
     assert float(friction.calibration.delay) == pytest.approx(0.003, abs=2e-4)
     document = friction.provenance["refined"]
     assert document["settled"]
+    assert "angle_noise" not in document
+    assert (document["torque_noise"] < 0.05).all()  # of torques of some N m
     assert [one["block"] for one in document["dropped"]] == ["bias"]
 
 

@@ -230,7 +230,7 @@ def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path)
     ]
     made.built(made.write(tmp_path, tasks))
     text = (tmp_path / "summary.md").read_text()
-    assert "By `good`, which predicts best of 2 fits by shooting" in text
+    assert "By `good`, which predicts best of 2 fits with intervals" in text
     assert re.search(r"`poor`: converged after \d+ iterations, 1 of 1 parameters identified", text)
     places = re.findall(r"\]\(([^)]+)\)", text)
     assert "tables/shooting--made--poor.md" in places
@@ -262,7 +262,7 @@ def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
     made.built(tmp_path / "old")
     some = refined not in (None, "nothing")
     assert (tmp_path / "old" / "figures" / "correlation--pendulum--stribeck.png").exists() == some
-    assert ("Results of shooting" in (tmp_path / "old" / "summary.md").read_text()) == some
+    assert ("Parameters with intervals" in (tmp_path / "old" / "summary.md").read_text()) == some
 
 
 def renamed(value, names):
