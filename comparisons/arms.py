@@ -85,7 +85,7 @@ class Balances(NamedTuple):
     rows: TorqueBalance
     samples: TorqueBalance
     low_pass: Any
-    stride: int
+    every: int
 
 
 def balances(name: str) -> Balances:
@@ -106,8 +106,8 @@ def left(data: Balances, fit: Refined) -> tuple[Any, Any, Any]:
     estimate = Estimate(fit.friction, fit.calibration, mechanism)
     residual = left_to_friction(balance, estimate) - friction
     both = (residual, balance.logged(0.0).mean[0])
-    e, u = (sosfiltfilt(data.low_pass, x, axis=0)[:: data.stride] for x in both)
-    return e, u, balance.start[:: data.stride]
+    e, u = (sosfiltfilt(data.low_pass, x, axis=0)[:: data.every] for x in both)
+    return e, u, balance.start[:: data.every]
 
 
 def share(e: Any, u: Any, rows: Any) -> float:

@@ -113,8 +113,8 @@ def torque_balance(
     counts = [_counts(s, window, node_time) for s in states]
     most = max((count for _, count in counts), default=1)
     parts = [
-        _part(plant[i], s, recording.torque, stride, most)
-        for i, (s, recording, (stride, _)) in enumerate(
+        _part(plant[i], s, recording.torque, step, most)
+        for i, (s, recording, (step, _)) in enumerate(
             zip(states, dataset.recordings, counts, strict=True)
         )
     ]
@@ -149,8 +149,8 @@ def torque_balance(
 def _counts(states: States, window: float, node_time: float) -> tuple[int, int]:
     """Samples from one node to the next, and such steps in a window."""
     dt = float(np.median(np.diff(states.time)))
-    stride = max(1, int(node_time / dt + 1e-9))
-    return stride, max(1, round(window / (stride * dt)))
+    step = max(1, int(node_time / dt + 1e-9))
+    return step, max(1, round(window / (step * dt)))
 
 
 def _simpson(count: int) -> Array:
@@ -160,9 +160,9 @@ def _simpson(count: int) -> Array:
     return np.asarray(c / c.sum())
 
 
-def _part(plant: Plant, states: States, torque: Signal, stride: int, count: int) -> _Part:
+def _part(plant: Plant, states: States, torque: Signal, step: int, count: int) -> _Part:
     """Nodes of a recording, and its windows of `count` steps from each to the next."""
-    at = np.arange(0, len(states.time), stride)
+    at = np.arange(0, len(states.time), step)
     time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
     u = sample(torque, time)
     inputs = recorded_inputs(plant, time, q, w, u)

@@ -202,5 +202,5 @@ def test_estimators_inside_others_and_of_ones_own_are_regressors():
         def predict(self, x):
             return x[:, 0]
 
-    Regressor(make_pipeline(LinearRegression()))
-    Regressor(Own())
+    for estimator in (make_pipeline(LinearRegression()), Own()):
+        assert Regressor(estimator).estimator is estimator
