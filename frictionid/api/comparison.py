@@ -37,6 +37,7 @@ from frictionid.report.sections import Section, sections_of
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
 from frictionid.report.tables import html
 from frictionid.report.terminal import verdict
+from frictionid.report.verdict import Verdict, verdict_of
 from frictionid.report.write import (
     FITTED,
     Names,
@@ -189,6 +190,16 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
                 parts.append(html(summary_table(own, caption_of(data, own), detail=MEDIANS)))
             parts.append(f"<p>{escape(verdict(section))}</p>")
         return Shown(text, "".join(parts))
+
+    @property
+    def verdict(self) -> Verdict:
+        """Which model the evidence supports, and why; of the first data set, see `verdicts`."""
+        return self.verdicts[0]
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """The verdicts on all data sets that were fitted."""
+        return tuple(map(verdict_of, self._sections))
 
     @property
     def plots(self) -> tuple[str, ...]:

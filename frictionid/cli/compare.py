@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Trust
+from frictionid.cli.options import Json, Require, Trust
 from frictionid.cli.paths import SuitePath
 
 
@@ -37,14 +37,17 @@ def compare(
         Device | None, typer.Option(help="Where networks are trained, whatever the suite says.")
     ] = None,
     json: Json = False,
+    require: Require = None,
 ) -> None:
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from joblib import cpu_count
 
     from frictionid.api.suites import open_suite
     from frictionid.cli.progress import running
+    from frictionid.cli.requirements import check_requirements, exit_unless_met
     from frictionid.report import results_json, show
 
+    check_requirements(require)
     where = device.value if device else None
     opened = open_suite(suite, data=data, out=out, device=where, trust=trust)
     try:
@@ -60,6 +63,7 @@ def compare(
         raise typer.Exit(130) from None
     print(results_json(compared.results)) if json else show(compared.results)
     _say_what_stays(opened.folder, list(opened.steps))
+    exit_unless_met(compared.results, require)
 
 
 def _say_what_stays(folder: Path, files: list[str]) -> None:

@@ -17,6 +17,14 @@ Json = Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")
 Replace = Annotated[
     bool, typer.Option("--replace", help="Write over files that exist (never over what is read).")
 ]
+Require = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--require",
+        help="Exit with 1 unless the verdict on every data set is this: recommended, "
+        "simple_enough, undecided, or QUESTION=ANSWER as in verdict.json; repeatable.",
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", help="A setting, e.g. symmetric=false or bounds.viscous=[0,1]."),

@@ -34,6 +34,8 @@ from frictionid.report.shooting_tables import (
 )
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
 from frictionid.report.tables import latex, markdown
+from frictionid.report.verdict import verdict_of
+from frictionid.report.verdict_document import verdict_json
 
 
 class Names(NamedTuple):
@@ -48,7 +50,7 @@ class Names(NamedTuple):
 
 
 def build(results: Results, *, replace: bool = False) -> None:
-    """Write scores.csv, models/, summary.md, tables/ and figures/ of a comparison; fits nothing.
+    """Write scores.csv, models/, verdict.json, summary.md, tables/ and figures/; fits nothing.
 
     replace : write also over files that were changed since, or are not of the comparison
 
@@ -78,6 +80,8 @@ def _contents(results: Results) -> dict[str, bytes]:
                         contents[f"figures/{picture.stem}.{kind}"] = content
                 for table in (*own.tables, *own.shooting, *own.linked):
                     contents |= _table_files(table)
+    verdicts = [verdict_of(section) for section in sections]
+    contents["verdict.json"] = verdict_json(verdicts).encode()
     contents["summary.md"] = page(results, sections, exhibits, names.fits).encode()
     return contents
 

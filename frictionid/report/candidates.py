@@ -1,0 +1,136 @@
+"""Candidates of a verdict: models that can be recommended, and how they stand fold by fold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.evaluation.statistics import (
+    CERTAIN,
+    REGION,
+    Choice,
+    CorrelatedTest,
+    correlated_test,
+)
+from frictionid.report.sections import Model, SummaryData
+
+CANDIDATES = ("none", "fitted", "given")  # roles of models that can be recommended
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A model that can be recommended, and how it stands.
+
+    Attributes
+    ----------
+    model : its line of the tables
+    errors : (F,) median error of its predictions in each fold, infinite where one is missing
+    complexity : effective number of parameters, infinite where it is not known
+    implausible : what is physically wrong with it, one statement each
+    standing : "best", "adequate", "undecided", "worse" or "diverged", against the best one; see
+        `frictionid.evaluation.statistics.Standing`
+    against_best, against_recommended : tests of its errors less those of the best model and of the
+        recommended one; None where there is none, or an error is not finite
+    """
+
+    model: Model
+    errors: Array
+    complexity: float
+    implausible: tuple[str, ...] = ()
+    standing: str = ""
+    against_best: CorrelatedTest | None = None
+    against_recommended: CorrelatedTest | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the model as it stands in the tables."""
+        return self.model.name
+
+    @property
+    def error(self) -> float:
+        """Mean over the folds of its errors; infinite where one is not finite."""
+        return float(self.errors.mean())
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether its error is finite in every fold."""
+        return bool(np.isfinite(self.errors).all())
+
+
+@dataclass(frozen=True, eq=False)
+class Contrast:
+    """The best candidates of two groups, and whether the second one predicts better.
+
+    Attributes
+    ----------
+    first, second : lowest mean errors of each group
+    test : errors of the first less those of the second; the region is 10 % of the lower one's error
+    """
+
+    first: Candidate
+    second: Candidate
+    test: CorrelatedTest
+
+    @property
+    def answer(self) -> str:
+        """Whether the first one is practically worse: "yes", "no" or "undecided"."""
+        if self.test.above >= CERTAIN:
+            return "yes"
+        return "no" if self.test.above <= 1 - CERTAIN else "undecided"
+
+    @property
+    def effect(self) -> float:
+        """By which share of its error the second one is better; negative where it is worse."""
+        return self.test.mean / self.second.error
+
+
+def candidates_of(data: SummaryData, column: str) -> list[Candidate]:
+    """All models of a data set that can be recommended, in the order of the tables.
+
+    column : of the score that is compared
+    """
+    models = data.of_role(*CANDIDATES)
+    errors = _fold_errors(data, models, column)
+    known = [data.value(model, "n_parameters") for model in models]
+    return [
+        Candidate(model, own, 0.0 if model.role == "none" else np.nan_to_num(count, nan=np.inf))
+        for model, own, count in zip(models, errors, known, strict=True)
+    ]
+
+
+def _fold_errors(data: SummaryData, models: Sequence[Model], column: str) -> Array:
+    """A score of each model in each fold (M, F); infinite where it is missing."""
+    each = [data.of_folds(model, column) for model in models]
+    folds = max((len(own) for own in each), default=0)
+    whole = [own if len(own) == folds else np.full(folds, np.inf) for own in each]
+    return np.where(np.isnan(whole), np.inf, whole) if whole else np.empty((0, 0))
+
+
+def judged(candidates: Sequence[Candidate], choice: Choice) -> tuple[Candidate, ...]:
+    """The candidates with how they stand, from the simplest to the most complex."""
+    reference = None if choice.recommended is None else candidates[choice.recommended]
+    out = []
+    for candidate, (standing, test) in zip(candidates, choice.standings, strict=True):
+        other = None if reference is None else _test(candidate, reference, choice.region)
+        own = candidate.model, candidate.errors, candidate.complexity, candidate.implausible
+        out.append(Candidate(*own, standing, test, other))
+    return tuple(sorted(out, key=lambda c: (c.complexity, c.error)))
+
+
+def contrast(first: Sequence[Candidate], second: Sequence[Candidate]) -> Contrast | None:
+    """The best of a group against the best of another; None where one has no finite candidate."""
+    groups = [[c for c in own if c.is_finite] for own in (first, second)]
+    if not all(groups):
+        return None
+    a, b = (min(own, key=lambda c: c.error) for own in groups)
+    test = _test(a, b, REGION * min(a.error, b.error))
+    return test and Contrast(a, b, test)
+
+
+def _test(first: Candidate, second: Candidate, region: float) -> CorrelatedTest | None:
+    if len(first.errors) < 2 or not (first.is_finite and second.is_finite):
+        return None
+    return correlated_test(first.errors - second.errors, region)

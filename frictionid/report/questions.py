@@ -1,0 +1,246 @@
+"""Questions that a comparison answers, each by the rule of the verdict, or says why it cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.report.candidates import Candidate, Contrast, contrast
+from frictionid.report.families import family
+from frictionid.report.loops import has_memory
+from frictionid.report.numbers import MINUS, factor, percent, short
+from frictionid.report.sections import EULER, Section
+
+NOT_EVALUATED = "not_evaluated"
+NEAR = 0.1  # curve error up to which a friction curve is trusted
+LEVELS_ONLY = ("coulomb_viscous", "coulomb_viscous_asymmetric")  # laws, by their names in files
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question to the comparison: its answer, or "not_evaluated", and the reason in a sentence.
+
+    evidence : numbers behind the answer, by their names
+    """
+
+    name: str
+    question: str
+    answer: str
+    reason: str
+    evidence: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the questions are put to.
+
+    candidates : of the fitted data; recommended : the one that is used until further data decide
+    column : of the error that is compared
+    """
+
+    section: Section
+    candidates: Sequence[Candidate]
+    recommended: Candidate
+    column: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of errors."""
+        return self.section.description.angle_unit
+
+    def of_family(self, *names: str) -> list[Candidate]:
+        """Candidates of some families, see `frictionid.report.families.FAMILIES`."""
+        return [c for c in self.candidates if family(c.model) in names]
+
+    def with_friction(self) -> list[Candidate]:
+        """Candidates with physics and friction."""
+        own = self.of_family("physics", "hybrid")
+        return [c for c in own if c.model.role != "none"]
+
+
+Answer = tuple[str, str, Mapping[str, float]]
+
+
+def questions_to(asked: Asked) -> tuple[Question, ...]:
+    """All questions with their answers."""
+    return tuple(
+        Question(name, words, *answer(asked)) for name, (words, answer) in _QUESTIONS.items()
+    )
+
+
+def unanswered(reason: str) -> tuple[Question, ...]:
+    """All questions where nothing could be compared, with the reason."""
+    return tuple(
+        Question(name, words, NOT_EVALUATED, reason, {}) for name, (words, _) in _QUESTIONS.items()
+    )
+
+
+def _nothing(reason: str) -> Answer:
+    return NOT_EVALUATED, reason, {}
+
+
+def _by(found: Contrast | None, unit: str, missing: str) -> Answer:
+    """Answer by a contrast: whether its second model is practically better than its first."""
+    if found is None:
+        return _nothing(missing)
+    a, b, test = found.first, found.second, found.test
+    low, high = (factor(max(1 + v / b.error, 0.0)) for v in (test.low, test.high))
+    reason = (
+        f"{a.name} is {short(a.error)} {unit} off, {b.name} {short(b.error)} {unit}: "
+        f"{factor(1 + found.effect)} times as far (95 %: {low} to {high})."
+    )
+    evidence = {"effect": found.effect, "low": test.low / b.error, "high": test.high / b.error}
+    chances = {"worse": test.above, "equivalent": test.inside, "better": test.below}
+    return found.answer, reason, evidence | chances | {"folds": float(test.folds)}
+
+
+def percent_of(share: float) -> str:
+    """A share with its sign in per cent, two significant digits below ten.
+
+    >>> percent_of(0.123), percent_of(-0.012), percent_of(4.5)
+    ('12 %', '−1.2 %', '450 %')
+    """
+    size = 100 * abs(share)
+    return (
+        f"{MINUS if share < 0 else ''}{size:.1f} %"
+        if size < 10
+        else (f"{MINUS if share < 0 else ''}{size:.0f} %")
+    )
+
+
+# --- The questions --------------------------------------------------------------------------------
+
+
+def _friction(asked: Asked) -> Answer:
+    none = [c for c in asked.candidates if c.model.role == "none"]
+    found = contrast(none, asked.with_friction())
+    return _by(found, asked.unit, "no model without friction was compared, or none with it.")
+
+
+def _beyond(asked: Asked) -> Answer:
+    own = [c for c in asked.with_friction() if not has_memory(c.model)]
+    plain = [c for c in own if c.model.document.get("law", {}).get("kind") in LEVELS_ONLY]
+    found = contrast(plain, [c for c in own if c not in plain])
+    return _by(found, asked.unit, "needs Coulomb and viscous friction, and a law beyond it.")
+
+
+def _memory(asked: Asked) -> Answer:
+    own = asked.with_friction()
+    dynamic = [c for c in own if has_memory(c.model)]
+    found = contrast([c for c in own if c not in dynamic], dynamic)
+    return _by(found, asked.unit, "needs a model with memory and one without.")
+
+
+def _hybrids(asked: Asked) -> Answer:
+    found = contrast(asked.of_family("physics"), asked.of_family("hybrid"))
+    return _by(found, asked.unit, "needs textbook friction and learned friction.")
+
+
+def _physics(asked: Asked) -> Answer:
+    found = contrast(asked.of_family("black box"), asked.of_family("physics", "hybrid"))
+    return _by(found, asked.unit, "no model without physics was compared.")
+
+
+def _published(asked: Asked) -> Answer:
+    given = [c for c in asked.candidates if c.model.role == "given"]
+    fitted = [c for c in asked.candidates if c.model.role == "fitted"]
+    return _by(contrast(given, fitted), asked.unit, "no published model was compared.")
+
+
+def _loss(asked: Asked) -> Answer:
+    data, own = asked.section.fitted, asked.section.fitted.of_role("fitted")
+    lowest = data.best(own, EULER)
+    fitted = [c for c in asked.candidates if c.model.role == "fitted"]
+    first = [c for c in fitted if c.model is lowest]
+    if len(fitted) < 2:
+        return _nothing("needs two fitted models.")
+    answer, reason, evidence = _by(contrast(first, fitted), asked.unit, "no loss is finite.")
+    turned = {"yes": "no", "no": "yes"}.get(answer, answer)
+    return turned, f"Of the lowest one-step loss is {first[0].name}. {reason}", evidence
+
+
+def _curve(asked: Asked) -> Answer:
+    data, model = asked.section.fitted, asked.recommended.model
+    folds = model.curves[:-1]
+    if not np.isfinite(model.curves).all() or len(folds) < 2:
+        return _nothing(f"{model.name} has no friction curve.")
+    middle = folds.mean(axis=0)
+    size = np.sqrt(np.mean(np.square(middle), axis=0))
+    off = np.sqrt(np.mean(np.square(folds - middle), axis=(0, 1)))
+    scatter = float(np.max(off / np.where(size > 0, size, np.inf)))
+    errors = [e for e in data.curve_errors(model) if np.isfinite(e)]
+    evidence = {"scatter": scatter} | {f"error_{j}": e for j, e in enumerate(errors, 1)}
+    if errors:
+        worst = max(errors)
+        answer = "yes" if worst <= NEAR else "no"
+        return answer, f"{model.name} is {percent_of(worst)} off the true curve at most.", evidence
+    if scatter > NEAR:
+        return "no", f"the folds' curves of {model.name} scatter by {percent(scatter)}.", evidence
+    return (
+        NOT_EVALUATED,
+        f"no truth: the folds' curves agree within {percent(scatter)}, which bounds no bias.",
+        evidence,
+    )
+
+
+def _truth(asked: Asked) -> Answer:
+    data = asked.section.fitted
+    truth = data.of_role("truth")
+    if not truth:
+        return _nothing("no truth is known.")
+    own = Candidate(truth[0], data.of_folds(truth[0], asked.column), 0.0)
+    answer, reason, evidence = _by(
+        contrast([asked.recommended], [own]), asked.unit, "the truth has no scores of its own."
+    )
+    return {"yes": "no", "no": "yes"}.get(answer, answer), reason, evidence
+
+
+def _unseen(asked: Asked) -> Answer:
+    """Whether the recommended model is within 10 % of the best one on every data set never seen."""
+    model, evidence = asked.recommended.model, {}
+    for data in asked.section.tests:
+        rivals = [c.model for c in asked.candidates if c.model in data.models]
+        column = asked.column if data.reported else ""
+        best = data.best(rivals, column)
+        if best is not None:
+            evidence[data.dataset] = data.value(model, column) / data.value(best, column) - 1.0
+    if not evidence:
+        return _nothing("no held-out data set: every recording was part of the fits.")
+    worst = max(evidence, key=lambda name: evidence[name])
+    answer = "yes" if evidence[worst] <= NEAR else "no"
+    return (
+        answer,
+        f"on {worst} {model.name} is {percent_of(evidence[worst])} worse than the best model "
+        "there; one number each, so that chance is not known.",
+        evidence,
+    )
+
+
+def _recordings(asked: Asked) -> Answer:
+    count = asked.section.description.recordings
+    if count < 2:
+        return _nothing("one recording: its parts say nothing about another one.")
+    tests = asked.recommended.against_best
+    folds = float(tests.folds) if tests else 0.0
+    return "yes", f"{count} recordings are behind the folds.", {"recordings": count, "folds": folds}
+
+
+_QUESTIONS: Mapping[str, tuple[str, Callable[[Asked], Answer]]] = {
+    "friction": ("Does friction matter for these predictions?", _friction),
+    "beyond_coulomb_viscous": (
+        "Does friction depend on velocity beyond Coulomb and viscous levels?",
+        _beyond,
+    ),
+    "memory": ("Does friction with memory predict better than friction without?", _memory),
+    "hybrids": ("Do hybrids, physics with learned friction, beat textbook friction?", _hybrids),
+    "physics": ("Do models with physics beat models without?", _physics),
+    "published": ("Do the fitted models beat the published ones?", _published),
+    "loss": ("Does the lowest one-step loss belong to a model that predicts well?", _loss),
+    "curve": ("Can the friction curve of the recommended model be trusted?", _curve),
+    "truth": ("Does the recommended model predict as well as the true friction?", _truth),
+    "unseen": ("Is it as good as the best model on data that no fit has seen?", _unseen),
+    "recordings": ("Is the verdict about recordings, not about parts of one?", _recordings),
+}
+QUESTIONS = ("model", *_QUESTIONS)

@@ -1,0 +1,108 @@
+"""The verdict: its rule on result folders, its document, and what scripts may require of it."""
+
+import json
+
+import pytest
+from fixtures import result_folders as made
+from fixtures.command_line import run_command
+
+from frictionid.report import write
+from frictionid.report.verdict import verdict_of
+
+SHARED = [0.001, -0.001, 0.002, -0.002]
+
+
+def verdict(folder, tasks, **changes):
+    """The verdict on a folder of these tasks."""
+    return verdict_of(made.section(made.write(folder, tasks, **changes)))
+
+
+def model(name, error, *, size=4, noise=SHARED, role="fitted"):
+    """A model with an error [rad] after 1 s, half of it after 0.5 s, and a number of parameters."""
+    scored = made.rows(0.3, error, noise=noise)
+    scored[-1][5] = float(size)
+    return made.task(name, {"made": scored}, role=role)
+
+
+def test_a_simple_model_that_is_hardly_worse_is_enough(tmp_path):
+    found = verdict(tmp_path, [model("rich", 0.2, size=40), model("plain", 0.204)])
+    assert (found.kind, found.recommended) == ("simple_enough", "plain")
+    assert (found.folds, found.recordings, found.horizon) == (4, 5, 0.5)
+    rich = found.candidate("rich")
+    assert rich.standing == "best" and rich.against_recommended.mean == pytest.approx(-0.002)
+
+
+def test_a_rich_model_is_recommended_where_simple_ones_are_practically_worse(tmp_path):
+    found = verdict(tmp_path, [model("rich", 0.2, size=40), model("plain", 0.3)])
+    assert (found.kind, found.recommended) == ("recommended", "rich")
+    assert found.candidate("plain").standing == "worse"
+
+
+def test_data_that_cannot_tell_say_so_and_how_much_to_record(tmp_path):
+    noise = [0.06, -0.05, 0.04, -0.03]
+    found = verdict(tmp_path, [model("rich", 0.4, size=40), model("plain", 0.44, noise=noise)])
+    assert (found.kind, found.recommended, found.provisional) == ("undecided", None, "rich")
+    assert "cannot tell whether plain is enough or rich is needed" in found.sentence
+    assert "recordings in place of 5" in found.record_next
+
+
+def test_the_truth_is_never_recommended(tmp_path):
+    found = verdict(tmp_path, [model("ours", 0.2), model("truth", 0.1, size=0, role="truth")])
+    assert found.recommended == "ours" and len(found.candidates) == 1
+    (answer,) = [q.answer for q in found.questions if q.name == "truth"]
+    assert answer == "no"
+
+
+def test_a_model_that_diverges_in_a_fold_is_not_recommended(tmp_path):
+    found = verdict(tmp_path, [model("plain", 0.1, noise=[0, 0, 0, float("inf")]), model("b", 0.2)])
+    assert found.recommended == "b" and found.candidate("plain").standing == "diverged"
+
+
+def test_without_folds_every_question_is_not_evaluated_with_a_reason(tmp_path):
+    tasks = [made.task("a", {"made": made.rows(0.3, 0.2, folds=2)})]
+    found = verdict(tmp_path, tasks)
+    assert found.kind == "not_evaluated" and found.recommended is None
+    assert {q.answer for q in found.questions} == {"not_evaluated"}
+    assert all("errors are known of 2 folds" in q.reason for q in found.questions)
+
+
+def test_the_document_says_every_question_with_its_answer(tmp_path, monkeypatch):
+    made.undraw(monkeypatch)
+    folder = made.built(made.typical(tmp_path))
+    document = json.loads((folder / "verdict.json").read_text())
+    (only,) = document["datasets"]
+    assert only["recommended"] == "stribeck (integral)"
+    answers = {q["name"]: q["answer"] for q in only["questions"]}
+    assert answers["friction"] == "yes" and answers["published"] == "yes"
+    assert answers["physics"] == "not_evaluated"
+    assert all(q["reason"] for q in only["questions"])
+    assert "verdict.json" in (folder / "SHA256SUMS").read_text()
+
+
+@pytest.mark.parametrize(
+    ("requirement", "status", "words"),
+    [
+        ("recommended", 0, ""),
+        ("friction=yes", 0, ""),
+        ("undecided", 1, "made: verdict is recommended, not undecided"),
+        ("friction=no", 1, "made: friction is yes, not no"),
+        ("recomended", 2, "did you mean 'recommended'?"),
+        ("frction=yes", 2, "did you mean 'friction'?"),
+    ],
+)
+def test_scripts_require_a_verdict(tmp_path, monkeypatch, capsys, requirement, status, words):
+    monkeypatch.setattr(write, "_contents", lambda _: {})  # tables and figures are not the matter
+    made.typical(tmp_path / "made")
+    code, _, err = run_command(
+        monkeypatch, capsys, tmp_path, "report", "made", "--require", requirement
+    )
+    assert code == status and words in err and err.count("\n") == bool(words)
+
+
+def test_the_verdict_of_a_loaded_comparison_is_that_of_its_folder(tmp_path):
+    from frictionid.api.comparison import load_comparison
+
+    folder = made.typical(tmp_path)
+    loaded = load_comparison(folder)
+    assert loaded.verdict.sentence == verdict_of(made.section(folder)).sentence
+    assert [v.dataset for v in loaded.verdicts] == ["made"]
