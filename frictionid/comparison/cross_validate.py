@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
+from frictionid.comparison.complexity import complexity_score
 from frictionid.comparison.equations import with_equations
 from frictionid.comparison.methods import Method
 from frictionid.comparison.training_set import TrainingSet, training_set
@@ -30,11 +31,13 @@ from frictionid.evaluation import (
     prepare,
     prepared_for,
     score_folds,
+    score_frame,
     score_model,
     score_value,
     trajectory_folds,
 )
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
+from frictionid.evaluation.plausibility import Beyond, beyond_motion
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL
@@ -47,7 +50,8 @@ class Result(NamedTuple):
     `scores`, and `tests` by the names of the data sets, are score frames. `curves` stand at the
     velocities (V, n) of `grid`; `refined` is the result of shooting for all data. `loops` are of
     the folds and of all data. `members` (N, V, n) are curves of the N members of an ensemble of all
-    data, none where it is no ensemble.
+    data, none where it is no ensemble. `beyond` is what the friction of the folds and, last, of all
+    data says where no motion was recorded; None of black boxes.
     """
 
     scores: pd.DataFrame
@@ -61,6 +65,7 @@ class Result(NamedTuple):
     refined: Refined | None = None
     loops: tuple[HysteresisLoop, ...] = ()
     members: Array | None = None
+    beyond: Beyond | None = None
 
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
@@ -148,6 +153,10 @@ def run(
     result = score(friction, benchmark, shared, views)
     clock.append(time.perf_counter())
     seconds = dict(zip(("prepare", "fit", "score"), np.diff(clock).tolist(), strict=True))
+    count = None if identifier.fixed else complexity_score(fit)
+    if count is not None:
+        rows = [*result.scores.itertuples(index=False), count]
+        result = result._replace(scores=score_frame(rows))
     return result._replace(refined=fit.refined, seconds=seconds)
 
 
@@ -183,6 +192,7 @@ def score(
         grid=prepared.grid,
         loops=_loops(friction, prepared, benchmark.protocol),
         members=members,
+        beyond=None if friction.mechanism else beyond_motion(friction, prepared.grid),
     )
 
 

@@ -217,5 +217,6 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "seconds": dict(result.seconds),
         "refined": result.refined and document_of(result.refined, dataset, result.grid),
         "members": result.members,
+        "beyond": result.beyond and result.beyond._asdict(),
         "loops": [loop.document() for loop in result.loops],
     }

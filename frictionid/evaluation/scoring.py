@@ -23,6 +23,7 @@ from frictionid.evaluation.free_run import free_run, free_run_scores, trajectory
 from frictionid.evaluation.ground_truth import steady_state
 from frictionid.evaluation.initial_states import InitialStates, initial_state_folds
 from frictionid.evaluation.one_step import held_out_residual, one_step_scores
+from frictionid.evaluation.plausibility import dissipated
 from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_views
 from frictionid.evaluation.rollouts import predict, rollout_scores
 from frictionid.evaluation.score_frame import Score, score_frame
@@ -158,13 +159,25 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
     data = model.views[0].data
     units, sizes = data.plant.mechanism.velocity_units, joint_sizes_of(data.dataset)
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
-        residual = np.empty((len(held), model.friction.n))
+        residual, energy = np.empty((len(held), model.friction.n)), np.zeros((2, len(held)))
         for folds, data in model.views:
             use = np.isin(held, folds)
             place = np.searchsorted(folds, held[use])
             problem: Problem = getattr(data, name)
             residual[use] = held_out_residual(model.friction[folds], problem, use, place)
+            energy[:, use] = dissipated(problem, residual[use], use)
         yield from one_step_scores(residual, held, f"one_step_{name}", units, sizes)
+    if not model.friction.mechanism:  # of the momentum balance, the last one
+        yield from _energy_scores(energy, held)
+
+
+def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:
+    """Energy that the model's friction takes, in units of what the motion implies (2, K)."""
+    parts = [(str(f), fold == f) for f in np.unique(fold)]
+    for name, rows in (*parts, ("all", np.ones(len(fold), dtype=bool))):
+        implied, own = energy[:, rows].sum(axis=1)
+        value = own / implied if implied > 0 else float("nan")
+        yield Score(name, "dissipated_energy", "ratio", value=float(value))
 
 
 def _rollouts(model: _Model, owner: Array, *, true: bool = False) -> tuple[InitialStates, Rollout]:

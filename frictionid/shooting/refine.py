@@ -52,6 +52,16 @@ class Segment(NamedTuple):
     size: float
 
 
+class Residuals(NamedTuple):
+    """Residuals of the angles, of each joint (n,): sums of squares [rad^2] and numbers of them.
+
+    Numbers are less the two that a window's free initial state takes.
+    """
+
+    squares: Array
+    counts: Array
+
+
 @dataclass(frozen=True)
 class Diagnostics:
     """How a fit went.
@@ -65,6 +75,7 @@ class Diagnostics:
     warnings : sentences on what makes the numbers doubtful as a whole
     dropped : blocks of sensors that were offered and left out, as they showed nothing
     odd : recordings that are not explained as the others are
+    residuals : their size in the windows that count; None where torques are fitted
     """
 
     sigma: Array
@@ -77,6 +88,7 @@ class Diagnostics:
     dropped: tuple[Dropped, ...] = ()
     odd: tuple[OddRecording, ...] = ()
     noise_of: str = "angle"
+    residuals: Residuals | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +284,15 @@ def _diagnostics(
         solution.iterations,
         (*odd_sentences(odd), *warnings_of(problem, solution), *more),
         odd=odd,
+        residuals=_residuals(solution, solution.closed & ~far),
     )
+
+
+def _residuals(solution: Solution, use: Array) -> Residuals:
+    """Size of the residuals in some of the windows (W,)."""
+    share = (solution.share[..., None] * np.ones_like(solution.residual))[use]
+    squares = (solution.residual[use] ** 2 * share).sum(axis=(0, 1))
+    return Residuals(squares, share.sum(axis=(0, 1)) - 2.0 * use.sum())
 
 
 def _segments(

@@ -42,6 +42,7 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
         "driven": any(bool(np.any(r.torque.value)) for r in dataset.recordings),
         "bands": _bands(result, BEYOND * grid),
         f"{went.noise_of}_noise": went.sigma,
+        "residuals": went.residuals and went.residuals._asdict(),
         "windows": went.windows,
         "left_out": [segment._asdict() for segment in went.left_out],
         "unexplained": [segment._asdict() for segment in went.unexplained],

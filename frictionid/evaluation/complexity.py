@@ -1,0 +1,97 @@
+"""How complex a fitted friction is: effective parameters, and what each of them has to save."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction
+from frictionid.identifiers.linearised import Linearised
+from frictionid.identifiers.residual import Problem
+from frictionid.identifiers.row_weights import normalised
+
+_RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding
+
+
+def effective_parameters(friction: Friction, problem: Problem, weights: Array) -> float:
+    """Effective number of parameters of friction (n, P) that was fitted to a problem, weights (K,).
+
+    The trace of the hat matrix, with the Jacobian J of the residuals and the precision Q of the
+    priors in units of the residuals' variance,
+
+        tr(H (H + Q)^-1),    H = J'WJ,
+
+    over the parameters that lie at no bound and, of a sparse law, are terms that it has. Without
+    priors this is how many of them the rows determine. A network has as many as weights: early
+    stopping and weight decay leave fewer, which no linear theory counts.
+
+    >>> from frictionid.identifiers.least_squares import LeastSquares
+    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.friction.laws import Stribeck
+    >>> problem = synthetic_problem(1)
+    >>> weights = np.ones((1, len(problem.r)))
+    >>> fit = LeastSquares(Stribeck()).fit(problem, weights, 0)[0]
+    >>> round(effective_parameters(fit, problem, weights[0]), 6)
+    4.0
+    """
+    theta = np.asarray(friction.theta, dtype=float)
+    if friction.law.is_network or not theta.size:
+        return float(theta.size)
+    free = np.broadcast_to(friction.law.has_parameters(len(theta)), theta.shape)
+    if friction.law.is_sparse:
+        free = free & (theta != 0)
+    own = friction.constraints
+    if own is not None:
+        free = free & (theta > own.low) & (theta < own.high)
+    law, flat = Linearised(friction.law, problem), theta.reshape(1, -1)
+    share = normalised(np.reshape(weights, (1, -1)), problem)
+    residual = law.residual(flat)
+    hessian = law.normal_equations(flat, residual, share)[1][0][np.ix_(free.ravel(), free.ravel())]
+    precision = np.zeros(len(hessian))
+    if own is not None:
+        freedom = max(int((share > 0).sum()) * len(theta) - free.size, 1)
+        variance = float(np.einsum("fk,fki->", share, residual**2)) / freedom
+        precision = own.deviation[free] ** -2.0 * variance
+    return trace_of_hat(hessian, precision)
+
+
+def trace_of_hat(hessian: Array, precision: Array) -> float:
+    """Trace of H (H + Q)^-1 for normal equations H (N, N) and a diagonal Q (N,).
+
+    >>> trace_of_hat(np.diag([4.0, 1.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    1.5
+    """
+    size = np.sqrt(np.diag(hessian) + precision)
+    scale = np.where(size > 0, size, 1.0)
+    H = hessian / np.outer(scale, scale)
+    inner = np.linalg.pinv(H + np.diag(precision / scale**2), rcond=_RANK, hermitian=True)
+    return float(np.trace(inner @ H))
+
+
+class Criteria(NamedTuple):
+    """Information criteria of a fit; of two fits to the same residuals the lower is better."""
+
+    aic: float
+    bic: float
+
+
+def information_criteria(
+    squares: Sequence[float], counts: Sequence[float], parameters: float
+) -> Criteria:
+    """Akaike's and Schwarz's criterion [Akaike1974], [Schwarz1978] of normal residuals.
+
+    -2 log likelihood = sum_j N_j ln(S_j/N_j) + constant, with an unknown noise for each joint.
+
+    squares, counts : (n,) sums of squares S and numbers of residuals N, less those that free
+        initial states take; parameters : effective number
+
+    >>> one, other = (information_criteria([s], [100.0], k) for s, k in ((1.0, 2), (0.9, 3)))
+    >>> round(other.aic - one.aic, 2), round(other.bic - one.bic, 2)
+    (-8.54, -5.93)
+    """
+    S, N = np.asarray(squares, dtype=float), np.asarray(counts, dtype=float)
+    deviance = float(np.sum(N * np.log(S / N)))
+    return Criteria(deviance + 2 * parameters, deviance + float(np.log(N.sum())) * parameters)
