@@ -168,7 +168,7 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         one_step_integral_rms [rad/s], rollout_angle_median_1s [rad] ..., n_parameters.
         """
         frames = [
-            summary_of(data).frame.assign(dataset=data.dataset)
+            summary_of(data, verdict_of(section).failed).frame.assign(dataset=data.dataset)
             for section in self._sections
             for data in section.data
         ]
@@ -186,7 +186,7 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         parts = []
         for section in self._sections:
             for data in section.data:
-                own = summary_of(data)
+                own = summary_of(data, verdict_of(section).failed)
                 parts.append(html(summary_table(own, caption_of(data, own), detail=MEDIANS)))
             parts.append(f"<p>{escape(verdict(section))}</p>")
         return Shown(text, "".join(parts))

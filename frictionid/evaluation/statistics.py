@@ -94,6 +94,40 @@ def correlated_test(
     return CorrelatedTest(mean, error, low, high, p_value, below, 1 - below - above, above, count)
 
 
+class Pair(NamedTuple):
+    """Mean difference over the folds with its corrected error; NaN where one is not finite.
+
+    p_value : two-sided, of the corrected t-test
+    """
+
+    mean: float
+    error: float
+    folds: int
+    p_value: float = float("nan")
+
+    @property
+    def clear(self) -> bool | None:
+        """Whether its 95 % interval excludes zero; None if that is not known."""
+        if self.folds < FEWEST or not np.isfinite(self.mean):
+            return None
+        return bool(self.p_value < 1 - CERTAIN)
+
+
+def paired(mine: Array, other: Array) -> Pair:
+    """Scores of a model less those of another one, both of the same folds (J,).
+
+    >>> paired(np.array([0.3, 0.4, 0.5]), np.array([0.1, 0.3, 0.3])).clear
+    False
+    """
+    if len(mine) != len(other) or len(mine) < 2:
+        return Pair(float("nan"), float("nan"), 0)
+    known = np.isfinite(mine) & np.isfinite(other)
+    if not known.all():
+        return Pair(float("nan"), float("nan"), len(mine))
+    test = correlated_test(mine - other, 0.0)
+    return Pair(test.mean, test.error, test.folds, test.p_value)
+
+
 class Standing(NamedTuple):
     """How a model stands against the best one.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,8 +15,11 @@ from frictionid.evaluation.statistics import (
     CorrelatedTest,
     correlated_test,
 )
+from frictionid.report.loops import has_memory
+from frictionid.report.plausibility import FAILED, Check, Control, checks_of
 from frictionid.report.sections import Model, SummaryData
 
+EFFECTIVE = "effective_parameters_count"  # column
 CANDIDATES = ("none", "fitted", "given")  # roles of models that can be recommended
 
 
@@ -29,7 +32,7 @@ class Candidate:
     model : its line of the tables
     errors : (F,) median error of its predictions in each fold, infinite where one is missing
     complexity : effective number of parameters, infinite where it is not known
-    implausible : what is physically wrong with it, one statement each
+    checks : whether it is physically plausible
     standing : "best", "adequate", "undecided", "worse" or "diverged", against the best one; see
         `frictionid.evaluation.statistics.Standing`
     against_best, against_recommended : tests of its errors less those of the best model and of the
@@ -39,7 +42,7 @@ class Candidate:
     model: Model
     errors: Array
     complexity: float
-    implausible: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
     standing: str = ""
     against_best: CorrelatedTest | None = None
     against_recommended: CorrelatedTest | None = None
@@ -50,14 +53,19 @@ class Candidate:
         return self.model.name
 
     @property
+    def implausible(self) -> tuple[str, ...]:
+        """What is physically wrong with it, one clause for each check that it fails."""
+        return tuple(check.statement for check in self.checks if check.outcome == FAILED)
+
+    @property
     def error(self) -> float:
-        """Mean over the folds of its errors; infinite where one is not finite."""
-        return float(self.errors.mean())
+        """Mean over the folds of its errors; infinite where one is not finite, NaN of none."""
+        return float(self.errors.mean()) if len(self.errors) else float("nan")
 
     @property
     def is_finite(self) -> bool:
         """Whether its error is finite in every fold."""
-        return bool(np.isfinite(self.errors).all())
+        return bool(len(self.errors) and np.isfinite(self.errors).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +96,33 @@ class Contrast:
 
 
 def candidates_of(data: SummaryData, column: str) -> list[Candidate]:
-    """All models of a data set that can be recommended, in the order of the tables.
+    """All models of a data set that can be recommended, with their checks, as in the tables.
 
     column : of the score that is compared
     """
     models = data.of_role(*CANDIDATES)
     errors = _fold_errors(data, models, column)
-    known = [data.value(model, "n_parameters") for model in models]
-    return [
-        Candidate(model, own, 0.0 if model.role == "none" else np.nan_to_num(count, nan=np.inf))
-        for model, own, count in zip(models, errors, known, strict=True)
+    own = [
+        Candidate(model, e, complexity_of(data, model))
+        for model, e in zip(models, errors, strict=True)
     ]
+    return [replace(c, checks=checks_of(c.model, data, _control(c, own))) for c in own]
+
+
+def complexity_of(data: SummaryData, model: Model) -> float:
+    """Effective number of parameters, else their number; infinite where neither is known."""
+    if model.role == "none":
+        return 0.0
+    counts = [data.value(model, name) for name in (EFFECTIVE, "n_parameters")]
+    return next((count for count in counts if np.isfinite(count)), float("inf"))
+
+
+def _control(candidate: Candidate, candidates: Sequence[Candidate]) -> Control | None:
+    """The best candidate without memory beside one with memory."""
+    if not has_memory(candidate.model):
+        return None
+    found = contrast([c for c in candidates if not has_memory(c.model)], [candidate])
+    return None if found is None else Control(found.first.name, found.test)
 
 
 def _fold_errors(data: SummaryData, models: Sequence[Model], column: str) -> Array:
@@ -115,8 +139,9 @@ def judged(candidates: Sequence[Candidate], choice: Choice) -> tuple[Candidate, 
     out = []
     for candidate, (standing, test) in zip(candidates, choice.standings, strict=True):
         other = None if reference is None else _test(candidate, reference, choice.region)
-        own = candidate.model, candidate.errors, candidate.complexity, candidate.implausible
-        out.append(Candidate(*own, standing, test, other))
+        out.append(
+            replace(candidate, standing=standing, against_best=test, against_recommended=other)
+        )
     return tuple(sorted(out, key=lambda c: (c.complexity, c.error)))
 
 

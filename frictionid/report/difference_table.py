@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from frictionid.evaluation.statistics import Pair
 from frictionid.report.numbers import MINUS, NOTHING, decimals, fixed
-from frictionid.report.sections import RIVALS, Pair, SummaryData, rollout
+from frictionid.report.sections import RIVALS, SummaryData, rollout
 from frictionid.report.summary_table import ONE_STEP, TRUE_START
 from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
@@ -33,9 +34,9 @@ def difference_table(data: SummaryData) -> Table | None:
         ]
         lines.append(line([model.name, *cells], model.role + model.recipe))
     caption = (
-        f"{data.dataset}: differences to the best model of each column, paired over the "
-        "folds: mean ± standard error; ≈ within two standard errors. Medians of rollouts are those "
-        "of each fold."
+        f"{data.dataset}: differences to the best model of each column, paired over the folds: "
+        "mean ± standard error of the corrected t-test; ≈ where its 95 % interval holds zero. "
+        "Medians of rollouts are those of each fold."
     )
     columns = (*text_columns("model"), *heads.values())
     return Table(caption, f"differences-{data.dataset}", columns, tuple(lines))

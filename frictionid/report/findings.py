@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frictionid.evaluation.statistics import Pair
 from frictionid.report.sections import (
     EULER,
     INTEGRAL,
     RIVALS,
     Model,
-    Pair,
     Section,
     SummaryData,
     rollout,
@@ -56,21 +56,6 @@ class Prediction:
     error: float
     without: Contrast | None
     rival: Contrast | None
-
-
-@dataclass(frozen=True)
-class Ranking:
-    """How other fitted and given models stand against the best at the longest reported horizon.
-
-    worse : by more than two standard errors; tied : within two; unknown : not known fold by fold
-    """
-
-    horizon: float
-    best: Model
-    folds: int
-    worse: tuple[Contrast, ...]
-    tied: tuple[Contrast, ...]
-    unknown: tuple[Contrast, ...]
 
 
 @dataclass(frozen=True)
@@ -140,20 +125,6 @@ def best_predictor(data: SummaryData) -> Model | None:
 def last_rollout(data: SummaryData) -> str:
     """Column of the median rollout error at the longest reported horizon."""
     return rollout(data.reported[-1])
-
-
-def ranking(data: SummaryData) -> Ranking | None:
-    """How models stand against the one that predicts best; None with fewer than two."""
-    rivals = data.of_role(*RIVALS)
-    first = data.best(rivals, last_rollout(data)) if data.reported else None
-    if first is None or len(rivals) < 2:
-        return None
-    others = [contrast(data, m, first, last_rollout(data)) for m in rivals if m is not first]
-    worse = tuple(c for c in others if c.pair.clear and c.pair.mean > 0)
-    tied = tuple(c for c in others if c.pair.clear is False)
-    unknown = tuple(c for c in others if c not in (*worse, *tied))
-    folds = max(c.pair.folds for c in others)
-    return Ranking(data.reported[-1], first, folds, worse, tied, unknown)
 
 
 def truth_contrast(data: SummaryData) -> Contrast | None:

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from frictionid.evaluation.statistics import Pair
 from frictionid.report.loops import has_memory
-from frictionid.report.sections import EULER, Model, Pair, SummaryData, rollout
+from frictionid.report.sections import EULER, Model, SummaryData, rollout
 
 BOTH = frozenset(("delay", "inertia"))
 

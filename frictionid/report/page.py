@@ -19,6 +19,7 @@ from frictionid.report.render import render
 from frictionid.report.sections import EULER, Model, Section, SummaryData
 from frictionid.report.shooting_results import ShootingResults, shooting_results
 from frictionid.report.tables import Table
+from frictionid.report.verdict import verdict_of
 
 SETTINGS = ("horizons", "every", "history", "sample_time", "seeds", "folds")
 ORIGIN = ("description", "origin", "licence", "citation")
@@ -117,6 +118,7 @@ def _section(
     kind = Split(kind=folds.get("kind")).kind_of(section.description.recordings)
     return {
         "section": section,
+        "verdict": verdict_of(section),
         "folds": {**folds, "kind": kind},
         "data": [scored_findings(data) for data in section.data],
         "exhibits": [exhibits[section.dataset, data.dataset] for data in section.data],
@@ -133,7 +135,6 @@ def scored_findings(data: SummaryData) -> dict[str, Any]:
     return {
         "scores": data,
         "predictions": findings.predictions(data),
-        "ranking": findings.ranking(data),
         "truth": findings.truth_contrast(data),
         "true_start": findings.true_start_contrast(data),
         "loss": findings.loss_contrast(data),

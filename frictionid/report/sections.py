@@ -11,6 +11,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results
+from frictionid.evaluation.statistics import Pair, paired
 from frictionid.report.numbers import either, norm_unit
 
 ROLES = ("none", "fitted", "given", "truth")
@@ -18,8 +19,6 @@ RIVALS = ("fitted", "given")  # models that are ranked
 ANY = ""  # recipe of a model that no recipe changes
 REPORTED = (0.5, 1.0)  # [s], horizons that the findings are about, where a suite has them
 EULER, INTEGRAL = "one_step_euler_mean", "one_step_integral_rms"
-FEWEST = 3  # folds, below which a scatter says nothing
-CLEAR = 2.0  # standard errors
 
 
 def rollout(horizon: float, statistic: str = "median", score: str = "rollout_angle") -> str:
@@ -127,6 +126,8 @@ class Model:
     members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
     loops : friction along sinusoids, where the suite asked for it
     method : scheme of the recipe, and what corrects its data
+    beyond : friction where no motion was recorded, see `frictionid.evaluation.plausibility.Beyond`;
+        empty in folders of earlier versions and of black boxes
     """
 
     task: int
@@ -144,21 +145,7 @@ class Model:
     members: Array | None = None
     loops: Sequence[Mapping[str, Any]] = ()
     method: Mapping[str, Any] = field(default_factory=dict)
-
-
-class Pair(NamedTuple):
-    """Mean difference over the folds with its standard error; NaN where one is not finite."""
-
-    mean: float
-    error: float
-    folds: int
-
-    @property
-    def clear(self) -> bool | None:
-        """Whether the difference exceeds two standard errors; None if that is not known."""
-        if self.folds < FEWEST or not np.isfinite(self.mean):
-            return None
-        return bool(abs(self.mean) > CLEAR * self.error)
+    beyond: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,19 +206,8 @@ class SummaryData:
         return values.loc[model.task].to_numpy() if model.task in values.index else np.empty(0)
 
     def paired(self, model: Model, other: Model, column: str) -> Pair:
-        """A model's score less another's, paired over the folds.
-
-        The standard error is that of independent folds; their training sets overlap, so that it is
-        rather too small.
-        """
-        mine, theirs = self.of_folds(model, column), self.of_folds(other, column)
-        if len(mine) != len(theirs) or len(mine) < 2:
-            return Pair(float("nan"), float("nan"), 0)
-        finite = np.isfinite(mine) & np.isfinite(theirs)
-        values = np.full(len(mine), np.nan)
-        values[finite] = mine[finite] - theirs[finite]
-        error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
-        return Pair(float(np.mean(values)), error, len(values))
+        """A model's score less another's, paired over the folds."""
+        return paired(self.of_folds(model, column), self.of_folds(other, column))
 
     def curve_errors(self, model: Model) -> list[float]:
         """Curve error of each joint; empty where no true curve is known."""
@@ -336,6 +312,7 @@ def _model(
         members=np.asarray(task["members"], dtype=float) if task.get("members") else None,
         loops=task.get("loops") or (),
         method=task.get("method") or task.get("way") or {},
+        beyond=task.get("beyond") or {},
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from frictionid.report.sections import (
     EULER,
     INTEGRAL,
     RIVALS,
+    Model,
     SummaryData,
     over_folds,
     rollout,
@@ -42,14 +43,19 @@ class Summary(NamedTuple):
     unit: str
 
 
-def summary_of(data: SummaryData) -> Summary:
-    """Numbers of all models on one data set."""
+def summary_of(data: SummaryData, failed: Mapping[Model, Sequence[str]] | None = None) -> Summary:
+    """Numbers of all models on one data set.
+
+    failed : names of the physical checks that models fail, see `Verdict.failed`
+    """
     columns = {"identifier": "label", "recipe": "recipe", "role": "role"}
     names = {key: [getattr(m, name) for m in data.models] for key, name in columns.items()}
     tasks, joints = [m.task for m in data.models], data.description.true_joints
     frame = pd.DataFrame(names, index=tasks).join(
         summary_numbers(data.level, data.folds, data.horizons, joints)
     )
+    if failed:
+        frame["implausible"] = ["; ".join(failed.get(model, ())) for model in data.models]
     unit = data.description.angle_unit
     return Summary(frame.reset_index(drop=True), data.dataset, data.horizons, joints, unit)
 
@@ -92,6 +98,7 @@ def summary_table(
     if detail != BRIEF:
         counts = [Cell(fixed(value, 0)) for value in summary.frame["n_parameters"]]
         parts.append((Column("parameters"), counts))
+    parts += _implausible(summary)
     columns, cells = zip(*parts, strict=True)
     label = f"summary-{summary.dataset}"
     return Table(caption, label, columns, _lines(summary, zip(*cells, strict=True)))
@@ -112,6 +119,8 @@ def caption_of(data: SummaryData, summary: Summary) -> str:
         parts.append("from true states: against the true angles, with the memory of the motion")
     if summary.frame["free_run_mean"].notna().any():
         parts.append("free run: mean error over whole recordings, simulated from their start")
+    if "implausible" in summary.frame:
+        parts.append("implausible: physical checks that a model fails")
     return f"{'; '.join(parts)}. Best model in bold."
 
 
@@ -186,6 +195,14 @@ def _curves(summary: Summary) -> list[Part]:
         )
         for joint, name in zip(summary.joints, names, strict=True)
     ]
+
+
+def _implausible(summary: Summary) -> list[Part]:
+    """Physical checks that models fail; no column where none fails any."""
+    if "implausible" not in summary.frame:
+        return []
+    cells = [Cell(text or NOTHING) for text in summary.frame["implausible"]]
+    return [(Column("implausible", words=True), cells)]
 
 
 def _with_best(summary: Summary, column: Column, name: str, texts: Sequence[str]) -> Part:

@@ -12,7 +12,6 @@ import pandas as pd
 from frictionid.comparison.results import Results
 from frictionid.files import plain
 from frictionid.friction import Friction
-from frictionid.report import findings
 from frictionid.report.console import console
 from frictionid.report.estimates import Estimate, estimates, interval, value_text
 from frictionid.report.render import render
@@ -26,6 +25,7 @@ from frictionid.report.summary_table import (
     summary_table,
 )
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+from frictionid.report.verdict import verdict_of
 
 
 def show(results: Results) -> None:
@@ -38,25 +38,21 @@ def show_summary(results: Results) -> None:
     """Print the summary tables of a comparison, and the verdict."""
     sections = sections_of(results)
     for section in sections:
+        failed = verdict_of(section).failed
         for data in section.data:
             unseen = "" if data.held_out else f" (fitted on {section.dataset}, never seen)"
-            _print_summary(summary_of(data), f"{data.dataset}{unseen}")
+            _print_summary(summary_of(data, failed), f"{data.dataset}{unseen}")
     for section in sections:
-        if words := verdict(section):
-            text = f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n"
-            out = console()
-            out.print(text, markup=False, soft_wrap=not out.is_terminal)
+        words = verdict(section)
+        text = f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n"
+        out = console()
+        out.print(text, markup=False, soft_wrap=not out.is_terminal)
 
 
 def verdict(section: Section) -> str:
-    """Which model predicts best, and which others are clearly worse; "" where none is."""
-    data = section.fitted
-    found = {
-        "scores": data,
-        "predictions": findings.predictions(data),
-        "ranking": findings.ranking(data),
-    }
-    return render("verdict_terminal.j2", {"found": found}, markup=False).strip()
+    """Which model the evidence supports, the main doubt, and what to record next."""
+    found = {"verdict": verdict_of(section)}
+    return render("verdict_terminal.j2", found, markup=False).strip()
 
 
 def results_json(results: Results) -> str:
@@ -69,7 +65,7 @@ def results_json(results: Results) -> str:
             {
                 "dataset": data.dataset,
                 "fitted_on": section.dataset,
-                "models": summary_of(data).frame.to_dict("records"),
+                "models": summary_of(data, verdict_of(section).failed).frame.to_dict("records"),
                 "verdict": verdict(section) if data.held_out else "",
             }
             for section in sections

@@ -15,6 +15,7 @@ import numpy as np
 from frictionid.evaluation.statistics import FEWEST, Choice, choose
 from frictionid.report.candidates import Candidate, candidates_of, judged
 from frictionid.report.numbers import seconds, short
+from frictionid.report.plausibility import FAILED
 from frictionid.report.questions import (
     NOT_EVALUATED,
     Asked,
@@ -23,7 +24,7 @@ from frictionid.report.questions import (
     questions_to,
     unanswered,
 )
-from frictionid.report.sections import Section, SummaryData, rollout
+from frictionid.report.sections import Model, Section, SummaryData, rollout
 
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
@@ -69,6 +70,14 @@ class Verdict:
     record_next: str
     questions: tuple[Question, ...]
 
+    @property
+    def failed(self) -> dict[Model, tuple[str, ...]]:
+        """Names of the checks that models fail, see `frictionid.report.plausibility.Check`."""
+        own = {
+            c.model: tuple(k.name for k in c.checks if k.outcome == FAILED) for c in self.candidates
+        }
+        return {model: names for model, names in own.items() if names}
+
     def candidate(self, name: str | None) -> Candidate | None:
         """The candidate of a name; None where there is none."""
         return next((c for c in self.candidates if c.name == name), None)
@@ -78,13 +87,14 @@ def verdict_of(section: Section) -> Verdict:
     """The verdict on the models that were fitted to a data set."""
     data = section.fitted
     if not data.reported:
-        return _not_evaluated(data, float("nan"), 0, "the comparison predicts no motion")
+        reason = "the comparison predicts no motion"
+        return _not_evaluated(data, float("nan"), candidates_of(data, ""), reason)
     horizon = min(data.reported, key=lambda h: abs(h - HORIZON))
     candidates = candidates_of(data, rollout(horizon))
     folds = max((len(c.errors) for c in candidates), default=0)
     if folds < FEWEST:
         reason = f"errors are known of {folds} folds, and {FEWEST} are needed"
-        return _not_evaluated(data, horizon, folds, reason)
+        return _not_evaluated(data, horizon, candidates, reason)
     choice = choose(
         np.array([c.errors for c in candidates]),
         np.array([c.complexity for c in candidates]),
@@ -92,7 +102,7 @@ def verdict_of(section: Section) -> Verdict:
     )
     if choice.best is None:
         reason = "no model's predictions are finite in every fold"
-        return _not_evaluated(data, horizon, folds, reason)
+        return _not_evaluated(data, horizon, candidates, reason)
     return _decided(section, horizon, choice, candidates)
 
 
@@ -193,7 +203,9 @@ def _doubt(data: SummaryData, kind: str, own: Candidate, simplest: Candidate) ->
     )
 
 
-def _not_evaluated(data: SummaryData, horizon: float, folds: int, reason: str) -> Verdict:
+def _not_evaluated(
+    data: SummaryData, horizon: float, candidates: Sequence[Candidate], reason: str
+) -> Verdict:
     sentence = f"No verdict: {reason}."
     return Verdict(
         dataset=data.dataset,
@@ -205,9 +217,9 @@ def _not_evaluated(data: SummaryData, horizon: float, folds: int, reason: str) -
         error=float("nan"),
         unit=data.description.angle_unit,
         region=float("nan"),
-        folds=folds,
+        folds=max((len(c.errors) for c in candidates), default=0),
         recordings=data.description.recordings,
-        candidates=(),
+        candidates=tuple(sorted(candidates, key=lambda c: c.complexity)),
         main_doubt=f"{reason[0].upper()}{reason[1:]}.",
         record_next="At least three recordings, so that each can be held out as a whole.",
         questions=(Question("model", MODEL, NOT_EVALUATED, sentence, {}), *unanswered(reason)),

@@ -118,7 +118,7 @@ def _table_files(named: NamedTable) -> dict[str, bytes]:
 def exhibits_of(section: Section, data: SummaryData, names: Names) -> Exhibits:
     """Tables and pictures of one scored data set."""
     stem = names.stems[section.dataset, data.dataset]
-    summary = summary_of(data)
+    summary = summary_of(data, verdict_of(section).failed)
     table = summary_table(summary, caption_of(data, summary))
     tables = [NamedTable(f"summary--{stem}", table, summary.frame)]
     pictures = list(motion_pictures(section, data, names, stem))

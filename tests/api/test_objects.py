@@ -195,7 +195,7 @@ def test_a_comparison_has_frames_and_a_verdict(bench):
     error = frame["rollout_angle_median_1s"]
     assert error["stribeck"] < 0.2 * error["none"]
     assert bench["stribeck"].value("rollout_angle", "median", 1.0) == error["stribeck"]
-    assert "Best prediction after 1 s" in str(bench.summary())
+    assert "rad off after 0.5 s" in str(bench.summary())
     assert repr(bench) == str(bench.summary())
     assert "<table>" in bench._repr_html_()
     model = bench["stribeck"]
