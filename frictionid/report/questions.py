@@ -15,6 +15,7 @@ from frictionid.report.sections import EULER, Section
 
 NOT_EVALUATED = "not_evaluated"
 NEAR = 0.1  # curve error up to which a friction curve is trusted
+DISSIPATION = ("dissipation", "cycle_work")  # checks
 LEVELS_ONLY = ("coulomb_viscous", "coulomb_viscous_asymmetric")  # laws, by their names in files
 
 
@@ -86,10 +87,12 @@ def _by(found: Contrast | None, unit: str, missing: str) -> Answer:
     if found is None:
         return _nothing(missing)
     a, b, test = found.first, found.second, found.test
-    low, high = (factor(max(1 + v / b.error, 0.0)) for v in (test.low, test.high))
+    worse, better = (a, b) if a.error >= b.error else (b, a)
+    ends = (test.low, test.high) if worse is a else (-test.high, -test.low)
+    low, high = (factor(max(1 + end / better.error, 0.0)) for end in ends)
     reason = (
-        f"{a.name} is {short(a.error)} {unit} off, {b.name} {short(b.error)} {unit}: "
-        f"{factor(1 + found.effect)} times as far (95 %: {low} to {high})."
+        f"{worse.name} is {short(worse.error)} {unit} off, {better.name} {short(better.error)} "
+        f"{unit}: {factor(worse.error / better.error)} times as far (95 %: {low} to {high})."
     )
     evidence = {"effect": found.effect, "low": test.low / b.error, "high": test.high / b.error}
     chances = {"worse": test.above, "equivalent": test.inside, "better": test.below}
@@ -159,6 +162,38 @@ def _loss(asked: Asked) -> Answer:
     answer, reason, evidence = _by(contrast(first, fitted), asked.unit, "no loss is finite.")
     turned = {"yes": "no", "no": "yes"}.get(answer, answer)
     return turned, f"Of the lowest one-step loss is {first[0].name}. {reason}", evidence
+
+
+def _dissipative(asked: Asked) -> Answer:
+    """Whether friction opposes motion at all speeds that were measured, and over closed cycles."""
+    own = asked.recommended
+    checks = [c for c in own.checks if c.name in DISSIPATION and c.outcome != NOT_EVALUATED]
+    if not checks:
+        return _nothing(f"{own.name} has no friction torque.")
+    evidence = {check.name: check.value for check in checks}
+    worst = min(checks, key=lambda check: (check.outcome != "failed", check.outcome != "noted"))
+    answer = {"failed": "no", "noted": "undecided"}.get(worst.outcome, "yes")
+    return answer, f"{own.name} {worst.statement}.", evidence
+
+
+def _hysteresis(asked: Asked) -> Answer:
+    """Whether models with memory show hysteresis that a control without memory does not explain."""
+    own = {
+        c.name: check
+        for c in asked.candidates
+        for check in c.checks
+        if check.name == "hysteresis" and check.outcome != NOT_EVALUATED
+    }
+    if not own:
+        return _nothing("needs a model with memory, and one without as its control.")
+    evidence = {name: check.value for name, check in own.items()}
+    open_ones = [name for name, check in own.items() if "shows hysteresis of" in check.statement]
+    if not open_ones:
+        return "no", "no model with memory shows hysteresis beyond its folds.", evidence
+    shown = [name for name in open_ones if own[name].outcome == "passed"]
+    name = (shown or open_ones)[0]
+    answer = "yes" if shown else "no" if own[name].outcome == "failed" else "undecided"
+    return answer, f"{name} {own[name].statement}.", evidence
 
 
 def _curve(asked: Asked) -> Answer:
@@ -234,10 +269,12 @@ _QUESTIONS: Mapping[str, tuple[str, Callable[[Asked], Answer]]] = {
         _beyond,
     ),
     "memory": ("Does friction with memory predict better than friction without?", _memory),
+    "hysteresis": ("Is hysteresis in these data, beyond a control without memory?", _hysteresis),
     "hybrids": ("Do hybrids, physics with learned friction, beat textbook friction?", _hybrids),
     "physics": ("Do models with physics beat models without?", _physics),
     "published": ("Do the fitted models beat the published ones?", _published),
     "loss": ("Does the lowest one-step loss belong to a model that predicts well?", _loss),
+    "dissipative": ("Does the recommended model only take energy?", _dissipative),
     "curve": ("Can the friction curve of the recommended model be trusted?", _curve),
     "truth": ("Does the recommended model predict as well as the true friction?", _truth),
     "unseen": ("Is it as good as the best model on data that no fit has seen?", _unseen),

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictionid.evaluation.statistics import FEWEST, Choice, choose
+from frictionid.evaluation.statistics import FEWEST, Choice, CorrelatedTest, choose
 from frictionid.report.candidates import Candidate, candidates_of, judged
-from frictionid.report.numbers import seconds, short
+from frictionid.report.numbers import percent, seconds, short
 from frictionid.report.plausibility import FAILED
 from frictionid.report.questions import (
     NOT_EVALUATED,
@@ -124,7 +124,7 @@ def _decided(
         "model", MODEL, recommended or UNDECIDED, sentence, {"error": provisional.error}
     )
     asked = Asked(section, own, provisional, rollout(horizon))
-    doubt, remedy = _doubt(data, kind, provisional, simplest)
+    doubt, remedy = _doubt(section, kind, provisional, simplest)
     return Verdict(
         dataset=data.dataset,
         kind=kind,
@@ -171,36 +171,63 @@ def _sentence(
     rivals = f"{worse} of {len(candidates) - 1} other models are practically worse"
     if worse < len(candidates) - 1:
         rivals += f", {len(candidates) - 1 - worse} no better"
+    unfit = [c.name for c in candidates if c.implausible and c.standing in ("best", "adequate")]
+    spared = [name for name in unfit if name != own.name]
+    if spared:
+        rivals += f"; {', '.join(spared)} would do, but {'are' if spared[1:] else 'is'} implausible"
     if kind == SIMPLE:
         return f"The simple model is enough: {own.name} is {error}; {rivals}."
     return f"Use {own.name}, {error}" + (f"; {rivals}." if len(candidates) > 1 else ".")
 
 
-def _doubt(data: SummaryData, kind: str, own: Candidate, simplest: Candidate) -> tuple[str, str]:
+def _doubt(section: Section, kind: str, own: Candidate, simplest: Candidate) -> tuple[str, str]:
     """What speaks most against the verdict, and what to record next, a sentence each."""
-    recordings = data.description.recordings
+    data = section.fitted
+    recordings, speeds = data.description.recordings, "Motion through the speeds at which it fails."
     if own.implausible:
-        return (
-            f"{own.name} is not plausible: {own.implausible[0]}.",
-            "Motion through the speeds at which it fails.",
-        )
+        return f"{own.name} is not plausible: it {own.implausible[0]}.", speeds
     if kind == UNDECIDED and simplest.against_best is not None:
-        test, size = simplest.against_best, own.error
-        low, high = percent_of(test.low / size), percent_of(test.high / size)
-        most = max(recordings + 1, round(recordings * ((test.high - test.low) / (0.2 * size)) ** 2))
+        low, high = (percent_of(v / own.error) for v in simplest.against_best[2:4])
+        most = recordings_needed(recordings, simplest.against_best, 0.1 * own.error)
         return (
             f"{simplest.name} is between {low} and {high} worse than the best model.",
             f"More of the same motion: about {most} recordings in place of {recordings}.",
         )
-    if recordings < 2:
+    if recordings < FEWEST:
         return (
-            "All folds are parts of one recording: another one may say something else.",
+            f"The folds are parts of {recordings} recording{'s' * (recordings > 1)}: another one "
+            "may say something else.",
             "At least three recordings, so that each can be held out as a whole.",
         )
+    share = data.value(own.model, rollout(data.reported[-1], "diverged"))
+    if share > 0:
+        return (
+            f"{percent(share)} of its predictions diverge within {seconds(data.reported[-1])}.",
+            "Motion like that from which they start.",
+        )
+    if not section.tests:
+        return (
+            "The models are judged on motion like that which they were fitted to.",
+            "A data set of other motion or another load that no fit sees, as a test.",
+        )
     return (
-        "The models are judged on motion like that which they were fitted to.",
-        "A data set of other motion or another load that no fit sees, as a test.",
+        f"{len(section.tests)} data sets that no fit has seen give one number each: their chance "
+        "is not known.",
+        "More recordings of the motion that the model is for.",
     )
+
+
+def recordings_needed(recordings: int, test: CorrelatedTest, region: float) -> int:
+    """How many recordings make the interval of a difference as wide as the region, about.
+
+    Its width falls with the square root of their number.
+
+    >>> from frictionid.evaluation.statistics import correlated_test
+    >>> test = correlated_test(np.array([0.05, 0.0, 0.01, 0.04]), region=0.02)
+    >>> recordings_needed(4, test, 0.02)
+    33
+    """
+    return max(recordings + 1, round(recordings * ((test.high - test.low) / (2 * region)) ** 2))
 
 
 def _not_evaluated(

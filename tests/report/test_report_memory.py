@@ -70,7 +70,7 @@ def test_corrections_that_are_known_together_alone_are_not_divided(tmp_path):
 def test_the_page_names_what_is_left(tmp_path, monkeypatch):
     made.undraw(monkeypatch)
     said = made.findings(made.built(written(tmp_path)))
-    assert "Advantage of memory, nothing corrected: 0.0700 ± 0.0014 rad/s" in said
+    assert "Advantage of memory, nothing corrected: 0.070 ± 0.001 rad/s" in said
     assert "delay of the torque 0.035 rad/s" in said
     assert "inertia that the nominal mechanism lacks 0.015 rad/s" in said
     assert "95 % interval with zero: no memory shows" in said
