@@ -176,8 +176,8 @@ def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:
     parts = [(str(f), fold == f) for f in np.unique(fold)]
     for name, rows in (*parts, ("all", np.ones(len(fold), dtype=bool))):
         implied, own = energy[:, rows].sum(axis=1)
-        value = own / implied if implied > 0 else float("nan")
-        yield Score(name, "dissipated_energy", "ratio", value=float(value))
+        if implied > 0:
+            yield Score(name, "dissipated_energy", "ratio", value=float(own / implied))
 
 
 def _rollouts(model: _Model, owner: Array, *, true: bool = False) -> tuple[InitialStates, Rollout]:

@@ -174,6 +174,7 @@ def test_every_score_has_all_its_statistics(prepared, folds):
         *ahead,
         ("curve_error", "rms", None),
         ("n_parameters", "count", None),
+        ("dissipated_energy", "ratio", None),
     }
     assert not rows.duplicated(list(SCORE_COLUMNS[:5])).any()
     assert np.isfinite(rows.value).all()
@@ -263,6 +264,7 @@ def test_measured_data_have_neither_curve_error_nor_truth(folds):
         nothing(3), nothing(3)[0], prepare(dataset(recordings=bare, truth=None), PROTOCOL), folds
     )
     assert set(rows.score) == {
+        "dissipated_energy",
         "one_step_euler",
         "one_step_integral",
         "rollout_angle",
