@@ -164,18 +164,28 @@ def smoothed_by(series: Series, forward: FilterOutput) -> Array:
     return np.asarray(np.moveaxis(out, 0, 1))
 
 
-def likeliest_jerk_ratio(series: Series, decades: tuple[float, float] = (2.0, 20.0)) -> Array:
+def likeliest_jerk_ratio(series: Series) -> Array:
     """Jerk ratio of each series, shape (S,), that maximises the innovation likelihood.
 
     Searched on a grid of its logarithm, then on a finer one. The unit is rad^2/s^5 over rad^2: 10^2
     is a slow motion under heavy noise, 10^20 is practically noise-free.
     """
-    grid = np.linspace(*decades, 13)
+    grid = np.arange(_slowest(series), 20.1, 1.5)
     best = grid[np.argmax(innovation_likelihood(series, 10.0 ** grid[:, None]), axis=0)]
     step = grid[1] - grid[0]
     near = best + np.linspace(-step, step, 13)[:, None]
     score = innovation_likelihood(series, 10.0**near)
     return 10.0 ** np.take_along_axis(near, np.argmax(score, axis=0)[None], axis=0)[0]
+
+
+def _slowest(series: Series) -> float:
+    """Logarithm of the least jerk ratio of a search: that of slower motion in sparse samples.
+
+    2 where samples are no farther apart than at 30 Hz; motion ten times as slow has 10^-5 of it.
+    """
+    known = series.dt[1:][series.valid[1:]]
+    apart = 60.0 * float(np.median(known)) if known.size else 1.0
+    return 2.0 - 3.0 * round(max(0.0, 5.0 * np.log10(apart)) / 3.0)
 
 
 def innovation_likelihood(series: Series, rho: Array) -> Array:
@@ -188,8 +198,9 @@ def innovation_likelihood(series: Series, rho: Array) -> Array:
     return np.asarray(whole.reshape(ratios.shape))
 
 
-def causal_states(series: Series, decades: tuple[float, float] = (2.0, 20.0)) -> Array:
+def causal_states(series: Series) -> Array:
     """Filtered states (T, S, 3), each at the jerk ratio that its past samples make likeliest."""
-    rho = np.repeat(10.0 ** np.linspace(*decades, 19)[:, None], series.value.shape[1], axis=1)
+    grid = 10.0 ** np.arange(_slowest(series), 20.1)
+    rho = np.repeat(grid[:, None], series.value.shape[1], axis=1)
     _, means = kalman_loops.likelihoods(*_by_series(series), rho)
     return np.asarray(means.swapaxes(0, 1))

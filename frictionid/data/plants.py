@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,9 +27,10 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     mechanism = dataset.mechanism
     _check_columns(dataset, mechanism)
     each = [mechanism.nominal({**(parameters or {}), **r.parameters}) for r in dataset.recordings]
-    return Plant.from_parameters(
+    plant = Plant.from_parameters(
         mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults}
     )
+    return replace(plant, slow=tuple(dataset.scales.slow.tolist()))
 
 
 def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
@@ -83,4 +85,5 @@ def refuse_torque_without_motor(dataset: Dataset) -> None:
 def unit_inertia_plant(dataset: Dataset) -> Plant:
     """Plant of unit inertias, see `unit_inertia`, with one batch entry for each recording."""
     mechanism = unit_inertia(dataset.mechanism.position_units)
-    return Plant.from_parameters(mechanism, {"inertia": np.ones(len(dataset.recordings))})
+    plant = Plant.from_parameters(mechanism, {"inertia": np.ones(len(dataset.recordings))})
+    return replace(plant, slow=tuple(dataset.scales.slow.tolist()))

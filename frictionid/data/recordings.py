@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from frictionid.config import nearest
 from frictionid.data.frames import FrameColumns, Names, Numbers, Units, columns_of_arrays
+from frictionid.data.joint_scales import JointScales, joint_scales
 from frictionid.data.readers.table_recording import Recorded
 from frictionid.data.servo import Servo
 from frictionid.data.signal_checks import check_clocks, check_signal, column_count
@@ -173,6 +175,11 @@ class Dataset:
                     f"data set {self.name!r}: recording {recording.name!r} has "
                     f"{column_count(recording.angle)} joints, the first one has {joints}"
                 )
+
+    @cached_property
+    def scales(self) -> JointScales:
+        """Size and speeds of each joint by its measured positions, see `joint_scales`."""
+        return joint_scales(self.mechanism.position_units, [r.angle for r in self.recordings])
 
     def __repr__(self) -> str:
         recordings = self.recordings

@@ -16,7 +16,7 @@ from frictionid.friction.coordinates import refuse_coupled
 from frictionid.mechanics import Plant
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
-_RUNAWAY = 1e4  # [rad/s]: faster joints have diverged, they are frozen as NaN
+_RUNAWAY = 1e5  # times as fast as slow joints, they have diverged: they are frozen as NaN
 
 
 class Rollout(NamedTuple):
@@ -80,7 +80,7 @@ def rollout(
                 state = adaptive_step(plant, friction, state, u[k], dt[k][..., None], sizes[k])
             else:
                 state = _ONE_STEP[method](plant, friction, state, u[k], dt[k][..., None])
-        wild = ~(xp.abs(state.w).sum(-1) < _RUNAWAY)
+        wild = ~((xp.abs(state.w) / plant.slow_like(state.w)).sum(-1) < _RUNAWAY)
         if bool(wild.any()):
             state, alive = _freeze(state, wild, alive)
         # a memory of samples takes in the newest one with the torque logged with it

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction, Inputs, Law, Memory
-from frictionid.friction.law import SHARP_WIDTH
+from frictionid.friction.law import NUMERICAL_WIDTH, SHARP_WIDTH
 
-SLOW = 0.1  # [rad/s]: slower joints may come to rest
 _WIDTHS = 5.0  # of a law's smoothing: beyond them it does not show
 
 
@@ -65,8 +64,7 @@ def sliding_velocity(friction: Friction, w: Array, stiction: Stiction) -> Array:
 
 def _smoothing(friction: Friction) -> float:
     """Speed [rad/s] below which a law's smoothing shows; 0 where it is wide on purpose."""
-    speed = _WIDTHS * friction.law.width
-    return speed if speed <= SLOW * (1 + 1e-9) else 0.0
+    return _WIDTHS * friction.law.width if friction.law.width <= NUMERICAL_WIDTH else 0.0
 
 
 def is_sharp(friction: Friction) -> bool:

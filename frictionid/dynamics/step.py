@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace, solve
 from frictionid.dynamics.break_away import after_break_away, break_away
-from frictionid.dynamics.sliding_friction import SLOW, Stiction, friction_torque
+from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, State, driven, inputs, rows_of
 from frictionid.dynamics.step_size import StepSize
 from frictionid.dynamics.stiction import stiction
@@ -107,9 +107,9 @@ def _approach(
     xp = namespace(state.w)
     held = stiction(Instant(plant, friction, state, u))
     a = acceleration(plant, friction, state, u, held)
-    speed = xp.abs(state.w)
-    braked = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + SLOW)
-    near = braked | (speed <= SLOW)
+    speed, slow = xp.abs(state.w), plant.slow_like(state.w)
+    braked = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + slow)
+    near = braked | (speed <= slow)
     return (near if held.firm is None else near & ~held.firm).any(-1), Begin(held, a)
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, inverse, namespace, plain
-from frictionid.dynamics.sliding_friction import SLOW
+from frictionid.dynamics.sliding_friction import is_sharp
 from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.mechanics import Plant, configurations
+from frictionid.mechanics.plant import SLOW
 
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
 _LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
@@ -40,7 +42,8 @@ def step_size_of(
         When the law is so steep that no reasonable number of substeps resolves it.
     """
     substeps(plant, friction, dt)
-    away = stiffness(plant, friction, SLOW)
+    sliding = replace(friction, law=friction.law.sharpened()) if is_sharp(friction) else friction
+    away = stiffness(plant, sliding, np.array(plant.slow))
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
     near = away if has_break_away(friction) else stiffness(plant, friction)
     part = dt / pieces
@@ -66,12 +69,12 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
     return count
 
 
-def stiffness(plant: Plant, friction: Friction, beyond: float = 0.0) -> float:
+def stiffness(plant: Plant, friction: Friction, beyond: Array | float = 0.0) -> float:
     """Fastest rate [1/s] at which friction slows a joint: largest eigenvalue of M^-1 dTf/dw.
 
     The worst case over `configurations` and over the batches of plant and friction, at
-    speeds `beyond` some [rad/s]; where friction grows with the load or the motor torque, under
-    those that hold the joints still.
+    speeds `beyond` some, (n,) [rad/s]; where friction grows with the load or the motor torque,
+    under those that hold the joints still.
     """
     q = configurations(plant.n, 9)
     p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
@@ -91,17 +94,21 @@ def _holding(plant: Plant, friction: Friction, p: Array, q: Array) -> tuple[Arra
 
 
 def slopes(
-    friction: Friction, beyond: float = 0.0, u: Array | float = 0.0, load: Array | float = 0.0
+    friction: Friction,
+    beyond: Array | float = 0.0,
+    u: Array | float = 0.0,
+    load: Array | float = 0.0,
 ) -> Array:
     """Largest slope dTf/dw of each joint over all batches, or zero, shape (n,) [N m s/rad].
 
-    At speeds `beyond` some [rad/s], with motor torques 0, u, -u, and a load, (n,) each.
+    At speeds `beyond` some, (n,) [rad/s], with motor torques 0, u, -u, and a load, (n,) each.
     """
-    w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])
-    w = w[w >= beyond]
+    low = np.broadcast_to(beyond, (friction.n,))
+    w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])[:, None]
+    w = np.maximum(np.where(low > 0, w * low / SLOW, w), low)
     theta = friction.theta[..., None, :, :]
-    xp, width = namespace(theta), 1e-5
-    grid = np.repeat(np.concatenate([-w[::-1], w])[:, None], friction.n, axis=1)
+    xp, width = namespace(theta), np.where(low > 0, 1e-5 * low / SLOW, 1e-5)
+    grid = np.concatenate([-w[::-1], w])
 
     def torque(w: Array, u: Array | float) -> Array:
         columns, pushed = (xp.asarray(v, dtype=theta.dtype) for v in (w, u + 0.0 * w))

@@ -11,7 +11,7 @@ joint crosses zero, `zero_crossing` stops it, or lets it pass.
 from __future__ import annotations
 
 from frictionid.arrays import Array, namespace
-from frictionid.dynamics.sliding_friction import SLOW, Stiction, braked, is_sharp
+from frictionid.dynamics.sliding_friction import Stiction, braked, is_sharp
 from frictionid.dynamics.state import Instant
 from frictionid.dynamics.torque_balance import (
     Balance,
@@ -28,7 +28,8 @@ def stiction(now: Instant) -> Stiction:
     if not has_break_away(now.friction):
         return Stiction(None)
     xp, w = namespace(now.state.w), now.state.w
-    slow = (xp.abs(w) <= (0.0 if is_sharp(now.friction) else SLOW)).any(-1)
+    least = 0.0 if is_sharp(now.friction) else now.plant.slow_like(w)
+    slow = (xp.abs(w) <= least).any(-1)
     if not bool(slow.any()):
         return Stiction(xp.sign(w))
     if now.has_rows and not bool(slow.all()):
@@ -59,7 +60,7 @@ def _near_rest(now: Instant) -> Stiction:
         braking, torques = None, balance(now, Stiction(xp.sign(w)))
     else:
         torques = balance(now, None)
-        braking = _minimum_braking(torques, w)
+        braking = _minimum_braking(torques, w, now.plant.slow_like(w))
         # a joint at rest feels that the others still slide
         torques = torques._replace(friction=braked(torques.friction, Stiction(None, None, braking)))
     Tf = sticking_torque(torques, resting)
@@ -71,10 +72,13 @@ def _near_rest(now: Instant) -> Stiction:
     return Stiction(direction, sticking, braking, sticking & firm, margin)
 
 
-def _minimum_braking(torques: Balance, w: Array) -> Array:
-    """Break-away level against the velocity of slow joints under a load below it, else zero."""
+def _minimum_braking(torques: Balance, w: Array, least: Array) -> Array:
+    """Break-away level against the velocity of slow joints under a load below it, else zero.
+
+    least : (n,), speeds of joints that are no longer slow
+    """
     xp = namespace(w)
-    slow = xp.abs(w) <= SLOW
+    slow = xp.abs(w) <= least
     below = slow & (w != 0.0) & torques.below_break_away(sticking_torque(torques, slow))
     level = xp.where(w > 0, torques.high, -torques.low)
     return xp.where(below, level, 0.0 * level)

@@ -17,7 +17,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages
-from frictionid.data.joint_sizes import joint_sizes, norm_of
+from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
 from frictionid.data.signals import sample

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.joint_sizes import norm_of
+from frictionid.data.joint_scales import norm_of
 from frictionid.evaluation.score_frame import Score, summarise
 from frictionid.friction import Friction, along
 from frictionid.identifiers.residual import Problem
@@ -32,7 +32,7 @@ def one_step_scores(
     """Scores of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled.
 
     velocity_units : of each joint, all "rad/s" where there are none
-    sizes : (n,) of the joints, see `joint_sizes`
+    sizes : (n,) of the joints, see `joint_scales`
     """
     n = residual.shape[-1]
     units = tuple(velocity_units) or ("rad/s",) * n

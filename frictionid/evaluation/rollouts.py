@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.joint_sizes import TURN, joint_sizes, norm_of
+from frictionid.data.joint_scales import TURN, joint_sizes, norm_of
 from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation.initial_state_estimator import estimate_initial_states

@@ -11,8 +11,7 @@ value      the score, infinite or NaN where a prediction is not finite
 unit       of the value; in folders of earlier versions "rad" stands for that of the positions
 
 Where some joints turn and others slide, errors in the norm over the joints count in units of their
-joint's size, 1 rad or a quarter of its travel (`frictionid.data.joint_sizes`): the norm has the
-unit "1", or "1/s" of velocities.
+joint's size (`frictionid.data.joint_scales`): the norm has the unit "1", or "1/s" of velocities.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_sizes import TURN
+from frictionid.data.joint_scales import TURN
 from frictionid.errors import InputError
 
 

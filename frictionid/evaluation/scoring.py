@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_sizes import joint_sizes_of
 from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import curve_error, curve_scores, curves
@@ -157,7 +156,7 @@ def _scored(
 
 def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
     data = model.views[0].data
-    units, sizes = data.plant.mechanism.velocity_units, joint_sizes_of(data.dataset)
+    units, sizes = data.plant.mechanism.velocity_units, data.dataset.scales.size
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
         residual, energy = np.empty((len(held), model.friction.n)), np.zeros((2, len(held)))
         for folds, data in model.views:

@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.joint_sizes import are_mixed, joint_sizes_of
+from frictionid.data.joint_scales import are_mixed
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
@@ -182,8 +182,7 @@ def training_problem(
     """
     problem = problem_of(dataset, plant, recipe, sample_time, history, states)
     if are_mixed(plant.mechanism.position_units):
-        sizes = joint_sizes_of(dataset)
-        sizes = np.where(sizes > 0, sizes, 1.0)
+        sizes = dataset.scales.size
         problem = replace(problem, r=problem.r / sizes, G=problem.G / sizes[:, None])
     threshold = recipe.velocity_threshold
     return problem if threshold == 0 else mask_stiction(problem, threshold)

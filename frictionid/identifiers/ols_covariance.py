@@ -61,7 +61,9 @@ def _errors(
 ) -> tuple[Array, int]:
     """Standard errors (n, P), and their degrees of freedom."""
     n, P = friction.theta.shape
-    law, theta = Linearised(friction.law, problem), np.reshape(friction.theta, (1, -1))
+    theta = np.reshape(friction.theta, (1, -1))
+    # as it was fitted, see `Linearised.of`
+    law = Linearised(friction.law.sharpened() if problem.masked else friction.law, problem)
     share = normalised(np.reshape(weights, (1, -1)), problem)[0]
     residual = law.residual(theta)
     if robust is not None:

@@ -198,9 +198,12 @@ def _spread(problem: Problem) -> tuple[float, ...]:
 
     On a grid that no data shift: how fast held-out recordings are changes no level of a fold.
     """
-    fastest = float(np.abs(problem.nodes.inputs.w).max())
-    last = int(np.ceil(_PER_DECADE * np.log10(max(fastest / _FIRST, 10.0))))
-    return tuple(float(f"{_FIRST * 10 ** (k / _PER_DECADE):.4g}") for k in range(last + 1))
+    each = np.abs(problem.nodes.inputs.w).max(axis=0)
+    each = each[each > 0] if each.any() else np.ones(1)
+    # whole decades finer for joints below 1 rad/s, so that the slowest has two of its own
+    first = _FIRST * 10.0 ** min(0.0, np.floor(np.log10(each.min())))
+    last = int(np.ceil(_PER_DECADE * np.log10(max(float(each.max()) / first, 10.0))))
+    return tuple(float(f"{first * 10 ** (k / _PER_DECADE):.4g}") for k in range(last + 1))
 
 
 def _tabulated(law: Table, trained: _Trained, data: TrainingSet) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
+from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, sample
@@ -79,11 +80,18 @@ class TorqueBalance:
         )
 
     def sliding_problem(self, needed: Array) -> Problem:
-        """The same, with the rows of joints at rest projected out."""
+        """The same, with the rows of joints at rest projected out.
+
+        Where some joints turn and others slide, rows are in units of their joint's usual torque.
+        """
         problem = self.problem_of(np.where(self.slides, needed, 0.0))
-        G = np.array(problem.G)
-        G[:, : self.slides.shape[1]] *= self.slides[:, :, None]
-        return replace(problem, G=G, masked=True)
+        G, r, n = np.array(problem.G), np.array(problem.r), self.slides.shape[1]
+        G[:, :n] *= self.slides[:, :, None]
+        if are_mixed(self.dataset.mechanism.position_units):
+            usual = np.sqrt((r[:, :n] ** 2).mean(axis=0))
+            usual = np.where(usual > 0, usual, 1.0)
+            r[:, :n], G[:, :n] = r[:, :n] / usual, G[:, :n] / usual[:, None]
+        return replace(problem, r=r, G=G, masked=True)
 
 
 class _Part(NamedTuple):

@@ -6,8 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from frictionid.arrays import Array, namespace
 from frictionid.mechanics.mechanism import Mechanism, Terms
+
+SLOW = 0.1  # [rad/s]: slower joints may come to rest
 
 
 @dataclass(frozen=True)
@@ -15,7 +19,8 @@ class Plant:
     """A mechanism with physical parameters and the base parameters p that follow from them.
 
     `parameters` are arrays of one batch shape (...), often one entry per recording or row; p has
-    shape (..., nb). An index into a plant picks from the batch.
+    shape (..., nb). An index into a plant picks from the batch. `slow` has a speed of each joint
+    [rad/s or m/s], below which it may come to rest: 0.1 where no motion says better.
 
     >>> import numpy as np
     >>> from frictionid.mechanics import pendulum
@@ -26,6 +31,11 @@ class Plant:
     mechanism: Mechanism
     parameters: Mapping[str, Array]
     p: Array
+    slow: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.slow:
+            object.__setattr__(self, "slow", (SLOW,) * self.mechanism.n)
 
     @staticmethod
     def from_parameters(mechanism: Mechanism, parameters: Mapping[str, Any]) -> Plant:
@@ -43,14 +53,18 @@ class Plant:
         return Plant(mechanism, full, mechanism.base(full))
 
     def __getitem__(self, index: Any) -> Plant:
-        return Plant(
-            self.mechanism, {k: v[index] for k, v in self.parameters.items()}, self.p[index]
-        )
+        physical = {k: v[index] for k, v in self.parameters.items()}
+        return Plant(self.mechanism, physical, self.p[index], self.slow)
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return self.mechanism.n
+
+    def slow_like(self, w: Array) -> Array:
+        """`slow` (n,) as an array of the namespace of velocities w."""
+        xp = namespace(w)
+        return np.array(self.slow) if xp is namespace() else xp.asarray(self.slow, dtype=w.dtype)
 
     def terms(self, q: Array, w: Array) -> Terms:
         """Terms of the equations of motion, see `Terms`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -18,16 +18,18 @@ from frictionid.quickstart.column_names import is_measured, is_sensed, quantity_
 
 _RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
 _TURNS = 2.0 * 2 * np.pi  # [rad]: joints rarely turn further, unless these are degrees
+_LENGTHS = ("m", "mm")
 _AMPERES = 60.0  # more are mA
+_TORQUE = {"rad": "N m", "m": "N"}
 _SLOPE = 0.9  # correlation with the slope of an angle, of a velocity
 _HELD = 0.3  # share of repeated values in a column that a command holds
 
 
 class Guess(NamedTuple):
-    """Columns of a quantity, one per joint, their unit, and what speaks for both."""
+    """Columns of a quantity, one per joint, their unit (or units), and what speaks for both."""
 
     columns: tuple[str, ...]
-    unit: str
+    unit: str | tuple[str, ...]
     evidence: str
 
 
@@ -54,19 +56,28 @@ class ColumnGuesses:
         return self.torque.unit in CURRENTS
 
     def with_angle_unit(self, unit: str, evidence: str) -> ColumnGuesses:
-        """The guesses with another unit of the angles."""
-        return replace(self, angle=self.angle._replace(unit=unit, evidence=evidence))
+        """The guesses with another unit of the angles, or of those that are of its kind."""
+        own = self.angle.unit
+        other: str | tuple[str, ...] = unit
+        if not isinstance(own, str):
+            other = tuple(unit if (u in _LENGTHS) == (unit in _LENGTHS) else u for u in own)
+        return replace(self, angle=self.angle._replace(unit=other, evidence=evidence))
 
 
 @dataclass(frozen=True)
 class Joints:
     """What the mechanism says of the columns: which joints are driven, and the units' kind.
 
-    unit : "rad" or "m", of the angles
+    units : "rad" or "m", of each angle; all are "rad" where there are none
     """
 
     driven: tuple[bool, ...]
-    unit: str = "rad"
+    units: tuple[str, ...] = ()
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Unit of each joint's angle, "rad" or "m"."""
+        return self.units or ("rad",) * len(self.driven)
 
 
 def guess_columns(
@@ -96,7 +107,7 @@ def guess_columns(
     given = dict(given or {})
     _check_given(given, table)
     time = _time(table, given.get("time"))
-    clock = table.columns[time.columns[0]] * UNITS["time"][time.unit]
+    clock = table.columns[time.columns[0]] * UNITS["time"][str(time.unit)]
     angle = _angle(table, joints, time, given.get("angle"), clock)
     torque = _torque(table, joints, (*time.columns, *angle.columns), given.get("torque"))
     used = {*time.columns, *angle.columns, *torque.columns}
@@ -168,8 +179,27 @@ def _angle(
     if len(columns) < n or (given and len(columns) != n):
         raise _unknown(table, "angle", f"{len(columns)} columns look like angles, for {n} joints")
     chosen = tuple(columns[:n])
-    unit, why = _angle_unit(table, chosen, joints.unit)
+    unit, why = _by_kind(joints.kinds, chosen, lambda own, kind: _angle_unit(table, own, kind))
     return Guess(chosen, unit, f"{evidence}; {why}")
+
+
+def _by_kind(
+    kinds: Sequence[str], names: Sequence[str], guess: Callable[[Sequence[str], str], Sequence[str]]
+) -> tuple[str | tuple[str, ...], str]:
+    """Unit of the columns of each kind of joint, and what speaks for it; one where all are alike.
+
+    names : of the columns, "" where a joint has none ; guess : unit and reason for columns of a
+    kind
+    """
+    found = {
+        kind: guess([n for n, own in zip(names, kinds, strict=True) if n and own == kind], kind)
+        for kind in dict.fromkeys(k for n, k in zip(names, kinds, strict=True) if n)
+    }
+    units = {kind: unit for kind, (unit, _) in found.items()}
+    why = "; ".join(dict.fromkeys(reason for _, reason in found.values()))
+    if len(set(units.values())) == 1:
+        return next(iter(units.values())), why
+    return tuple(units.get(kind, _TORQUE[kind]) for kind in kinds), why
 
 
 def _with_slopes(table: Table, free: Sequence[str], clock: Array) -> list[str]:
@@ -196,8 +226,7 @@ def _angle_unit(table: Table, names: Sequence[str], kind: str) -> tuple[str, str
     high = max(float(np.nanmax(table.columns[name])) for name in names)
     span = f"{low:.4g} to {high:.4g}"
     unit = unit_of(names[0], "angle")
-    slides = ("m", "mm")
-    if unit and (unit in slides) == (kind == "m"):
+    if unit and (unit in _LENGTHS) == (kind == "m"):
         return unit, f"the name says {unit}; {span}"
     if kind == "m":
         return ("mm", f"{span}: in m a long way") if high - low > 20 else ("m", span)
@@ -214,7 +243,8 @@ def _torque(
 ) -> Guess:
     driven = list(joints.driven)
     if not any(driven):
-        return Guess(("",) * len(driven), "N m" if joints.unit == "rad" else "N", "no motor")
+        units = tuple(_TORQUE[kind] for kind in joints.kinds)
+        return Guess(("",) * len(driven), units[0] if len(set(units)) == 1 else units, "no motor")
     free = [name for name in table.columns if name not in used]
     quantity, columns = _torque_columns(free, sum(driven), given)
     if given and len(given) == len(driven):
@@ -224,7 +254,9 @@ def _torque(
         raise _unknown(table, "torque", found)
     rest = iter(columns)
     chosen = tuple(next(rest) if motor else "" for motor in driven)
-    unit, why = _torque_unit(table, [name for name in chosen if name], quantity, joints.unit)
+    unit, why = _by_kind(
+        joints.kinds, chosen, lambda own, kind: _torque_unit(table, own, quantity, kind)
+    )
     return Guess(chosen, unit, why)
 
 
@@ -252,7 +284,7 @@ def _torque_unit(table: Table, names: Sequence[str], quantity: str, kind: str) -
     if quantity == "current":
         unit = "mA" if top > _AMPERES else "A"
         return unit, f"{command}named like a current; up to {top:.4g}"
-    unit = "N" if kind == "m" else "N m"
+    unit = _TORQUE[kind]
     return unit, f"{command}no unit in the name, taken as {unit}; up to {top:.4g}"
 
 

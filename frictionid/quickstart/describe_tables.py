@@ -99,7 +99,7 @@ def guess_tables(tables: Tables, mechanism: Mapping[str, Any], known: Known) -> 
         Where no column fits a quantity.
     """
     description = mechanism_of(mechanism)
-    joints = Joints(description.driven, description.position_units[0])
+    joints = Joints(description.driven, description.position_units)
     return guess_columns(tables.first, joints, known.columns)
 
 

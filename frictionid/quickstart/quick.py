@@ -22,7 +22,7 @@ from frictionid.check import Verdict, check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
-from frictionid.data.joint_sizes import joint_sizes_of, norm_of
+from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -134,7 +134,7 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     part, sample_time = shortened(dataset)
     horizon, results = _compared(part, free, sample_time, report)
     each = np.array([joint.angle_noise for joint in verdict.joints])
-    noise = norm_of(each, dataset.mechanism.position_units, joint_sizes_of(dataset))[0]
+    noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
     moving, candidates = _candidates(results, horizon, float(noise))
     chosen = simplest(candidates)
     result = results[chosen.name]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.joint_sizes import are_mixed
+from frictionid.data.joint_scales import are_mixed
 
 NOTHING = "–"
 INFINITE = "∞"
@@ -131,13 +131,12 @@ def norm_unit(position_units: Sequence[str]) -> str:
 
 
 def divergence_limit(angle_unit: str) -> str:
-    """Error beyond which a prediction has diverged (`frictionid.data.joint_sizes`).
+    """Error beyond which a prediction has diverged (`frictionid.data.joint_scales`).
 
-    >>> divergence_limit("rad"), divergence_limit("m"), divergence_limit("sizes")
-    ('1 rad', 'a quarter of the travel', '1 rad or a quarter of the travel')
+    >>> divergence_limit("m"), divergence_limit("rad")
+    ('a quarter of the travel', 'a quarter of the travel or 1 rad')
     """
-    limits = {"rad": "1 rad", "m": "a quarter of the travel"}
-    return limits.get(angle_unit, "1 rad or a quarter of the travel")
+    return "a quarter of the travel" + ("" if angle_unit == "m" else " or 1 rad")
 
 
 def seconds(horizon: float) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from frictionid.arrays import Array
-from frictionid.dynamics.sliding_friction import SLOW
 from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.law import NUMERICAL_WIDTH
 from frictionid.shooting.wrapped_law import WrappedLaw
 
 _SHARPER = 0.2  # of the smoothing of the other law
@@ -63,6 +63,6 @@ def with_back_emf(law: Law) -> BackEMF:
     Where the step goes round a law's smoothing it asks for the torque at a speed just beyond. That
     does not matter for friction, which hardly changes there, but back-EMF changes more.
     """
-    if 0 < 5 * law.width <= SLOW * (1 + 1e-9):
+    if 0 < law.width <= NUMERICAL_WIDTH:
         law = law.with_width(_SHARPER * law.width)
     return BackEMF(law, law.width, "")

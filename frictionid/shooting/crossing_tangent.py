@@ -8,11 +8,11 @@ from frictionid.arrays import Array
 from frictionid.dynamics.zero_crossing import Crossing
 from frictionid.shooting.tangent import Tangent, inverse_of_free
 
-_GRAZE = 0.01  # [rad/s]
+_GRAZE = 0.1  # of a slow speed
 
 
 def cross_tangent(
-    tangent: Tangent, start: list[Array], w0: Array, crossing: Crossing, h: Array
+    tangent: Tangent, start: list[Array], w0: Array, crossing: Crossing, h: Array, slow: Array
 ) -> None:
     """Change the derivatives of the rows that cross w = 0 in a substep, in place.
 
@@ -21,6 +21,7 @@ def cross_tangent(
     w0) is the time since the crossing.
 
     start : derivatives of w before the substep; w0 : (k, n) velocities before it; h : (k,) length
+    slow : (n,) speeds of joints near rest
     """
     n, rows, w1 = len(tangent.q), crossing.rows, crossing.w
     angle, end = [q[:, rows] for q in tangent.q], [w[:, rows] for w in tangent.w]
@@ -30,7 +31,7 @@ def cross_tangent(
         later = np.zeros_like(end[0])
         for j in range(n):
             # minus the derivative of the time since the crossing; bounded where w = 0 is just met
-            gap = np.maximum((w0[:, j] - w1[:, j]) ** 2, _GRAZE**2)
+            gap = np.maximum((w0[:, j] - w1[:, j]) ** 2, (_GRAZE * slow[j]) ** 2)
             part = np.where(crossing.passes[:, j], h / gap, 0.0)
             later += part * (w0[:, j] * end[j] - w1[:, j] * start[j])
         for i in range(n):

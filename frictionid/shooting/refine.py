@@ -220,7 +220,7 @@ def prepare_fit(
 
     use : (K,) true for the intervals that may be used, all by default
     """
-    mechanism = intervals.dataset.mechanism
+    mechanism, settings = intervals.dataset.mechanism, settings.at(float(np.median(intervals.dt)))
     refuse_coupled(mechanism, "shooting")
     base = mechanism.base(mechanism.nominal(friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)

@@ -49,6 +49,11 @@ class Intervals:
         """Number of joints."""
         return int(self.q.shape[1])
 
+    @property
+    def size(self) -> Array:
+        """Sizes (n,) of the joints, see `joint_scales`."""
+        return self.dataset.scales.size
+
     @cached_property
     def torque(self) -> SignalIntegrals:
         """Integrals of the logged torques of all recordings."""

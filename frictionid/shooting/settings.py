@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from frictionid.errors import InputError
+
+_RATE = 60.0  # [Hz]
+WINDOWS = (5 / _RATE, 10 / _RATE, 20 / _RATE)
 
 
 @dataclass(frozen=True)
 class Settings:
     """How friction is refined by shooting.
 
-    windows : lengths [s] of the windows, one stage after the other (5, 10 and 20 samples at 60 Hz)
+    windows : lengths [s] of the windows, one stage after the other (5, 10 and 20 samples at 60 Hz);
+        left as they are, they have no fewer samples where these are farther apart
     iterations : at most so many in the last stage; the others, which only lead there, have 4
     tolerance : a stage ends when no parameter moves by more than this share of its standard error
     huber : residuals beyond so many standard deviations count less
@@ -19,15 +23,16 @@ class Settings:
     significance : a block of sensors (delay, gain, bias, offset) whose deviation from an ideal
         sensor has a larger p-value is left out, and the fit repeated without it; 1 keeps all
     start_velocity : [rad/s], how far a start velocity may be from its smoothed one where the
-        angles do not tell it (a joint at rest); a standard deviation
+        angles do not tell it (a joint at rest); a standard deviation. None: ten times what is slow
+        for the joint, see `joint_scales`
     """
 
-    windows: tuple[float, ...] = (5 / 60, 10 / 60, 20 / 60)
+    windows: tuple[float, ...] = WINDOWS
     iterations: int = 40
     tolerance: float = 0.05
     huber: float = 2.5
     fine: float = 0.0007
-    start_velocity: float = 1.0
+    start_velocity: float | None = None
     significance: float = 0.01
 
     def __post_init__(self) -> None:
@@ -36,5 +41,16 @@ class Settings:
         if list(self.windows) != sorted(self.windows):
             raise InputError(f"windows = {list(self.windows)} must grow: short ones converge first")
         for name in ("iterations", "tolerance", "huber", "fine", "start_velocity", "significance"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name} = {getattr(self, name)} must be positive")
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise InputError(f"{name} = {value} must be positive")
+
+    def at(self, sample_time: float) -> Settings:
+        """The settings for samples so far apart [s]: windows that were not given follow them.
+
+        >>> [round(60 * w) for w in Settings().at(1 / 60).windows], Settings().at(1.0).windows
+        ([5, 10, 20], (5.0, 10.0, 20.0))
+        """
+        if self.windows != WINDOWS or _RATE * sample_time <= 1.0:
+            return self
+        return replace(self, windows=tuple(w * _RATE * sample_time for w in WINDOWS))

@@ -59,7 +59,8 @@ def advance_tangent(
         tangent.q[i] += np.multiply(h / 2, tangent.w[i], out=out)
     advance_memory(model, tangent, rates)
     if crossing is not None and start is not None:
-        cross_tangent(tangent, start, before.w[crossing.rows], crossing, h[crossing.rows])
+        slow = model.plant.slow_like(before.w)
+        cross_tangent(tangent, start, before.w[crossing.rows], crossing, h[crossing.rows], slow)
 
 
 def _middle(before: State, after: State, dt: Array) -> State:

@@ -17,15 +17,19 @@ from frictionid.shooting.problem import Linearisation
 from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.sensitivities import MotorTorque, end_states
 from frictionid.shooting.tangent import MotionModel
-from frictionid.shooting.windows import eliminate_states, initial_state_prior, predict_windows
+from frictionid.shooting.windows import (
+    START_VELOCITY,
+    eliminate_states,
+    initial_state_prior,
+    predict_windows,
+)
 
 _ROUNDS = 6
 _HUBER = 2.5  # [noise]
 _ROWS = 4000  # intervals at a time, for the cache's sake
 _FINE = 0.0007  # [s] of the physics step near rest
-_VELOCITY = 1.0  # [rad/s], standard deviation of how far a velocity is from the smoothed one
 _ANGLE = 1e-6  # precision of an initial angle: next to nothing
-_LOST = 0.3  # [rad]
+_LOST = 0.3  # times the size of a joint
 
 _NO_PARAMETER = FreeTheta(np.zeros(0, int), np.zeros(0, int))
 
@@ -126,7 +130,9 @@ def _moved(
     """Nodes after a step of each window on its own; those that got lost begin anew."""
     intervals, sigma, n = samples.intervals, samples.sigma, samples.intervals.n
     prediction = predict_windows(intervals, linearised, nodes, windows, np.zeros(n))
-    prior = initial_state_prior(intervals, nodes, windows[:, 0], _ANGLE, _VELOCITY)
+    scales = intervals.dataset.scales
+    velocity = START_VELOCITY * scales.slow
+    prior = initial_state_prior(intervals, nodes, windows[:, 0], _ANGLE, velocity)
     weight = np.ones_like(prediction.error)
     for _ in range(2):
         start = eliminate_states(prediction, weight, sigma, prior).start[:, None, :, None]
@@ -136,7 +142,8 @@ def _moved(
     on = windows >= 0
     out = nodes.copy()
     out[windows[on]] += step[on]
-    lost = ~(np.abs(out[:, :n] - intervals.before).max(axis=-1) < _LOST)
+    off = np.abs(out[:, :n] - intervals.before) / scales.size
+    lost = ~(off.max(axis=-1) < _LOST)
     lost |= ~np.isfinite(out).all(-1)
     out[lost, : 2 * n] = np.concatenate([intervals.q, intervals.w], axis=-1)[lost]
     return out

@@ -13,7 +13,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.shooting.parameters.parameter_block import Estimate
 from frictionid.shooting.problem import ShootingProblem
-from frictionid.shooting.windows import WindowPrediction, initial_state_prior, predict_windows
+from frictionid.shooting.windows import (
+    START_VELOCITY,
+    WindowPrediction,
+    initial_state_prior,
+    predict_windows,
+)
 
 _LOST = 0.5  # [rad]: nodes that leave the measured motion by more begin anew
 _MOST = 4.0  # of Huber's threshold: windows further off are lost anyhow
@@ -61,7 +66,8 @@ def linearised_at(
     offset = estimate.calibration.offset
     prediction = predict_windows(intervals, linearised, nodes, windows, offset)
     weak = 1e-6 / np.maximum(1.0, np.abs(nodes[first, :n])) ** 2
-    prior = initial_state_prior(intervals, nodes, first, weak, problem.settings.start_velocity)
+    velocity = problem.settings.start_velocity or START_VELOCITY * intervals.dataset.scales.slow
+    prior = initial_state_prior(intervals, nodes, first, weak, velocity)
     gap = (np.abs(prediction.moved[..., :n]) / sigma).max(axis=(1, 2))
     none = np.zeros(len(windows))
     return Point(estimate, nodes, windows, prediction, prior, gap, none, none > 0, none > 0, none)

@@ -10,8 +10,10 @@ from frictionid.arrays import Array
 from frictionid.shooting.problem import Linearisation
 from frictionid.shooting.sample_intervals import Intervals
 
-_WILD = 1e4  # [rad per rad or rad/s of its initial state]: a prediction without information
-_FAR = 1e3  # [rad]
+START_VELOCITY = 10.0  # times the slow speed: deviation of a velocity from the smoothed one
+# Sizes of the joints per size, or size per second, of the initial state: predictions without
+# information; and sizes that they are held at.
+_WILD, _FAR = 1e4, 1e3
 
 
 class WindowPrediction(NamedTuple):
@@ -36,19 +38,19 @@ class WindowPrediction(NamedTuple):
 
 
 def initial_state_prior(
-    intervals: Intervals, nodes: Array, first: Array, angle: Array | float, velocity: float
+    intervals: Intervals, nodes: Array, first: Array, angle: Array | float, velocity: Array | float
 ) -> Array:
     """Prior (2, W, 2n) of the moves of initial states: means, and precisions.
 
     A joint at rest does not show its velocity, which stays near the smoothed one.
 
     first : (W,) intervals that windows begin with; angle : precision of the angles, next to nothing
-    velocity : [rad/s] standard deviation of the velocities
+    velocity : [rad/s] standard deviation of the velocities, one or (n,)
     """
     n = intervals.n
     mean, precision = np.zeros((2, len(first), 2 * n))
     mean[:, n:] = intervals.w[first] - nodes[first, n : 2 * n]
-    precision[:, :n], precision[:, n:] = angle, 1.0 / velocity**2
+    precision[:, :n], precision[:, n:] = angle, 1.0 / np.square(velocity)
     return np.stack([mean, precision])
 
 
@@ -98,20 +100,22 @@ def predict_windows(
     slope[..., 2 * n :] += linearised.angle.T * (share > 0)[..., None, None]
     if (weight != 1.0).any():
         error, slope = error * weight, slope * weight[..., None]
-    return _without_explosions(WindowPrediction(error, slope, share, moved, carried))
+    prediction = WindowPrediction(error, slope, share, moved, carried)
+    return _without_explosions(prediction, intervals.size)
 
 
-def _without_explosions(prediction: WindowPrediction) -> WindowPrediction:
-    """The predictions with windows that explode held where they are."""
+def _without_explosions(prediction: WindowPrediction, size: Array) -> WindowPrediction:
+    """The predictions of joints of some size (n,) with windows that explode held where they are."""
     n = prediction.error.shape[-1]
-    steep = np.abs(prediction.slope[..., : 2 * n]).max(axis=(1, 2, 3))
+    by_start = prediction.slope[..., : 2 * n] * np.tile(size, 2) / size[:, None]
+    steep = np.abs(by_start).max(axis=(1, 2, 3))
     known = np.isfinite(prediction.slope).all(axis=(1, 2, 3)) & np.isfinite(prediction.carried).all(
         (1, 2, 3)
     )
-    tame = known & (steep < _WILD) & (np.abs(prediction.error).max(axis=(1, 2)) < _FAR)
+    tame = known & (steep < _WILD) & (np.abs(prediction.error / size).max(axis=(1, 2)) < _FAR)
     if tame.all():
         return prediction
-    far = _FAR * (prediction.share[..., None] > 0)
+    far = _FAR * size * (prediction.share[..., None] > 0)
     rows = ~tame[:, None, None]
     return prediction._replace(
         error=np.where(rows, far, prediction.error),

@@ -9,7 +9,6 @@ from frictionid.check.conventions import hypotheses
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
-from frictionid.data.joint_sizes import joint_sizes_of
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.evaluation import Protocol, Split, make_folds, prepare, score_model
@@ -56,7 +55,7 @@ def test_each_joint_has_its_own_unit_and_the_norm_has_none(scores):
 
 
 def test_the_norm_is_that_of_errors_in_units_of_the_joints_sizes(scores):
-    travel, turn = joint_sizes_of(cart_pole_data())
+    travel, turn = cart_pole_data().scales.size
     positions = np.concatenate([r.angle.value[:, 0] for r in cart_pole_data().recordings])
     assert (travel, turn) == (np.ptp(positions) / 4, 1.0)
     cart, pole, both = (pick(scores, "one_step_integral", j, "rms")[0] for j in ("1", "2", "all"))
@@ -67,7 +66,7 @@ def test_a_fit_is_the_same_whatever_the_unit_of_the_track():
     """The one-step problem of a cart in m has rows in shares of its travel."""
     data = cart_pole_data()
     given, fitted = (f(data, plant_of(data), INTEGRAL) for f in (problem_of, training_problem))
-    sizes = joint_sizes_of(data)
+    sizes = data.scales.size
     moving = (fitted.G != 0).all(axis=(1, 2))
     assert moving.mean() > 0.5
     np.testing.assert_allclose(fitted.r[moving], given.r[moving] / sizes)

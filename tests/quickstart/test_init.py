@@ -147,7 +147,8 @@ def test_a_terminal_is_asked_for_what_is_missing(call, tmp_path, monkeypatch):
 
 def guessed(columns, driven=(True,), unit="rad", given=None):
     columns = {name: np.asarray(c, float) for name, c in columns.items()}
-    return guess_columns(Table("a.csv", np.arange(len(TIME)), columns), Joints(driven, unit), given)
+    joints = Joints(driven, (unit,) * len(driven))
+    return guess_columns(Table("a.csv", np.arange(len(TIME)), columns), joints, given)
 
 
 NAMED = {

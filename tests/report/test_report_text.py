@@ -111,7 +111,9 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
     )
 
 
-@pytest.mark.parametrize(("unit", "far"), [("rad", "1 rad"), ("m", "a quarter of the travel")])
+@pytest.mark.parametrize(
+    ("unit", "far"), [("rad", "a quarter of the travel or 1 rad"), ("m", "a quarter of the travel")]
+)
 def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, far, tmp_path):
     tasks = [made.task("wild", {"made": made.rows(0.3, 0.9)})]
     about = {**made.about(), "angle_unit": unit}

@@ -76,7 +76,9 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
     K = 2 * N
     before, after = rng.normal(size=(2, K, JOINTS))
     weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
-    intervals = SimpleNamespace(n=JOINTS, before=before, after=after, **weight)
+    intervals = SimpleNamespace(
+        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
+    )
     nodes = rng.normal(size=(K, STATE))
     lines = Linearisation(
         end=rng.normal(size=(K, STATE)),
@@ -101,7 +103,9 @@ def test_a_shorter_window_says_nothing_beyond_its_end():
     K = 2 * N
     weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
     before, after = rng.normal(size=(2, K, JOINTS))
-    intervals = SimpleNamespace(n=JOINTS, before=before, after=after, **weight)
+    intervals = SimpleNamespace(
+        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
+    )
     nodes = rng.normal(size=(K, STATE))
     lines = Linearisation(
         end=nodes[np.r_[1:K, K - 1]] + np.r_[9.0, np.zeros(K - 1)][:, None],

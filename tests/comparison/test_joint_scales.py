@@ -1,0 +1,204 @@
+"""Whatever the unit of a slide, and however slow a machine: fits and predictions are the same."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import frictionid as fid
+from frictionid.check import check
+from frictionid.data.joint_scales import joint_scales
+from frictionid.data.plants import plant_of
+from frictionid.data.readers.table import Table
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.mechanics import Body, Joint, Parameter, from_bodies, linear_axis
+from frictionid.quickstart.column_guesses import Joints, guess_columns
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, Stribeck, simulate
+
+MASS = 10.0
+
+
+@cache
+def slide(travel, times):
+    """A carriage whose lengths are `travel`, and times `times`, as large as those of the first."""
+    return scaled(carriage(), travel, times)
+
+
+@cache
+def carriage():
+    coulomb, viscous, peak = (4.0,), (3.0,), (2.0,)
+    runs = (
+        Run("sine", (0.0,), torques=(Sine(12.0, 0.8),)),
+        Run("steps", (0.0,), (0.5,), (Steps(14.0, 0.25),)),
+        Run("slow", (0.0,), torques=(Sine(9.0, 0.4),)),
+    )
+    rig = Rig(
+        name="carriage",
+        mechanism=linear_axis(mass=MASS),
+        friction=Stribeck(Curve(coulomb, coulomb, viscous, peak, peak, (0.1,))),
+        camera=Camera(samples=150, rate=60.0, angle_noise=1e-6),
+        recordings=runs,
+        substeps=12,
+    )
+    return simulate(rig)
+
+
+def scaled(data, travel, times):
+    """The same forces on a mass that makes all lengths and times so much larger."""
+
+    def signal(s, factor):
+        return s._replace(time=s.time * times, value=s.value * factor)
+
+    recordings = tuple(
+        Recording(r.name, signal(r.angle, travel), signal(r.torque, 1.0)) for r in data.recordings
+    )
+    return Dataset(data.name, linear_axis(mass=MASS * times**2 / travel), recordings)
+
+
+def in_common_units(theta, travel, times):
+    """Coulomb, peak, Stribeck velocity and viscous friction of the first carriage."""
+    speed = travel / times
+    return np.ravel(theta) * [1.0, 1.0, 1.0 / speed, speed]
+
+
+SCALES = [(1e-3, 1.0), (1e3, 1.0), (1.0, 4.0), (1e-2, 0.1)]
+
+
+@pytest.mark.parametrize(("travel", "times"), [(1e-3, 1.0), (10.0, 0.1)])
+def test_a_fit_does_not_depend_on_how_long_a_slide_is_or_how_slow(travel, times):
+    first, other = slide(1.0, 1.0), slide(travel, times)
+    own, theirs = (fid.fit(d, "stribeck", method="one_step") for d in (first, other))
+    found = in_common_units(theirs.friction.theta, travel, times)
+    # the weights of its rows are those of a coarse fit
+    assert found == pytest.approx(np.ravel(own.friction.theta), rel=0.03)
+    windows = np.array([5, 10, 20]) / 60
+    own, theirs = (
+        fid.fit(d, "stribeck", method="shooting", windows=windows * t)
+        for d, t in ((first, 1.0), (other, times))
+    )
+    found = in_common_units(theirs.friction.theta, travel, times)
+    assert found == pytest.approx(np.ravel(own.friction.theta), rel=2e-3)
+
+
+@pytest.mark.parametrize(("travel", "times"), SCALES)
+def test_a_prediction_is_the_same_in_units_of_the_slide(travel, times):
+    theta, speed = np.array([[4.0, 3.0]]), travel / times
+    motions = []
+    for data, own in ((slide(1.0, 1.0), theta), (slide(travel, times), theta / [1.0, speed])):
+        u = data.recordings[0].torque.value[:120, None]
+        dt = np.diff(data.recordings[0].angle.time)[:120, None]
+        start = State(np.zeros((1, 1)), np.zeros((1, 1)))
+        motions.append(rollout(plant_of(data)[:1], Friction(CoulombViscous(), own), start, u, dt))
+    one, other = motions
+    size = np.ptp(one.q)
+    assert np.abs(other.q / travel - one.q).max() < 2e-4 * size
+    assert np.array_equal(other.w == 0.0, one.w == 0.0)  # it sticks at the same times
+    assert (one.w[1:] == 0.0).any()
+
+
+def test_scales_follow_the_unit_of_length_and_of_time():
+    first = slide(1.0, 1.0).scales
+    for travel, times in SCALES:
+        other = slide(travel, times).scales
+        np.testing.assert_allclose(other.size, travel * first.size)
+        np.testing.assert_allclose(other.fast, travel / times * first.fast)
+        np.testing.assert_allclose(other.slow, 0.02 * other.fast)
+
+
+def test_a_joint_that_turns_has_the_usual_scales_unless_it_moves_little():
+    time = np.linspace(0.0, 5.0, 501)
+    for amplitude in (40.0, 8.0, 1.0, 0.01):
+        angle = Signal(time, amplitude * np.sin(3.0 * time)[:, None])
+        scales = joint_scales(("rad",), [angle])
+        fast = 3.0 * amplitude * np.cos(np.pi * 0.05 / 2)
+        assert scales.fast[0] == pytest.approx(fast, rel=0.02)
+        assert scales.size[0] == pytest.approx(min(1.0, amplitude / 2), rel=1e-3)
+        assert scales.slow[0] == pytest.approx(min(0.1, 0.02 * fast), rel=0.02)
+
+
+def test_noise_alone_is_no_motion():
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((400, 1))
+    scales = joint_scales(("m",), [Signal(np.arange(400) / 100, noise)])
+    assert scales.fast[0] == 0.0 and 5e-4 < scales.size[0] < 5e-3
+
+
+# --- A slide of a few millimetres beside a joint that turns ---------------------------------------
+
+TABLE = np.array([[3.0, 40.0], [0.05, 0.01]])  # Coulomb and viscous friction of slide and table
+
+
+@cache
+def stage():
+    """A turntable with an eccentric weight on a slide that moves 4 mm, sampled at 200 Hz."""
+    x, q, slide, mass, arm = sp.symbols("x q slide mass arm")
+    machine = from_bodies(
+        (Body(slide, x, 0, joint=0), Body(mass, x + arm * sp.sin(q), -arm * sp.cos(q), joint=1)),
+        (Joint("slide", x, "m"), Joint("table", q, "rad")),
+        (
+            Parameter("slide", 60.0, "kg", "mass of the slide"),
+            Parameter("mass", 0.6, "kg", "weight"),
+            Parameter("arm", 0.1, "m", "from the axle to the weight"),
+        ),
+    )
+    rig = Rig(
+        name="stage",
+        mechanism=machine,
+        friction=Stribeck(Curve(*(tuple(c) for c in TABLE.T[[0, 0, 1]].tolist()))),
+        camera=Camera(samples=400, rate=150.0, angle_noise=(5e-7, 2e-4)),
+        recordings=(
+            Run("fast", (0.0, 0.0), torques=(Sine(4.6, 0.7), Sine(0.3, 0.7))),
+            Run("slow", (0.0, 1.0), torques=(Sine(3.5, 0.4), Sine(0.15, 0.4))),
+            Run("other", (0.0, 1.0), torques=(Sine(4.0, 0.5), Steps(0.25, 0.3))),
+        ),
+        substeps=12,
+    )
+    return simulate(rig)
+
+
+@pytest.mark.parametrize(
+    ("method", "off"), [("one_step", 0.2), ("shooting", 0.02), ("inverse_dynamics", 0.2)]
+)
+def test_the_friction_of_a_slide_of_millimetres_is_found_beside_a_joint_that_turns(method, off):
+    assert stage().scales.size[0] < 2.5e-3
+    free = {"free": "friction"} if method != "one_step" else {}
+    fit = fid.fit(stage(), "coulomb_viscous", method=method, **free)
+    torque = stage().scales.fast[:, None] ** [[0, 1]]
+    size = (TABLE * torque).sum(axis=1)
+    error = np.abs((fit.friction.theta - TABLE) * torque).sum(axis=1)
+    assert (error < off * size).all(), error / size
+    assert (fit.made.half_widths() * torque < off * size[:, None]).all()
+
+
+def test_check_calls_a_stage_good_and_a_comparison_finds_its_friction():
+    verdict = check(stage())
+    assert verdict.level == "good", [f.text for f in verdict.findings]
+    bench = fid.compare(stage(), ["none", "coulomb_viscous"], folds=3, horizons=[0.25])
+    for joint in ("1", "2"):
+        none, law = (
+            bench[name].value("rollout_angle", "median", 0.25, joint)
+            for name in ("none", "coulomb_viscous")
+        )
+        assert law < 0.3 * none, joint
+
+
+def test_columns_of_slides_and_of_joints_that_turn_have_their_own_units():
+    time = np.arange(300) / 100
+    columns = {
+        "t": time,
+        "pos_1": 90.0 * np.sin(3 * time),
+        "pos_2": 120.0 * np.cos(2 * time),
+        "tau_1": np.cos(time),
+        "tau_2": np.sin(time),
+    }
+    table = Table("a.csv", np.arange(300), columns)
+    guesses = guess_columns(table, Joints((True, True), ("m", "rad")))
+    assert guesses.angle.unit == ("mm", "deg") and guesses.torque.unit == ("N", "N m")
+    assert guesses.with_angle_unit("rad", "").angle.unit == ("mm", "rad")
+    alike = guess_columns(table, Joints((True, True), ("rad", "rad")))
+    assert (alike.angle.unit, alike.torque.unit) == ("deg", "N m")
