@@ -21,6 +21,7 @@ from frictionid.evaluation import (
 )
 from frictionid.identifiers.formulation import Recipe
 from frictionid.identifiers.residual import Problem
+from frictionid.mechanics import Mechanism
 from frictionid.shooting import CalibratedRecipe
 from frictionid.shooting.calibrated_recipe import part_of_calibration
 from frictionid.shooting.sample_intervals import Intervals, intervals_of
@@ -45,9 +46,9 @@ class TrainingSet:
     views: Mapping[str, tuple[CalibratedView, ...]] = field(default_factory=dict)
 
     @property
-    def friction_units(self) -> tuple[str, ...]:
-        """Unit of the position where friction acts, see `Mechanism.friction_units`."""
-        return self.prepared.plant.mechanism.friction_units
+    def mechanism(self) -> Mechanism:
+        """The mechanism whose friction is fitted."""
+        return self.prepared.plant.mechanism
 
     @property
     def intervals(self) -> Intervals:

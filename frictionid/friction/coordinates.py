@@ -6,10 +6,13 @@ on the joints with Tf = A' f(A w). Of other mechanisms the places are the joints
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from frictionid.arrays import Array, times
 from frictionid.errors import InputError
+from frictionid.friction.friction import Friction
 from frictionid.friction.law import Inputs
 from frictionid.mechanics import Mechanism, Plant
 
@@ -51,6 +54,12 @@ def with_places(mechanism: Mechanism, r: Array, G: Array) -> tuple[Array, Array]
     A = mechanism.friction_map
     more = len(A) - A.shape[1]
     return np.pad(r, ((0, 0), (0, more))), np.pad(G @ A.T, ((0, 0), (0, more), (0, 0)))
+
+
+def with_units_of(mechanism: Mechanism, friction: Friction) -> Friction:
+    """Friction with the units of the places where it acts, and of the load there."""
+    load = "N m" if mechanism.loads_of_gears else "N"
+    return replace(friction, position_units=mechanism.friction_units, load_unit=load)
 
 
 def refuse_coupled(mechanism: Mechanism, what: str) -> None:

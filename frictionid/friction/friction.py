@@ -42,6 +42,8 @@ class Friction:
     `position_units` has "m" for prismatic joints, whose friction is a force, see `units_of`; all
     are "rad" where it is empty.
     `calibration` holds base parameters and sensor corrections, with the batch axes of theta.
+    `load_unit` is that of the loads that load-dependent laws follow: "N" of forces in bearings,
+    "N m" of torques of gears, see `Mechanism.load`.
     `constraints` are the bounds and priors under which theta was fitted, with its shape.
 
     Examples
@@ -66,6 +68,7 @@ class Friction:
     calibration: Calibration | None = None
     mechanism: str = ""
     constraints: Constraints | None = None
+    load_unit: str = "N"
 
     def __post_init__(self) -> None:
         P = len(self.law.names)
@@ -95,7 +98,8 @@ class Friction:
 
     def units_at(self, joint: int) -> tuple[str, ...]:
         """Units of the law's parameters at a joint, from 0."""
-        return units_of(self.law, self.position_units[joint] if self.position_units else "rad")
+        position = self.position_units[joint] if self.position_units else "rad"
+        return units_of(self.law, position, self.load_unit)
 
     def torque(self, x: Inputs, memory: Memory = ()) -> Array:
         """Friction torque at inputs whose batch axes broadcast against theta's, (..., n) [N m]."""
@@ -142,15 +146,21 @@ class Friction:
         return "\n".join(lines)
 
 
-def units_of(law: Law, position_unit: str = "rad") -> tuple[str, ...]:
+def units_of(law: Law, position_unit: str = "rad", load_unit: str = "N") -> tuple[str, ...]:
     """Units of a law's parameters for a joint whose position is in "rad" or "m".
+
+    load_unit : of the load of a joint that turns, "N" or "N m"
 
     >>> from frictionid.friction.laws import CoulombViscous
     >>> units_of(CoulombViscous()), units_of(CoulombViscous(), "m")
     (('N m', 'N m s/rad'), ('N', 'N s/m'))
+    >>> from frictionid.friction.laws import LoadDependent
+    >>> units_of(LoadDependent()), units_of(LoadDependent(), load_unit="N m")
+    (('N m', 'N m/N', 'N m s/rad'), ('N m', '1', 'N m s/rad'))
     """
     if position_unit == "rad":
-        return tuple(law.units)
+        gears = load_unit == "N m"
+        return tuple("1" if gears and unit == "N m/N" else unit for unit in law.units)
     return tuple(unit.replace("N m", "N").replace("rad", position_unit) for unit in law.units)
 
 

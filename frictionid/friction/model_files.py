@@ -63,11 +63,12 @@ def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[st
 
 
 def _units_table(friction: Friction) -> dict[str, Any]:
-    """Units of the positions where they are not all "rad"; one where it is that of all joints."""
+    """Units of the positions where they are not all "rad", and of loads that are no forces."""
     units = friction.position_units
+    load = {} if friction.load_unit == "N" else {"load_unit": friction.load_unit}
     if set(units) <= {"rad"}:
-        return {}
-    return {"angle_unit": units[0] if len(set(units)) == 1 else list(units)}
+        return load
+    return {"angle_unit": units[0] if len(set(units)) == 1 else list(units), **load}
 
 
 def _units_of_document(document: Mapping[str, Any], joints: int, where: str) -> tuple[str, ...]:
@@ -80,6 +81,14 @@ def _units_of_document(document: Mapping[str, Any], joints: int, where: str) -> 
             f"joints, not {given!r}"
         )
     return () if set(units) <= {"rad"} else units
+
+
+def _load_unit(document: Mapping[str, Any], where: str) -> str:
+    """Unit of the loads of joints that turn."""
+    unit = document.get("load_unit", "N")
+    if unit not in ("N", "N m"):
+        raise InputError(f'{where}: "load_unit" must be "N" or "N m", not {unit!r}')
+    return str(unit)
 
 
 def _law_table(law: Law, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
@@ -216,7 +225,10 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where
         units = _units_of_document(document, theta.shape[-2] if theta.ndim > 1 else 1, where)
         calibration = _calibration(document.get("calibration", document.get("rig")), where)
         source, mechanism = dict(document.get("provenance", {})), document.get("mechanism", "")
-        friction = Friction(law, theta, parameters, source, units, calibration, str(mechanism))
+        friction = Friction(
+            *(law, theta, parameters, source, units, calibration, str(mechanism)),
+            load_unit=_load_unit(document, where),
+        )
     except InputError:
         raise
     except (TypeError, ValueError, AttributeError) as error:
@@ -297,9 +309,10 @@ def _words(document: Mapping[str, Any], joints: Sequence[Any], law: Law, where: 
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     each = _units_of_document(document, len(joints), where) or ("rad",) * len(joints)
+    load = _load_unit(document, where)
     out = np.zeros(has.shape)
     for j, (joint, own, unit) in enumerate(zip(joints, has, each, strict=True)):
-        units = units_of(law, unit)
+        units = units_of(law, unit, load)
         known = {name: units[i] for i, name in enumerate(law.names) if own[i]}
         out[j, own] = _joint(joint, known, f"{where}: joint {j + 1}")
     return out

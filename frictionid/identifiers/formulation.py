@@ -17,10 +17,11 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
+from frictionid.friction.coordinates import with_units_of
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.one_step_fit import OneStepFit, checked_fit
 from frictionid.identifiers.residual import Problem, euler_problem, integral_problem, mask_stiction
-from frictionid.mechanics import Plant
+from frictionid.mechanics import Mechanism, Plant
 
 SCHEMES = ("euler", "integral")
 
@@ -84,8 +85,7 @@ class Recipe:
         problem = data.problems[self.name] if uses else data.without_mechanism(self)
         weights = data.weights[self.name]
         friction = checked_fit(identifier, problem, weights, seed)
-        friction = replace(friction, position_units=data.friction_units)
-        return OneStepFit(friction, problem, weights[-1])
+        return OneStepFit(with_units_of(data.mechanism, friction), problem, weights[-1])
 
 
 class TrainingData(Protocol):
@@ -99,7 +99,7 @@ class TrainingData(Protocol):
     @property
     def weights(self) -> Mapping[str, Array]: ...
     @property
-    def friction_units(self) -> tuple[str, ...]: ...
+    def mechanism(self) -> Mechanism: ...
 
     def without_mechanism(self, recipe: Recipe) -> Problem:
         """The problem for joints of unit inertia on which nothing but friction acts."""

@@ -11,6 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along, constraints_of
+from frictionid.friction.coordinates import with_units_of
 from frictionid.friction.laws import NoFriction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.grams import clusters
@@ -110,7 +111,7 @@ def _friction(
     """The identifier's friction (n, P) for the calibration of an estimate."""
     problem = balance.sliding_problem(left_to_friction(balance, estimate))
     friction = checked_fit(identifier, problem, use[None] * 1.0, seed)[0]
-    return replace(friction, position_units=estimate.mechanism.friction_units)
+    return with_units_of(estimate.mechanism, friction)
 
 
 def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: Array) -> Estimate:

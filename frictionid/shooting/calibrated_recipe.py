@@ -17,6 +17,7 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError
 from frictionid.friction import Friction
+from frictionid.friction.coordinates import with_units_of
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL, Recipe
 from frictionid.identifiers.one_step_fit import OneStepFit, checked_fit
@@ -153,7 +154,7 @@ class CalibratedRecipe:
             frictions |= {int(fold): fitted[place] for place, fold in enumerate(folds)}
         together = _together([frictions[fold] for fold in range(len(weights))], repr(identifier))
         calibration = data.calibrations[self.name]
-        friction = replace(together, calibration=calibration, position_units=data.friction_units)
+        friction = with_units_of(data.mechanism, replace(together, calibration=calibration))
         return OneStepFit(friction, problem, weights[-1])
 
 

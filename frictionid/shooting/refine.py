@@ -15,7 +15,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States, slowest_speeds
 from frictionid.friction import Friction, SpeedRange, constraints_of
-from frictionid.friction.coordinates import refuse_coupled
+from frictionid.friction.coordinates import refuse_coupled, with_units_of
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.torque_outliers import without_torque_outliers
 from frictionid.shooting.covariance import Covariance, covariance_of
@@ -227,7 +227,7 @@ def prepare_fit(
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     network = friction.law.is_network
-    friction = replace(on_arrays(friction), position_units=mechanism.friction_units)
+    friction = with_units_of(mechanism, on_arrays(friction))
     if friction.constraints is None and not network:
         own = constraints_of(friction.law, _speed_range(intervals, use))
         friction = replace(friction, constraints=own)

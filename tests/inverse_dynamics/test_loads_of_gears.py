@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.friction import Friction
 from frictionid.friction.laws import LoadDependent, NoFriction
+from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, states_of
 from frictionid.inverse_dynamics import TorqueSettings, fit_torques, torque_balance
@@ -33,7 +35,7 @@ def arm(tmp_path):
     return urdf(path).with_values({"rotor_one": 0.2, "rotor_two": 0.1})
 
 
-def test_the_share_that_a_gear_swallows_is_found(arm):
+def test_the_share_that_a_gear_swallows_is_found(arm, tmp_path):
     """The load is the torque beyond the rotor; the motor's own would explain friction by itself."""
     t = np.arange(0.0, 12.0, 0.002)
     q, w, a = np.zeros((3, len(t), 2))
@@ -53,6 +55,9 @@ def test_the_share_that_a_gear_swallows_is_found(arm):
         LeastSquares(LoadDependent()), balance, (FrictionBlock(),), TorqueSettings()
     ).friction
     by_name = dict(zip(found.law.names, np.asarray(found.theta).T, strict=True))
+    assert found.units_at(0) == ("N m", "1", "N m s/rad")  # N m of friction for each of load
+    save_model(found, tmp_path / "model.json", LAWS)
+    assert load_model(tmp_path / "model.json", LAWS).units_at(1) == found.units_at(1)
     np.testing.assert_allclose(by_name["load_coefficient"], LOSS, rtol=0.02)
     np.testing.assert_allclose(by_name["viscous"], VISCOUS, rtol=0.02)
     np.testing.assert_allclose(by_name["coulomb"], COULOMB, rtol=0.03)
