@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from frictionid.api.listing import identifiers as identifiers
     from frictionid.api.listing import laws as laws
     from frictionid.api.quick import quick as quick
+    from frictionid.api.sensitivity import sensitivity as sensitivity
     from frictionid.api.simulate import simulate as simulate
     from frictionid.api.suggest import suggest as suggest
     from frictionid.api.suggest_trajectories import suggest_trajectories as suggest_trajectories
@@ -145,6 +146,7 @@ _HOME = {
     "predicted_motion": "frictionid.evaluation.predicted_motion",
     "quick": "frictionid.api.quick",
     "run_suite": "frictionid.api.suites",
+    "sensitivity": "frictionid.api.sensitivity",
     "simulate": "frictionid.api.simulate",
     "suggest": "frictionid.api.suggest",
     "suggest_trajectories": "frictionid.api.suggest_trajectories",

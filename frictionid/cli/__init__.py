@@ -25,6 +25,7 @@ from frictionid.cli.quick import quick
 from frictionid.cli.quiet import QUIET, without_quiet
 from frictionid.cli.render import render
 from frictionid.cli.report import report
+from frictionid.cli.sensitivity import sensitivity
 from frictionid.cli.simulate import simulate
 from frictionid.cli.simulate_drive import simulate_drive
 from frictionid.cli.suggest import suggest
@@ -56,6 +57,7 @@ for command in (
 ):
     app.command()(command)
 app.command()(tune)
+app.command()(sensitivity)
 app.command()(track)
 app.command()(render)
 for listing in (mechanisms, laws, identifiers):

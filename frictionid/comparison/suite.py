@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_
 from frictionid.comparison.kinds import Kind
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Search, Tuning
+from frictionid.comparison.sensitivity.settings import SensitivitySettings
 from frictionid.comparison.suite_path import suite_path
 from frictionid.comparison.suite_recipes import Name, RecipeEntry
 from frictionid.config import STRICT, Strict, mistake, read_toml, with_new_names
@@ -100,6 +101,7 @@ class Suite(Strict):
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0]
     folds: Annotated[Split, BeforeValidator(_split)] = Split()
     tune: Tuning = Tuning()
+    sensitivity: SensitivitySettings = SensitivitySettings()
     datasets: Annotated[list[DatasetEntry], Field(min_length=1)]
     recipes: Annotated[list[RecipeEntry], Field(min_length=1)] = [RecipeEntry(name="integral")]
     identifiers: Annotated[list[IdentifierEntry], Field(min_length=1)]

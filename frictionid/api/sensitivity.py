@@ -1,0 +1,181 @@
+"""frictionid.sensitivity: what a wrong parameter, sensor or circumstance does to friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from pydantic import ValidationError
+
+from frictionid.api.methods import method_of
+from frictionid.api.models import DatasetLike, LawLike, dataset_of, identifier_of
+from frictionid.comparison.cross_validate import Benchmark
+from frictionid.comparison.methods import Method
+from frictionid.comparison.result_folder import lock
+from frictionid.comparison.results import provenance_of
+from frictionid.comparison.sensitivity.settings import SensitivitySettings
+from frictionid.comparison.sensitivity.study import cases_of, run_cases, sensitivity_cases
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_path import suite_path
+from frictionid.comparison.tasks import Task
+from frictionid.config import mistake
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.outputs import check_unchanged, check_writable
+from frictionid.report.figures.sensitivity import over_amounts, summarised, tornado
+from frictionid.report.figures.style import drawn
+from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
+from frictionid.report.tables import html, markdown
+
+CASES = "fits"  # folder of the results of single fits
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity:
+    """A sensitivity study of one data set and law.
+
+    Attributes
+    ----------
+    frame : DataFrame
+        A row for each recipe and variation: `loss` [rad/s], `rollout` [rad], and for each joint J
+        `curve_change_J` to the nominal fit and `curve_error_J` to the truth, relative.
+    """
+
+    frame: pd.DataFrame
+
+    def __repr__(self) -> str:
+        return markdown(sensitivity_table(summarised(self.frame)))
+
+    def _repr_html_(self) -> str:
+        return html(sensitivity_table(summarised(self.frame)))
+
+    def plot(self, kind: str = "tornado") -> Any:
+        """Bars of what matters most ("tornado"), or lines over the "amounts", as a figure.
+
+        Raises
+        ------
+        InputError
+            For another kind, or where no cause has two amounts.
+        """
+        kinds = {"tornado": tornado, "amounts": over_amounts}
+        if kind not in kinds:
+            raise InputError(f"kind = {kind!r} is unknown; known are {', '.join(kinds)}")
+        frame = summarised(self.frame)
+        if kind == "amounts" and over_amounts(frame) is None:
+            raise InputError("no cause has two amounts: give levels of several values")
+        return drawn(partial(kinds[kind], frame))
+
+
+def sensitivity(
+    data: DatasetLike,
+    law: LawLike,
+    *,
+    method: str | Method = "one_step",
+    recipe: str = "integral",
+    free: str | Sequence[str] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    jobs: int = 0,
+    done: Callable[[str], None] = lambda _: None,
+) -> Sensitivity:
+    """Fit friction with one thing wrong at a time, and say what that changes.
+
+    Mechanical parameters, gain and delay of the torque, tilt, noise, sampling rate and number of
+    recordings are varied; each fit is judged on held-out recordings.
+
+    Parameters
+    ----------
+    data, law, method, recipe, free : as of `frictionid.fit`
+        By shooting, base parameters are held and free in turn.
+    settings : mapping, optional
+        The keys of `SensitivitySettings`, such as {"levels": [-0.05, 0.05], "noise": []}.
+    seed : int
+    jobs : int
+        Number of parallel fits; 0: one for each core.
+    done : function
+        Called with the name of each fit that is finished.
+
+    Raises
+    ------
+    InputError
+        For unknown settings, or where a fit fails.
+
+    Examples
+    --------
+    What a mass that is 10 % wrong does to a rig of one's own::
+
+        study = frictionid.sensitivity("my_rig", "stribeck", settings={"parameters": ["mass"]})
+        study.plot()
+    """
+    try:
+        chosen = SensitivitySettings.model_validate(dict(settings or {}))
+    except ValidationError as error:
+        raise InputError(f"sensitivity: {mistake(error)}") from None
+    dataset, identifier = dataset_of(data), identifier_of(law)
+    fitting = method_of(method, recipe=recipe, free=free)
+    fitting.check(identifier)
+    protocol = Protocol(horizons=(chosen.horizon,))
+    benchmark = Benchmark(dataset, make_folds(dataset.recordings, Split()), protocol)
+    name = law if isinstance(law, str) else type(identifier).__name__
+    task = Task(benchmark, name, identifier, fitting, seed)
+    return Sensitivity(run_cases(cases_of([task], chosen), jobs=jobs, done=done))
+
+
+def sensitivity_of_suite(
+    suite: str | Path,
+    *,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    identifiers: Sequence[str] | None = None,
+    recipes: Sequence[str] | None = None,
+    jobs: int = 0,
+    replace: bool = False,
+    trust: bool = False,
+    progress: Callable[[int], AbstractContextManager[Callable[[str], None]]] | None = None,
+) -> tuple[pd.DataFrame, Path]:
+    """Frame of a suite's sensitivity study, and the page that was written.
+
+    What a suite says under [sensitivity] is varied. Fits that are in the folder are kept, so that
+    an interrupted study is finished by the same call.
+
+    Parameters
+    ----------
+    suite, data, jobs, replace, trust : as of `frictionid.run_suite`
+    out : str or Path, optional
+        Result folder; report/<suite>-sensitivity.
+    identifiers, recipes : list of str, optional
+        In place of those that the suite names.
+    progress : function, optional
+        Called with the number of fits; gives a context of what is called with each finished one.
+
+    Raises
+    ------
+    InputError
+        Where the suite is wrong, a fit fails, or the folder holds what is not to be replaced.
+    """
+    path = suite_path(Path(suite))
+    table = load_suite(path)
+    named = {"identifiers": identifiers, "recipes": recipes}
+    update = {key: list(own) for key, own in named.items() if own}
+    settings = table.sensitivity.model_copy(update=update)
+    table = table.model_copy(update={"sensitivity": settings})
+    folder = Path("report") / f"{table.name}-sensitivity" if out is None else Path(out)
+    check_writable(folder)
+    cases = sensitivity_cases(table, path, None if data is None else Path(data), trust=trust)
+    with lock(folder, ["provenance.json", CASES], "sensitivity study"):
+        check_unchanged(folder, replace=replace)
+        with nullcontext(_silent) if progress is None else progress(len(cases)) as done:
+            frame = run_cases(cases, folder / CASES, jobs=jobs, done=done)
+        tasks = [case.task for case in cases]
+        provenance = provenance_of(table.name, table.title, table.document(), tasks)
+        page = write_sensitivity(folder, frame, provenance, replace=replace)
+    return frame, page
+
+
+def _silent(name: str) -> None:
+    del name

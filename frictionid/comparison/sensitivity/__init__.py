@@ -1,0 +1,1 @@
+"""Sensitivity studies: what a wrong parameter, sensor or circumstance does to friction."""

@@ -1,0 +1,257 @@
+"""Sensitivity study: how far friction and predictions change when one thing is wrong.
+
+Each variation is a data set of its own, as a laboratory would have it that does not know better: it
+is fitted with the wrong mechanism or data, and judged on held-out recordings of the same kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from joblib import cpu_count
+
+from frictionid.arrays import Array
+from frictionid.comparison.cross_validate import Benchmark
+from frictionid.comparison.digests import digest_of
+from frictionid.comparison.fit_model import fitted
+from frictionid.comparison.methods import Method
+from frictionid.comparison.processes import side_by_side
+from frictionid.comparison.result_folder import is_sealed, sealed
+from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
+from frictionid.comparison.sensitivity.split import training_and_test
+from frictionid.comparison.sensitivity.variations import Variation, varied
+from frictionid.comparison.suite import Suite
+from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.tasks import Task, file_name
+from frictionid.config import nearest
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import curves, prepare, score_model, score_value, steady_state
+from frictionid.evaluation.curves import curve_error
+from frictionid.files import read_json, write_json
+from frictionid.identifiers import Frictionless
+from frictionid.shooting import Shooting
+from frictionid.shooting.parameters import InertiaBlock
+
+FORMAT = 1  # of the result files
+
+
+class Case(NamedTuple):
+    """One fit: a task of the suite on a variation of its data set."""
+
+    task: Task
+    variation: Variation
+
+    @property
+    def file(self) -> str:
+        """Name of the result file."""
+        name = f"{self.task.benchmark.dataset.name}, {self.variation.label}"
+        return file_name(name, self.task.name, self.task.recipe.name, self.task.seed)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything that the result depends on."""
+        return digest_of((self.task.digest, tuple(self.variation), FORMAT))
+
+    @property
+    def label(self) -> str:
+        """What a progress bar shows."""
+        task = self.task
+        return f"{task.benchmark.dataset.name}, {self.variation.label}: {task.recipe.name}"
+
+
+def sensitivity_cases(
+    suite: Suite, file: Path, data: Path | None = None, *, trust: bool = False
+) -> list[Case]:
+    """Cases of a suite, by its `sensitivity` settings; the nominal one of each task first.
+
+    Recipes that shoot come twice, with base parameters ("inertia") held and free.
+
+    Raises
+    ------
+    InputError
+        For unknown names, settings that do not fit, data that cannot be read.
+    """
+    settings = suite.sensitivity
+    tasks = [task for task in tasks_of(suite, file, data, trust=trust) if not task.identifier.fixed]
+    return cases_of(_chosen(tasks, settings, str(file)), settings)
+
+
+def cases_of(tasks: Sequence[Task], settings: SensitivitySettings) -> list[Case]:
+    """Cases of tasks; recipes that shoot come twice, with base parameters held and free."""
+    cases = []
+    for task in tasks:
+        protocol = replace(task.benchmark.protocol, horizons=(settings.horizon,), loops=None)
+        benchmark = Benchmark(task.benchmark.dataset, task.benchmark.folds, protocol)
+        for recipe in with_and_without_inertia(task.recipe):
+            own = task._replace(benchmark=benchmark, recipe=recipe)
+            cases += [Case(own, v) for v in variations_of(benchmark.dataset, settings)]
+    return cases
+
+
+def _chosen(tasks: Sequence[Task], settings: SensitivitySettings, where: str) -> list[Task]:
+    """Tasks of the identifiers and recipes that are asked for, with the first seed."""
+    known = dict.fromkeys(task.name for task in tasks)
+    usual = [
+        task.name
+        for task in tasks
+        if not task.identifier.seeded
+        and task.identifier.uses_mechanism
+        and not isinstance(task.identifier, Frictionless)
+    ]
+    if settings.identifiers is None and not usual:
+        raise InputError(
+            f"{where}: no identifier draws no random numbers: name one by --identifier"
+        )
+    identifiers = settings.identifiers or usual[:1]
+    for name in identifiers:
+        if name not in known:
+            raise InputError(f"{where}: identifier {name!r} is unknown; {nearest(name, known)}")
+    own = [task for task in tasks if task.name in identifiers]
+    recipes = dict.fromkeys(task.recipe.name for task in own)
+    for name in settings.recipes or ():
+        if name not in recipes:
+            raise InputError(f"{where}: recipe {name!r} is unknown; {nearest(name, recipes)}")
+    first = {(t.benchmark.dataset.name, t.name, t.recipe.name): t for t in reversed(own)}
+    return [
+        task
+        for task in reversed(first.values())
+        if settings.recipes is None or task.recipe.name in settings.recipes
+    ]
+
+
+def with_and_without_inertia(recipe: Method) -> list[Method]:
+    """The recipe; if it shoots, with base parameters held and with them free."""
+    if not isinstance(recipe, Shooting) or recipe.known is not None:
+        return [recipe]
+    held = tuple(b for b in recipe.blocks if not isinstance(b, InertiaBlock))
+    free = recipe.blocks if len(held) < len(recipe.blocks) else (*held, InertiaBlock())
+    return [
+        replace(recipe, name=f"{recipe.name}, inertia held", blocks=held),
+        replace(recipe, name=f"{recipe.name}, inertia free", blocks=free),
+    ]
+
+
+def run_cases(
+    cases: Sequence[Case],
+    folder: Path | None = None,
+    *,
+    jobs: int = 0,
+    done: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Frame of the results, see `result_frame`; each is one file of the folder, written whole.
+
+    Files of the same digest are kept. Without a folder nothing is written.
+
+    Raises
+    ------
+    InputError
+        Where a fit fails, with its variation.
+    """
+    results = {case.file: _kept(case, folder) for case in cases}
+    left = []
+    for case in cases:
+        if results[case.file] is None:
+            left.append(case)
+        else:
+            done(case.label)
+    grids = {case.task.benchmark.dataset.name: _grid(case) for case in _first(left)}
+    calls = [(case, grids[case.task.benchmark.dataset.name]) for case in left]
+    for i, result in side_by_side(_run, calls, jobs or cpu_count()):
+        case = left[i]
+        results[case.file] = result
+        if folder is not None:
+            write_json(folder / case.file, sealed({"digest": case.digest, **result}), None)
+        done(case.label)
+    return result_frame(cases, [results[case.file] or {} for case in cases])
+
+
+def _kept(case: Case, folder: Path | None) -> dict[str, Any] | None:
+    if folder is None:
+        return None
+    try:
+        document = read_json(folder / case.file)
+    except InputError:
+        return None
+    return document if is_sealed(document) and document.get("digest") == case.digest else None
+
+
+def _first(cases: Sequence[Case]) -> list[Case]:
+    """A case of each data set."""
+    return list({case.task.benchmark.dataset.name: case for case in cases}.values())
+
+
+def _grid(case: Case) -> Array:
+    """Velocities (V, n) of the curves: those of the training recordings with nothing wrong."""
+    train, _ = training_and_test(case.task.benchmark.dataset)
+    return prepare(train, case.task.benchmark.protocol).grid
+
+
+def _run(case: Case, grid: Array) -> dict[str, Any]:
+    """Scores on the held-out recordings, and friction curves (V, n) at velocities (V, n)."""
+    task, variation = case
+    try:
+        train, test = training_and_test(task.benchmark.dataset)
+        wrong, judged = varied(train, variation, 2 * task.seed), test
+        if variation.cause != "recordings":
+            judged = varied(test, variation, 2 * task.seed + 1)
+        protocol = task.benchmark.protocol
+        friction = fitted(wrong, task.identifier, task.recipe, protocol, task.seed).friction
+        scores = score_model(friction, prepare(judged, protocol)).scores
+    except InputError as error:
+        raise InputError(f"{case.label}: {error}") from None
+    horizon = protocol.horizons[0]
+    true = _true_curves(task.benchmark.dataset, grid)
+    estimate = curves(friction, grid)
+    return {
+        "loss": score_value(scores, "one_step_euler", "mean"),
+        "rollout": score_value(scores, "rollout_angle", "median", horizon),
+        "velocity": grid,
+        "curves": estimate,
+        "curve_error": None if true is None else curve_error(estimate, true, grid),
+        "seconds": sum(float(np.ptp(r.angle.time)) for r in wrong.recordings),
+    }
+
+
+def _true_curves(dataset: Dataset, grid: Array) -> Array | None:
+    return None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
+
+
+def result_frame(cases: Sequence[Case], results: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """One row for each case.
+
+    Columns: dataset, identifier, recipe, cause, name, text, amount, `seconds` of motion fitted,
+    `loss` [rad/s] one step ahead by the study's definition, `rollout` [rad] median error after the
+    horizon, for each joint J `curve_change_J`, RMS difference to the nominal fit's curve over RMS
+    of that, and `curve_error_J` against the true one, NaN where that is not known.
+    """
+    return pd.DataFrame(list(_rows(cases, results)))
+
+
+def _rows(cases: Sequence[Case], results: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    nominal: Array = np.zeros((1, 1))
+    for case, result in zip(cases, results, strict=True):
+        task, variation = case
+        curve, grid = np.asarray(result["curves"]), np.asarray(result["velocity"])
+        if variation.cause == "nominal":
+            nominal = curve
+        change = curve_error(curve, nominal, grid)
+        error = result["curve_error"]
+        errors = np.full(len(change), np.nan) if error is None else np.asarray(error, dtype=float)
+        yield {
+            "dataset": task.benchmark.dataset.name,
+            "identifier": task.name,
+            "recipe": task.recipe.name,
+            "cause": variation.cause,
+            "name": variation.name,
+            "text": variation.text,
+            "amount": variation.amount,
+            **{key: float(result[key]) for key in ("seconds", "loss", "rollout")},
+            **{f"curve_change_{j + 1}": float(x) for j, x in enumerate(change)},
+            **{f"curve_error_{j + 1}": float(x) for j, x in enumerate(errors)},
+        }

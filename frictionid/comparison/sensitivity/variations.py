@@ -1,0 +1,211 @@
+"""Data sets with one thing wrong: a mechanical parameter, a sensor, or too few data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.data.calibration import Calibration, calibrated_dataset
+from frictionid.data.joint_sizes import joint_sizes_of
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, taken
+from frictionid.errors import InputError
+
+FEWEST = 20  # samples of a recording at a lower rate
+
+
+class Variation(NamedTuple):
+    """One thing that is changed, and by how much.
+
+    cause : "nominal", "parameter", "delay", "gain", "tilt", "noise", "rate" or "recordings"
+    amount : relative for parameters and gain (0.1: 10 % too large); [s] that the log of the torque
+        is late; [deg] of tilt, and standard deviation of the noise added, of a joint that slides
+        in units of a 57th of its size; number of samples of which one is kept; share of the
+        recordings
+    parameter : name of the mechanical parameter
+    """
+
+    cause: str
+    amount: float = 0.0
+    parameter: str = ""
+
+    @property
+    def name(self) -> str:
+        """What was changed: the parameter, or the cause.
+
+        >>> Variation("parameter", 0.1, "m4").name, Variation("delay", 0.01).name
+        ('m4', 'torque delay')
+        """
+        return self.parameter or _NAMES[self.cause]
+
+    @property
+    def text(self) -> str:
+        """By how much, with its unit.
+
+        >>> Variation("parameter", 0.1, "m4").text, Variation("delay", -0.01).text
+        ('+10 %', '-10 ms')
+        """
+        factor, unit = _UNITS[self.cause]
+        if self.cause == "rate":
+            return f"1/{self.amount:g}"
+        sign = "" if self.cause in ("nominal", "recordings") else "+"
+        return f"{self.amount * factor:{sign}g} {unit}".strip()
+
+    @property
+    def label(self) -> str:
+        """Name and amount."""
+        return self.name if self.cause == "nominal" else f"{self.name} {self.text}"
+
+
+NOMINAL = Variation("nominal")
+_NAMES = {
+    "nominal": "as recorded",
+    "delay": "torque delay",
+    "gain": "torque gain",
+    "tilt": "tilt of the base",
+    "noise": "noise of angles",
+    "rate": "sampling rate",
+    "recordings": "recordings",
+}
+_UNITS = {
+    "nominal": (0.0, ""),
+    "parameter": (100.0, "%"),
+    "gain": (100.0, "%"),
+    "delay": (1e3, "ms"),
+    "tilt": (1.0, "deg"),
+    "noise": (1.0, "deg"),
+    "rate": (1.0, ""),
+    "recordings": (100.0, "%"),
+}
+
+
+def varied(dataset: Dataset, variation: Variation, seed: int = 0) -> Dataset:
+    """The data set of a laboratory that has this thing wrong; its true friction stays.
+
+    seed : of the noise that is added
+
+    Raises
+    ------
+    InputError
+        Where the mechanism lacks the parameter, or the change makes it impossible.
+    """
+    if variation.cause == "nominal":
+        return dataset
+    if variation.cause == "noise":
+        return _with_noise(dataset, variation.amount, seed)
+    return _CHANGES[variation.cause](dataset, variation)
+
+
+def sensitive_parameters(dataset: Dataset) -> tuple[str, ...]:
+    """Physical parameters on which the nominal motion of the mechanism depends, without gravity.
+
+    >>> from frictionid import load_dataset
+    >>> sensitive_parameters(load_dataset("acrobot_clean"))[:4]
+    ('m1', 'm2', 'm3', 'm4')
+    """
+    mechanism = dataset.mechanism
+    values = mechanism.nominal()
+    base = np.asarray(mechanism.base(values))
+    return tuple(
+        p.name
+        for p in mechanism.parameters
+        if values[p.name] != 0.0
+        and p.unit != "m/s^2"
+        and not np.allclose(mechanism.base({**values, p.name: 1.1 * values[p.name]}), base, 1e-6, 0)
+    )
+
+
+def _with_parameter(dataset: Dataset, variation: Variation) -> Dataset:
+    """The mechanism, and each recording that has a value of its own, off by the same share."""
+    name, factor = variation.parameter, 1.0 + variation.amount
+    dataset.mechanism.check_name(name)
+    values = {name: factor * dataset.mechanism.nominal()[name]}
+    mechanism = dataset.mechanism.with_values(values)
+    mechanism.nominal()  # refuses what no machine has
+    recordings = tuple(
+        replace(r, parameters={**r.parameters, name: factor * r.parameters[name]})
+        if name in r.parameters
+        else r
+        for r in dataset.recordings
+    )
+    return replace(dataset, mechanism=mechanism, recordings=recordings)
+
+
+def _with_delay(dataset: Dataset, variation: Variation) -> Dataset:
+    """The torque logged so much later than it acted."""
+    ideal = Calibration.ideal(dataset.mechanism.n)
+    return calibrated_dataset(dataset, replace(ideal, delay=np.array(variation.amount)))
+
+
+def _with_gain(dataset: Dataset, variation: Variation) -> Dataset:
+    """The torque logged larger than it was."""
+    ideal = Calibration.ideal(dataset.mechanism.n)
+    return calibrated_dataset(dataset, replace(ideal, gain=ideal.gain * (1.0 + variation.amount)))
+
+
+def _with_tilt(dataset: Dataset, variation: Variation) -> Dataset:
+    """The first joint's angle measured from a base, or by a camera, that is tilted."""
+    if dataset.mechanism.position_units[0] != "rad":
+        raise InputError(
+            f"data set {dataset.name!r}: joint {dataset.mechanism.joints[0]} slides, a tilt of the "
+            "base is no offset of it: leave the tilt out"
+        )
+    offset = np.zeros(dataset.mechanism.n)
+    offset[0] = -np.deg2rad(variation.amount)
+    ideal = Calibration.ideal(dataset.mechanism.n)
+    return calibrated_dataset(dataset, replace(ideal, offset=offset))
+
+
+def _with_noise(dataset: Dataset, amount: float, seed: int) -> Dataset:
+    """Independent noise added to the angles; recordings draw from streams of their own."""
+    added = np.deg2rad(amount) * joint_sizes_of(dataset)
+
+    def noisy(recording: Recording, stream: np.random.SeedSequence) -> Recording:
+        angle = recording.angle
+        noise = added * np.random.default_rng(stream).standard_normal(angle.value.shape)
+        sigma = None if angle.sigma is None else np.hypot(angle.sigma, added)
+        return replace(recording, angle=angle._replace(value=angle.value + noise, sigma=sigma))
+
+    streams = np.random.SeedSequence(seed).spawn(len(dataset.recordings))
+    recordings = tuple(map(noisy, dataset.recordings, streams))
+    return replace(dataset, recordings=recordings)
+
+
+def _at_lower_rate(dataset: Dataset, variation: Variation) -> Dataset:
+    """One of so many samples of the angles; the torque's clock stays."""
+    keep = int(variation.amount)
+
+    def thinned(signal: Signal) -> Signal:
+        return taken(signal, np.arange(0, len(signal.time), keep))
+
+    def of(recording: Recording) -> Recording:
+        if len(recording.angle.time) < keep * FEWEST:
+            raise InputError(
+                f"data set {dataset.name!r}: recording {recording.name!r} has "
+                f"{len(recording.angle.time)} samples, one of {keep} leaves fewer than {FEWEST}: "
+                "leave this rate out"
+            )
+        velocity = recording.velocity and thinned(recording.velocity)
+        return replace(recording, angle=thinned(recording.angle), velocity=velocity)
+
+    return replace(dataset, recordings=tuple(map(of, dataset.recordings)))
+
+
+def _with_fewer(dataset: Dataset, variation: Variation) -> Dataset:
+    """A share of the recordings, spread evenly over their order."""
+    count = max(1, round(variation.amount * len(dataset.recordings)))
+    chosen = np.linspace(0, len(dataset.recordings) - 1, count).round().astype(int)
+    return replace(dataset, recordings=tuple(dataset.recordings[i] for i in chosen))
+
+
+_CHANGES: Mapping[str, Callable[[Dataset, Variation], Dataset]] = {
+    "parameter": _with_parameter,
+    "delay": _with_delay,
+    "gain": _with_gain,
+    "tilt": _with_tilt,
+    "rate": _at_lower_rate,
+    "recordings": _with_fewer,
+}

@@ -1,0 +1,151 @@
+"""Pictures of a sensitivity study: a tornado of what matters most, and errors over the amounts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from frictionid.report.figures.panels import panel_grid
+from frictionid.report.figures.style import (
+    COLOURS,
+    DASHED,
+    GREY,
+    figure,
+    key_above,
+    line,
+    patch,
+    plain,
+)
+
+SHOWN = 14  # bars of a panel
+ABREAST = 3
+
+
+class Measure(NamedTuple):
+    """What a panel shows: its column of the study's `summarised` frame, and its axis label."""
+
+    column: str
+    label: str
+
+
+CHANGE = Measure("curve_change", "change of the friction curve [%]")
+ERROR = Measure("curve_error", "error of the friction curve [%]")
+ROLLOUT = Measure("rollout_change", "change of the rollout error [%]")
+LOSS = Measure("loss_change", "change of the one-step loss [%]")
+
+
+def summarised(frame: pd.DataFrame) -> pd.DataFrame:
+    """The frame of a study with per cent: the worst joint's curve, and changes to the nominal fit.
+
+    Adds `curve_change`, `curve_error`, `rollout_change` and `loss_change` [%].
+    """
+    out = frame.copy()
+    for key in ("curve_change", "curve_error"):
+        out[key] = 100.0 * frame.filter(regex=rf"^{key}_\d+$").max(axis=1)
+    groups = ["dataset", "identifier", "recipe"]
+    for key in ("rollout", "loss"):
+        nominal = frame[key].where(frame.cause == "nominal")
+        known = nominal.groupby([frame[g] for g in groups]).transform("max")
+        out[f"{key}_change"] = 100.0 * (frame[key] / known - 1.0)
+    return out
+
+
+def is_known(frame: pd.DataFrame) -> bool:
+    """Whether true curves are known of a summarised frame."""
+    return bool(np.isfinite(frame.curve_error).any())
+
+
+def tornado(frame: pd.DataFrame) -> Any:
+    """Bars of each cause, the largest effect first: a row for each recipe, a column per measure.
+
+    frame : summarised, of one data set and identifier
+    """
+    shown, recipes = (CHANGE, ROLLOUT, LOSS), list(dict.fromkeys(frame.recipe))
+    order = _by_effect(frame, shown[0].column)
+    picture = figure(0.6 + len(recipes) * (0.55 + 0.17 * len(order)))
+    axes = picture.subplots(len(recipes), len(shown), squeeze=False, sharex="col")
+    for row, recipe in zip(axes, recipes, strict=True):
+        own = frame[frame.recipe == recipe]
+        for axis, measure in zip(row, shown, strict=True):
+            _bars(axis, own, order, measure)
+            axis.tick_params(labelleft=axis is row[0])
+        row[0].set_title(plain(recipe), loc="left", weight="bold")
+    for axis, measure in zip(axes[-1], shown, strict=True):
+        axis.set_xlabel(measure.label)
+    key = {
+        "too small, early": patch(COLOURS[0]),
+        "too large, late; more noise, fewer data": patch(COLOURS[1]),
+        "as recorded": line(GREY, DASHED),
+    }
+    key_above(picture, key)
+    return picture
+
+
+def _by_effect(frame: pd.DataFrame, column: str) -> list[str]:
+    """Names of the causes, the largest value in any recipe first."""
+    changed = frame[frame.cause != "nominal"]
+    largest = changed.groupby("name", sort=False)[column].max()
+    return list(largest.sort_values(ascending=False, kind="stable").index[:SHOWN])
+
+
+def _bars(axis: Any, frame: pd.DataFrame, order: Sequence[str], measure: Measure) -> None:
+    nominal = float(frame.loc[frame.cause == "nominal", measure.column].iloc[0])
+    for place, name in enumerate(order):
+        own = frame[frame.name == name].sort_values("amount")
+        height = 0.8 / max(len(own), 1)
+        for k, (amount, value) in enumerate(zip(own.amount, own[measure.column], strict=True)):
+            at = place - 0.4 + (k + 0.5) * height
+            axis.barh(at, value, 0.9 * height, color=COLOURS[0] if amount < 0 else COLOURS[1])
+    axis.axvline(nominal, color=GREY, linestyle=DASHED, linewidth=0.8)
+    axis.axvline(0.0, color="#BBBBBB", linewidth=0.5)
+    axis.set_yticks(range(len(order)), [plain(name) for name in order])
+    axis.set_ylim(len(order) - 0.5, -0.5)
+    axis.locator_params(axis="x", nbins=5)
+
+
+def over_amounts(frame: pd.DataFrame) -> Any:
+    """The curve's error, or change, over the amount of each cause: a line for each recipe.
+
+    None where no cause has two amounts.
+
+    frame : summarised, of one data set and identifier
+    """
+    column, label = ERROR if is_known(frame) else CHANGE
+    recipes = dict(zip(dict.fromkeys(frame.recipe), COLOURS, strict=False))
+    order = _by_effect(frame, column)
+    names = [name for name in order if (frame.name == name).sum() > len(recipes)]
+    if not names:
+        return None
+    picture, axes = panel_grid(len(names), ABREAST, 1.6, 0.6)
+    nominal = frame[frame.cause == "nominal"].set_index("recipe")
+    largest = max(float(frame.loc[np.isfinite(frame[column]), column].max()), 1e-6)
+    for axis, name in zip(axes, names, strict=True):
+        for recipe, colour in recipes.items():
+            own = frame[(frame.recipe == recipe) & (frame.name == name)]
+            whole = {"rate": 1.0, "recordings": 1.0}.get(str(own.cause.iloc[0]), 0.0)
+            points = [*zip(own.amount, own[column], strict=True)]
+            points.append((whole, nominal.loc[recipe, column]))
+            axis.plot(*zip(*sorted(points), strict=True), "o-", color=colour, markersize=2.5)
+        axis.set_title(_axis_title(frame[frame.name == name].iloc[0]), fontsize=7, loc="left")
+        axis.set_ylim(0.0, 1.1 * largest)
+    picture.supylabel(label, fontsize=8)
+    key_above(picture, {recipe: line(colour) for recipe, colour in recipes.items()})
+    return picture
+
+
+_AXES = {
+    "parameter": "relative error",
+    "gain": "relative error",
+    "delay": "late by [s]",
+    "tilt": "[deg]",
+    "noise": "added [deg]",
+    "rate": "one sample of",
+    "recordings": "share of the recordings",
+}
+
+
+def _axis_title(row: Any) -> str:
+    return f"{plain(row['name'])}: {_AXES[row['cause']]}"

@@ -1,0 +1,171 @@
+"""Sensitivity studies: known effects of known mistakes, and nothing computed twice."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from fixtures.command_line import run_command
+from fixtures.tiny_pendulums import dataset, write_suite
+from scipy.integrate import solve_ivp
+
+import frictionid as fid
+from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
+from frictionid.comparison.sensitivity.split import training_and_test
+from frictionid.comparison.sensitivity.study import with_and_without_inertia
+from frictionid.comparison.sensitivity.variations import Variation, sensitive_parameters, varied
+from frictionid.errors import InputError
+from frictionid.shooting import Shooting
+
+NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", "recordings")}
+
+
+@cache
+def decays():
+    """Free swings of a pendulum with viscous and smooth Coulomb friction, integrated by SciPy."""
+    time = np.arange(121) / 60.0
+    arrays = {}
+    for i, start in enumerate(np.linspace(0.6, 1.6, 6)):
+
+        def slope(_, x):
+            friction = 0.004 * np.tanh(x[1] / 0.02) + 0.002 * x[1]
+            return [x[1], (-0.2 * 9.81 * 0.2 * np.sin(x[0]) - friction) / (0.2 * 0.2**2)]
+
+        made = solve_ivp(slope, (0.0, 2.0), [start, 0.0], t_eval=time, rtol=1e-8, atol=1e-10)
+        arrays[f"decay {i}"] = {"time": time, "angle": made.y[0]}
+    rig = fid.mechanisms.pendulum(mass=0.2, length=0.2)
+    return fid.Dataset.from_arrays(arrays, rig, name="decays")
+
+
+def study(data, **settings):
+    chosen = {**NONE, **settings}
+    return fid.sensitivity(data, "coulomb_viscous", settings=chosen, jobs=1).frame
+
+
+def test_a_passive_pendulum_with_a_wrong_mass_has_friction_wrong_by_the_same_share():
+    # Tf = -(J a + m g l sin q): inertia and gravity are both proportional to the mass
+    frame = study(decays(), parameters=["mass"], levels=[-0.1, 0.2])
+    assert np.allclose(frame.curve_change_1, [0.0, 0.1, 0.2], atol=1e-6)
+    assert np.allclose(frame.rollout, frame.rollout[0], rtol=1e-6)
+    assert frame.curve_error_1.isna().all()  # no truth is known
+
+
+def test_errors_of_the_torque_change_nothing_where_there_is_no_torque():
+    frame = study(decays(), parameters=[], gain=[0.1], delay=[0.01])
+    # there is no motor: neither is offered
+    assert list(frame.cause) == ["nominal"]
+
+
+def test_friction_grows_with_a_gain_and_errors_to_the_truth_with_it():
+    frame = study(dataset(), parameters=[], gain=[-0.2, -0.1, 0.1, 0.2]).set_index("amount")
+    assert frame.curve_change_1[-0.2] > frame.curve_change_1[-0.1] > 0.01
+    assert frame.curve_change_1[0.2] > frame.curve_change_1[0.1] > 0.01
+    assert frame.curve_error_1[[-0.2, 0.2]].min() > frame.curve_error_1[0.0]
+
+
+@pytest.mark.parametrize("cause", ["delay", "gain", "tilt"])
+def test_a_mistake_of_a_sensor_is_undone_by_the_opposite_one(cause):
+    amount = 0.25
+    back = 1 / (1 + amount) - 1 if cause == "gain" else -amount
+    data = dataset()
+    there = varied(data, Variation(cause, amount))
+    again = varied(there, Variation(cause, back))
+    for old, wrong, new in zip(data.recordings, there.recordings, again.recordings, strict=True):
+        same = [
+            np.array_equal(getattr(old, key).value, getattr(wrong, key).value)
+            and np.array_equal(getattr(old, key).time, getattr(wrong, key).time)
+            for key in ("angle", "torque")
+        ]
+        assert sorted(same) == [False, True]  # one signal is changed, the other left alone
+        for key in ("angle", "torque"):
+            assert np.allclose(getattr(old, key).value, getattr(new, key).value, atol=1e-12)
+            assert np.allclose(getattr(old, key).time, getattr(new, key).time, atol=1e-12)
+
+
+def test_noise_has_the_standard_deviation_and_depends_on_the_seed_only():
+    data = dataset()
+    one, same, other = (varied(data, Variation("noise", 0.5), seed) for seed in (1, 1, 2))
+    added = [
+        b.angle.value - a.angle.value for a, b in zip(data.recordings, one.recordings, strict=True)
+    ]
+    assert np.std(added) == pytest.approx(np.deg2rad(0.5), rel=0.1)
+    assert len({float(x[0, 0]) for x in added}) == len(added)  # recordings draw their own
+    values = [np.concatenate([r.angle.value for r in d.recordings]) for d in (one, same, other)]
+    assert np.array_equal(values[0], values[1])
+    assert not np.array_equal(values[0], values[2])
+
+
+def test_held_out_recordings_train_nothing():
+    data = dataset()
+    train, test = training_and_test(data)
+    names = {r.name for r in train.recordings}, {r.name for r in test.recordings}
+    assert not names[0] & names[1]
+    assert names[0] | names[1] == {r.name for r in data.recordings}
+    one = replace(data, recordings=data.recordings[:1])
+    early, late = (part.recordings[0].angle.time for part in training_and_test(one))
+    assert early[-1] < late[0]
+    assert len(early) + len(late) == len(one.recordings[0].angle.time)
+
+
+def test_only_parameters_that_matter_are_varied():
+    assert sensitive_parameters(dataset()) == ("mass", "length")
+    names = {v.name for v in variations_of(dataset(), SensitivitySettings())}
+    assert {"mass", "length", "torque delay", "recordings"} <= names
+
+
+def test_shooting_comes_with_base_parameters_held_and_free():
+    held, free = with_and_without_inertia(Shooting())
+    blocks = [[block.name for block in recipe.blocks] for recipe in (held, free)]
+    assert "inertia" not in blocks[0]
+    assert "inertia" in blocks[1]
+    again = with_and_without_inertia(free)
+    assert [b.name for b in again[0].blocks] == blocks[0]
+
+
+def test_wrong_settings_end_in_one_line():
+    with pytest.raises(InputError, match="levels"):
+        study(dataset(), levels=[-2.0])
+    with pytest.raises(InputError, match=r"'lenght'.*'length'"):
+        study(dataset(), parameters=["lenght"], levels=[0.1])
+    with pytest.raises(InputError, match="leaves fewer than 20"):
+        study(dataset(), parameters=[], rate=[30])
+
+
+@pytest.fixture(scope="module")
+def suite(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sensitivity")
+    chosen = {**NONE, "parameters": ["mass"], "levels": [0.1], "delay": [-0.01, 0.01]}
+    return write_suite(folder, [("sensitivity", chosen), ("recipes.0", None)])
+
+
+def test_the_command_writes_a_page_and_computes_nothing_twice(suite, monkeypatch, capsys):
+    code, out, _ = run_command(
+        monkeypatch, capsys, suite.parent, "sensitivity", suite.name, "--jobs", 1
+    )
+    assert code == 0
+    folder = next((suite.parent / "report").iterdir())
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.name[0] != "."}
+    kinds = {p.suffix for p in before}
+    assert {".md", ".csv", ".png", ".pdf", ".tex", ".json"} <= kinds
+    assert "torque delay" in out
+    times = {p: p.stat().st_mtime_ns for p in (folder / "fits").iterdir()}
+    code, out, _ = run_command(
+        monkeypatch, capsys, suite.parent, "sensitivity", suite.name, "--json"
+    )
+    assert code == 0
+    assert len(json.loads(out)["fits"]) == len(times)
+    assert {p: p.stat().st_mtime_ns for p in times} == times
+    assert {p: p.read_bytes() for p in before} == before
+
+
+def test_unknown_names_end_in_one_line(suite, monkeypatch, capsys):
+    for option in ("--identifier", "--recipe"):
+        code, _, err = run_command(
+            monkeypatch, capsys, suite.parent, "sensitivity", suite.name, option, "nobody"
+        )
+        assert code == 2
+        assert "'nobody' is unknown" in err
+        assert err.count("\n") == 1
