@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.data.calibration import Calibration, calibrated_dataset
-from frictionid.data.joint_sizes import joint_sizes_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, taken
 from frictionid.errors import InputError
@@ -161,7 +160,8 @@ def _with_tilt(dataset: Dataset, variation: Variation) -> Dataset:
 
 def _with_noise(dataset: Dataset, amount: float, seed: int) -> Dataset:
     """Independent noise added to the angles; recordings draw from streams of their own."""
-    added = np.deg2rad(amount) * joint_sizes_of(dataset)
+    turns = np.array([unit == "rad" for unit in dataset.mechanism.position_units])
+    added = np.deg2rad(amount) * np.where(turns, 1.0, dataset.scales.size)
 
     def noisy(recording: Recording, stream: np.random.SeedSequence) -> Recording:
         angle = recording.angle
