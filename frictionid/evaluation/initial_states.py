@@ -40,6 +40,13 @@ class InitialStates(NamedTuple):
     last: Array
     nodes: Nodes
 
+    def take(self, rows: Array) -> InitialStates:
+        """Some (k,) of the rollouts, as often as they are asked for."""
+        first = {name: getattr(self, name)[rows] for name in ("recording", "index", "q", "w")}
+        second = {name: getattr(self, name)[:, rows] for name in ("u", "dt", "measured", "last")}
+        truth = None if self.truth is None else self.truth[:, rows]
+        return self._replace(**first, **second, truth=truth)
+
     def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
         """The initial states with some (k,) of another calibration of the same data."""
         q, u, measured = self.q.copy(), self.u.copy(), self.measured.copy()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,12 @@ from frictionid.arrays import Array
 from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import curve_error, curve_scores, curves
+from frictionid.evaluation.example_motions import (
+    FEWEST,
+    common_examples,
+    jackknife_width,
+    ranked_examples,
+)
 from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.free_run import free_run, free_run_scores, trajectory_folds
 from frictionid.evaluation.ground_truth import steady_state
@@ -151,7 +158,9 @@ def _scored(
         scores += _free_run_scores(model, held_out.recordings)
     scores += _curve_scores(model.friction, overall, prepared)
     scores.append(_parameter_count(model.friction))
-    return scores, _examples(motion.q, initial, prepared, held_out.rollouts[-1] >= 0)
+    shown = motion.q, initial, prepared, held_out.rollouts[-1] >= 0
+    band = partial(_band, model) if len(model.friction.theta) >= FEWEST else None
+    return scores, [*common_examples(*shown), *ranked_examples(*shown, band)]
 
 
 def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
@@ -198,6 +207,24 @@ def _rollouts(model: _Model, owner: Array, *, true: bool = False) -> tuple[Initi
             preceding = preceding.with_rows(data.preceding, np.isin(preceding.owner, rows))
     plant = replace(plant, p=p)
     return initial, predict(plant, model.friction[owner], initial, preceding)
+
+
+def _band(model: _Model, rows: Array) -> Array:
+    """Half the width (T + 1, k, n) of 95 % intervals of predictions from some initial states (k,).
+
+    By what the folds' frictions predict from there, each less the angles as it sees them.
+    """
+    errors = []
+    for folds, data in model.views:
+        again = np.tile(rows, len(folds))
+        initial = data.initial_states.take(again)
+        preceding = None if data.preceding is None else data.preceding.take(again)
+        owner = np.repeat(folds, len(rows))
+        motion = predict(data.plant[initial.recording], model.friction[owner], initial, preceding)
+        error = motion.q - initial.measured
+        shape = len(error), len(folds), len(rows), error.shape[-1]
+        errors.append(np.swapaxes(error.reshape(shape), 0, 1))
+    return jackknife_width(np.concatenate(errors))
 
 
 def _initial_states(data: Prepared, true: bool) -> InitialStates:
@@ -248,26 +275,3 @@ def beside_friction(parameters: Sequence[Mapping[str, Any]]) -> int:
     1
     """
     return sum(entry["block"] != "friction" for entry in parameters)
-
-
-def _examples(
-    q: Array, initial: InitialStates, prepared: Prepared, use: Array, most: int = 3
-) -> list[dict[str, Any]]:
-    """Predicted and measured motion over the longest horizon, of rollouts (S,) that may be used."""
-    full = np.flatnonzero(use)
-    chosen = full[np.linspace(0, len(full) - 1, most + 2).round().astype(int)[1:-1]]
-    out = []
-    for s in np.unique(chosen):
-        last = int(initial.last[-1, s])
-        r = initial.recording[s]
-        out.append(
-            {
-                "dataset": prepared.dataset.name,
-                "recording": prepared.dataset.recordings[r].name,
-                "start_s": float(prepared.causal[r].time[initial.index[s]]),
-                "time": np.concatenate([[0.0], np.cumsum(initial.dt[:last, s])]),
-                "measured": initial.measured[: last + 1, s],
-                "predicted": q[: last + 1, s],
-            }
-        )
-    return out

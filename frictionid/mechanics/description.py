@@ -48,6 +48,7 @@ class Description:
         name
     rotors : pairs (inertia, angle by which it turns)
     potential : energy beside that of gravity, as of springs
+    drawing : points (x, y) of a line that draws it, where bodies alone would not do
     driven : which joints have a motor
     position_units : "rad" or "m" of each joint; all "rad" where there are none
     torque_units : of each joint, where they do not follow from those of the positions
@@ -65,6 +66,13 @@ class Description:
     position_units: tuple[str, ...] = ()
     torque_units: tuple[str, ...] = ()
     potential: Expression = 0
+    drawing: tuple[tuple[Expression, Expression], ...] = ()
+
+    @property
+    def line(self) -> tuple[tuple[Expression, Expression], ...]:
+        """Points (x, y) of the line that draws it: its own, or origin and bodies joint by joint."""
+        bodies = sorted(self.bodies, key=lambda body: body.joint)
+        return self.drawing or ((0, 0), *((body.x, body.y) for body in bodies))
 
     @property
     def w(self) -> tuple[sp.Symbol, ...]:

@@ -103,4 +103,5 @@ def _description(driven: tuple[bool, bool]) -> Description:
         rotors=((first * Ir, gr * q1), (second * Ir, q1 - gr * q2)),
         driven=(bool(driven[0]), bool(driven[1])),
         base=base,
+        drawing=((0, 0), (l1 * sp.sin(q1), -l1 * sp.cos(q1)), (x2, y2)),
     )

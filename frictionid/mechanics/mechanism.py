@@ -158,6 +158,14 @@ class Mechanism(ABC):
         friction laws need it. It depends on physical parameters, not on base parameters alone.
         """
 
+    def points(self, q: Array) -> Array | None:
+        """Lines that draw the mechanism at positions q (..., n): (..., k, 2 or 3) [m], or None.
+
+        The points are joined in their order; one of NaN ends a line. The last coordinate points
+        upwards. A mechanism without a drawing has no animation, and nothing else lacks.
+        """
+        return None
+
     @property
     def n(self) -> int:
         """Number of joints."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from frictionid.arrays import Array, namespace, solve, times
@@ -132,6 +133,19 @@ class SymbolicMechanism(Mechanism):
         x, y = (xp.stack([f + zero for f in flat[i::2]], axis=-1) for i in (0, 1))
         return xp.sqrt(x * x + y * y)
 
+    def points(self, q: Array) -> Array:
+        """Line (..., k, 2) [m] of the description, with the given values or the defaults.
+
+        >>> import numpy as np
+        >>> from frictionid.mechanics import pendulum
+        >>> pendulum(length=0.5).points(np.array([0.0])).tolist()
+        [[0.0, 0.0], [0.0, -0.5]]
+        """
+        columns = [q[..., j] for j in range(self.n)]
+        flat = self._code.line(np, *columns, *self.defaults.values())
+        line = np.stack(np.broadcast_arrays(*flat, *columns)[: len(flat)], axis=-1)
+        return line.reshape(*line.shape[:-1], -1, 2) + 0.0  # no negative zeros
+
     def _complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         for name in parameters:
             self.check_name(name)
@@ -198,6 +212,11 @@ class _Compiled:
         torque = [sum(M[i, j] * a[j] for j in n) - e.h[i] for i in n]
         outputs = [sp.diff(t, x) for xs in (d.q, d.w, e.base) for t in torque for x in xs]
         return scalar_code([*d.q, *d.w, *a, *e.base], outputs)
+
+    @cached_property
+    def line(self) -> Callable[..., Any]:
+        d = self.description
+        return scalar_code([*d.q, *d.symbols], [e for point in d.line for e in point])
 
     @cached_property
     def load(self) -> Callable[..., Any]:

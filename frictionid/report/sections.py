@@ -128,6 +128,8 @@ class Model:
     method : scheme of the recipe, and what corrects its data
     beyond : friction where no motion was recorded, see `frictionid.evaluation.plausibility.Beyond`;
         empty in folders of earlier versions and of black boxes
+    motions, examples : predictions from the same starts as others', and from its own best, median
+        and worst start; folders of earlier versions have none of the latter
     """
 
     task: int
@@ -146,6 +148,7 @@ class Model:
     loops: Sequence[Mapping[str, Any]] = ()
     method: Mapping[str, Any] = field(default_factory=dict)
     beyond: Mapping[str, Any] = field(default_factory=dict)
+    examples: Sequence[Mapping[str, Any]] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +307,8 @@ def _model(
         label=label,
         name=f"{label} ({recipe})" if several and recipe else label,
         curves=np.asarray(task["curves"], dtype=float),
-        motions=task["motions"],
+        motions=[motion for motion in task["motions"] if "place" not in motion],
+        examples=[motion for motion in task["motions"] if "place" in motion],
         theta=theta,
         document=task["model"],
         settings=task["settings"],

@@ -51,6 +51,15 @@ class SampleWindows(NamedTuple):
         """Window (K,) of each interval."""
         return np.repeat(np.arange(len(self.windows)), (self.windows >= 0).sum(axis=1))
 
+    def take(self, rows: Array) -> SampleWindows:
+        """Some (k,) of the windows, as often as they are asked for."""
+        chosen = self.windows[rows]
+        index = chosen[chosen >= 0]
+        windows = np.full(chosen.shape, -1)
+        windows[chosen >= 0] = np.arange(len(index))
+        intervals = self.intervals.take(index)
+        return self._replace(intervals=intervals, windows=windows, u=self.u[:, index])
+
     def with_rows(self, other: SampleWindows, rows: Array) -> SampleWindows:
         """The windows with some (K,) rows of another calibration of the same data."""
         new = {}

@@ -19,6 +19,7 @@ from frictionid.mechanics.rigid_body.base_parameters import (
     geometry,
     regressor,
 )
+from frictionid.mechanics.rigid_body.kinematics import placements
 from frictionid.mechanics.rigid_body.loops import Geometry
 from frictionid.mechanics.rigid_body.robot import Attached, moved
 from frictionid.mechanics.rigid_body.tree import Tree
@@ -98,6 +99,34 @@ class RigidBodyTree(Mechanism):
         M, h = np.empty((*q.shape, self.n)), np.empty(q.shape)
         loops.dynamics(geometry(self.tree), self.reduction.silent[None], q, w, M, h)
         return times(M, a) - h
+
+    def points(self, q: Array) -> Array:
+        """Lines (..., k, 3) [m] through the joints, to the centre of mass of each last body.
+
+        In the frame of the base, z upwards as in URDF; bodies that lie alone end a line.
+        """
+        q = np.asarray(q, dtype=float)
+        turns, places = self._frames(q.reshape(-1, self.n))
+        nothing, base = np.full((len(places), 3), np.nan), np.zeros((len(places), 3))
+        out = []
+        for leaf in sorted(set(range(self.n)) - {int(p) for p in self.tree.parent}):
+            mass, *moment = self.tree.inertia[leaf, :4]
+            centre = np.array(moment) / mass if mass > 0 else np.zeros(3)
+            chain = [places[:, leaf] + turns[:, leaf] @ centre]
+            joint = leaf
+            while joint >= 0:
+                chain.append(places[:, joint])
+                joint = int(self.tree.parent[joint])
+            out += [*([nothing] if out else []), base, *chain[::-1]]
+        return np.stack(out, axis=1).reshape(*q.shape[:-1], -1, 3)
+
+    def _frames(self, q: Array) -> tuple[Array, Array]:
+        """Frames (K, n, 3, 3) and origins (K, n, 3) of the bodies at positions (K, n)."""
+        tree, (K, n) = self.tree, q.shape
+        R, o, S = np.empty((K, n, 3, 3)), np.empty((K, n, 3)), np.empty((n, 6))
+        for k in range(K):
+            placements.py_func(tree, q[k], R[k], o[k], S)
+        return R, o
 
     loads_of_gears: ClassVar[bool] = True
 

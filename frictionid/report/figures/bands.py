@@ -50,7 +50,7 @@ def _picture(
 ) -> Any:
     picture, axes = paired_panels(len(shown), data, 1 / 1.5)
     for joint in range(len(data.joints)):
-        bands = {model: _band(model, data, joint) for model in every}
+        bands = {model: band_of(model, data, joint) for model in every}
         high = 1.12 * most([np.abs(band.curve) for band in bands.values()])
         near = {model: _near(model, bands[model], data, joint) for model in every}
         scale, prefix = prefixed(max(near.values()))
@@ -79,7 +79,7 @@ def draw_error(axis: Any, model: Model, data: DataDescription, joint: int, scale
         axis.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=DASHED)
 
 
-def _band(model: Model, data: DataDescription, joint: int) -> Band:
+def band_of(model: Model, data: DataDescription, joint: int) -> Band:
     """A joint's band; documents without velocities of their own have it on the curves' grid."""
     own = (model.refined or {})["bands"]
     velocity = own.get("velocity", data.velocity)

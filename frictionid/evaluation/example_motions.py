@@ -1,0 +1,103 @@
+"""Motions to look at: from the same starts for all models, and from each model's own ones.
+
+A model's own starts are those of its best, its median and its worst prediction over the longest
+horizon. They come with the band of the prediction and, where the mechanism draws itself, lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from frictionid.arrays import Array
+from frictionid.data.joint_sizes import joint_sizes, norm_of
+from frictionid.evaluation.initial_states import InitialStates
+from frictionid.evaluation.prepared import Prepared
+
+PLACES = {"best": 0.0, "median": 0.5, "worst": 1.0}  # ranks among all predictions
+FEWEST = 3  # folds that a band needs
+FRAMES = 61  # drawings of a motion at most
+
+
+def common_examples(
+    q: Array, initial: InitialStates, prepared: Prepared, use: Array, most: int = 3
+) -> Iterator[dict[str, Any]]:
+    """Predicted and measured motion over the longest horizon, of rollouts (S,) that may be used.
+
+    q : (T + 1, S, n), what is predicted from the initial states
+    """
+    full = np.flatnonzero(use)
+    chosen = full[np.linspace(0, len(full) - 1, most + 2).round().astype(int)[1:-1]]
+    for s in np.unique(chosen):
+        yield _example(q, initial, prepared, int(s))
+
+
+def ranked_examples(
+    q: Array,
+    initial: InitialStates,
+    prepared: Prepared,
+    use: Array,
+    band: Callable[[Array], Array] | None = None,
+) -> Iterator[dict[str, Any]]:
+    """The same from the best, the median and the worst start, with what is drawn of them.
+
+    band : half the width (T + 1, k, n) of the band about the predictions from some starts (k,)
+    """
+    full, last = np.flatnonzero(use), initial.last[-1]
+    error = q[last[full], full] - initial.measured[last[full], full]
+    units = prepared.position_units
+    norm, unit = norm_of(error, units, joint_sizes(units, initial.measured))
+    order = full[np.argsort(np.where(np.isfinite(norm), norm, np.inf), kind="stable")]
+    rows = order[[round(rank * (len(order) - 1)) for rank in PLACES.values()]]
+    widths = None if band is None else band(rows)
+    for i, (place, s) in enumerate(zip(PLACES, rows, strict=True)):
+        example = _example(q, initial, prepared, int(s))
+        own = {"place": place, "error": norm[full == s][0], "error_unit": unit}
+        width = None if widths is None else widths[: last[s] + 1, i]
+        yield {**example, **own, "band": width, **_drawing(prepared, example)}
+
+
+def jackknife_width(values: Array) -> Array:
+    """Half the width of 95 % intervals of numbers, from those (F, ...) without each fold.
+
+    The delete-a-group jackknife [Shao1995] with Student's quantile of F - 1 degrees of freedom:
+
+        se^2 = (F - 1)/F sum (x_f - mean)^2
+
+    It is the interval of the mean, where each number is the mean of all values but a fold's own:
+
+    >>> x = np.array([1.0, 2.0, 4.0])
+    >>> mean_without = (x.sum() - x) / 2
+    >>> bool(np.isclose(jackknife_width(mean_without), stdtrit(2, 0.975) * x.std(ddof=1) / 3**0.5))
+    True
+    """
+    folds = len(values)
+    with np.errstate(all="ignore"):
+        scatter = ((values - values.mean(axis=0)) ** 2).sum(axis=0)
+        return np.asarray(stdtrit(folds - 1, 0.975) * np.sqrt((folds - 1) / folds * scatter))
+
+
+def _example(q: Array, initial: InitialStates, prepared: Prepared, s: int) -> dict[str, Any]:
+    last, r = int(initial.last[-1, s]), int(initial.recording[s])
+    return {
+        "dataset": prepared.dataset.name,
+        "recording": prepared.dataset.recordings[r].name,
+        "start_s": float(prepared.causal[r].time[initial.index[s]]),
+        "time": np.concatenate([[0.0], np.cumsum(initial.dt[:last, s])]),
+        "measured": initial.measured[: last + 1, s],
+        "predicted": q[: last + 1, s],
+    }
+
+
+def _drawing(prepared: Prepared, example: dict[str, Any]) -> dict[str, Any]:
+    """Lines of the mechanism (f, k, 2 or 3) at some of an example's times; nothing without them."""
+    time = example["time"]
+    some = np.unique(np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
+    mechanism = prepared.dataset.mechanism
+    lines = {name: mechanism.points(example[name][some]) for name in ("measured", "predicted")}
+    if any(line is None for line in lines.values()):
+        return {}
+    return {"drawing": {"time": time[some], **{k: np.round(v, 5) for k, v in lines.items()}}}
