@@ -31,21 +31,21 @@ from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import read_model
 from frictionid.report import show_summary
 from frictionid.report.console import printed
-from frictionid.report.figures.style import drawn
-from frictionid.report.page import Picture
-from frictionid.report.sections import Section, sections_of
-from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
-from frictionid.report.tables import html
-from frictionid.report.terminal import verdict
-from frictionid.report.verdict import Verdict, verdict_of
-from frictionid.report.write import (
+from frictionid.report.exhibits import (
     FITTED,
     Names,
+    Picture,
     band_pictures,
     correlation_picture,
     motion_pictures,
     names_of,
 )
+from frictionid.report.figures.style import drawn
+from frictionid.report.sections import Section, sections_of
+from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
+from frictionid.report.tables import html
+from frictionid.report.terminal import verdict
+from frictionid.report.verdict import Verdict, verdict_of
 
 PLOTS = (*FITTED, "motion", "bands", "correlation")
 

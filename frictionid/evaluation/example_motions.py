@@ -97,7 +97,10 @@ def _drawing(prepared: Prepared, example: dict[str, Any]) -> dict[str, Any]:
     time = example["time"]
     some = np.unique(np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
     mechanism = prepared.dataset.mechanism
-    lines = {name: mechanism.points(example[name][some]) for name in ("measured", "predicted")}
-    if any(line is None for line in lines.values()):
+    measured, predicted = (
+        mechanism.points(example[name][some]) for name in ("measured", "predicted")
+    )
+    if measured is None or predicted is None:
         return {}
-    return {"drawing": {"time": time[some], **{k: np.round(v, 5) for k, v in lines.items()}}}
+    lines = {"measured": measured.round(5), "predicted": predicted.round(5)}
+    return {"drawing": {"time": time[some], **lines}}

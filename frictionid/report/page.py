@@ -5,69 +5,20 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
-
-import pandas as pd
+from typing import Any
 
 from frictionid.comparison.results import Results
 from frictionid.evaluation import Split
 from frictionid.report import families, findings
-from frictionid.report.estimates import estimates
+from frictionid.report.exhibits import Exhibits, shooting_fits
 from frictionid.report.memory import memory_analysis
 from frictionid.report.reliability import fold_settings, warnings_of
 from frictionid.report.render import render
-from frictionid.report.sections import EULER, Model, Section, SummaryData
-from frictionid.report.shooting_results import ShootingResults, shooting_results
-from frictionid.report.tables import Table
 from frictionid.report.verdict import verdict_of
+from frictionid.report.sections import EULER, Model, Section, SummaryData
 
 SETTINGS = ("horizons", "every", "history", "sample_time", "seeds", "folds")
 ORIGIN = ("description", "origin", "licence", "citation")
-
-
-class Picture(NamedTuple):
-    """A figure, the stem of its files, and its caption."""
-
-    stem: str
-    figure: Any
-    caption: str
-
-
-class NamedTable(NamedTuple):
-    """A table, the stem of its files, its numbers where they are written as CSV, and a heading.
-
-    heading : of the part of the page that unfolds; "" where the page shows it elsewhere
-    """
-
-    stem: str
-    table: Table
-    numbers: pd.DataFrame | None = None
-    heading: str = ""
-
-
-class Exhibits(NamedTuple):
-    """Tables and pictures of one scored data set; the summary table is the first.
-
-    shooting, shooting_pictures : those of the fit by shooting that predicts best
-    linked, linked_pictures : those of the other fits, which the page does not show
-    """
-
-    tables: tuple[NamedTable, ...]
-    pictures: tuple[Picture, ...]
-    shooting: tuple[NamedTable, ...] = ()
-    shooting_pictures: tuple[Picture, ...] = ()
-    linked: tuple[NamedTable, ...] = ()
-    linked_pictures: tuple[Picture, ...] = ()
-
-
-class ShootingFit(NamedTuple):
-    """A fit by shooting: stem of its files and facts of its result."""
-
-    model: Model
-    stem: str
-    results: ShootingResults
-    parameters: int
-    identified: int
 
 
 def page(
@@ -144,21 +95,6 @@ def scored_findings(data: SummaryData) -> dict[str, Any]:
         "families": families.families(data),
         "memory": memory_analysis(data) if data.held_out else None,
     }
-
-
-def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[ShootingFit]:
-    """The fits by shooting, the one that predicts best first."""
-    fits = [model for model in section.models if model in stems and model.refined is not None]
-    data = section.fitted
-    first = data.best(fits, findings.last_rollout(data)) if data.reported else None
-    fits.sort(key=lambda model: model is not first)
-    out = []
-    for model in fits:
-        document = model.refined or {}
-        read = estimates(document, section.description)
-        facts, known = shooting_results(document, read), sum(e.identified for e in read)
-        out.append(ShootingFit(model, stems[model], facts, len(read), known))
-    return out
 
 
 def _notes(section: Section, key: str) -> list[tuple[Model, str, str]]:

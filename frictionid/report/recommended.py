@@ -14,8 +14,10 @@ from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.friction.model_files import read_model
 from frictionid.report.estimates import Estimate, digits, estimates, interval, rounded
+from frictionid.report.findings import best_predictor
 from frictionid.report.numbers import MINUS, either, short
-from frictionid.report.sections import Model, SummaryData, rollout
+from frictionid.report.sections import Model, Section, SummaryData, rollout
+from frictionid.report.verdict import Verdict
 
 BOUND, UNKNOWN = "bound", "unknown"  # marks of values that are no estimates
 NEAR = 1e-6  # of a bound, in units of its size
@@ -46,10 +48,16 @@ class Horizon(NamedTuple):
     diverged: float
 
 
+def chosen_of(section: Section, verdict: Verdict) -> Model | None:
+    """The model that the verdict names; without one the fitted model that predicts best."""
+    candidate = verdict.candidate(verdict.provisional)
+    return candidate.model if candidate else best_predictor(section.fitted)
+
+
 def equation_of(model: Model) -> str:
     """Equation of a model's law, "" where its law is not one of ours."""
     law = LAWS.get(str(model.document.get("law", {}).get("kind", "")))
-    return "" if law is None else summary(law)
+    return "" if law is None else summary(law).replace("`", "")
 
 
 def horizons_of(data: SummaryData, model: Model) -> list[Horizon]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results
+from frictionid.report.numbers import divergence_limit, percent, seconds
 from frictionid.report.sections import Model, Section, SummaryData, rollout
 
 LOOSE = 0.5  # scatter of a parameter over the folds, in units of its mean
@@ -145,3 +146,55 @@ def loose(model: Model) -> int:
         return 0
     sd, mean = model.theta.std(axis=0, ddof=1), np.abs(model.theta.mean(axis=0))
     return int((sd > LOOSE * mean).sum())
+
+
+def warning_lines(found: Warnings) -> list[str]:
+    """Warnings in words, one text each."""
+    out = []
+    if found.missing:
+        out.append(
+            f"Unfinished: {found.missing} of {found.tasks} tasks; their lines are missing. Finish "
+            "them with frictionid compare --resume."
+        )
+    out += [
+        f"Shuffled folds on {dataset}: held-out samples have neighbours in the training set. "
+        "Losses flatter models that interpolate, and rollouts are not held out at all."
+        for dataset in found.shuffled
+    ]
+    out += map(_diverged_line, found.diverged)
+    out += [
+        f"Infinite errors on {dataset}, shown as ∞ and in no average: {_names(models)}."
+        for dataset, models in found.infinite
+    ]
+    out += [
+        f"Fit to all data outside the scatter of the folds' curves on {dataset}, perhaps another "
+        f"minimum: {_names(models)}."
+        for dataset, models in found.astray
+    ]
+    for dataset, counts in found.loose:
+        models = ", ".join(f"{model.name} {count} of {total}" for model, count, total in counts)
+        out.append(
+            "Parameters that scatter over the folds by more than half their mean on "
+            f"{dataset} (not determined one by one, even where the curve is): {models}."
+        )
+    out += [
+        f"True friction of {dataset}: only the curve at steady speed is compared, the truth has no "
+        "row of its own."
+        for dataset in found.without_truth
+    ]
+    return out
+
+
+def _diverged_line(found: Diverged) -> str:
+    without = ""
+    if found.without is not None:
+        without = f", without friction {percent(found.without)}"
+    return (
+        f"Diverged predictions on {found.dataset} after {seconds(found.horizon)} (further off than "
+        f"{divergence_limit(found.angle_unit)}, which medians hide): up to "
+        f"{percent(found.share)}{without}."
+    )
+
+
+def _names(models: Sequence[Model]) -> str:
+    return ", ".join(model.name for model in models)

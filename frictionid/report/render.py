@@ -20,6 +20,26 @@ from frictionid.report.tables import code, escape_markdown, markdown
 NUMBERS = (short, fixed, percent, factor, signed, seconds, divergence_limit, with_error)
 
 
+def render_page(template: str, context: Mapping[str, Any]) -> str:
+    """HTML of a template with the values of its context, in which every name is plain text."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("frictionid.report"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        autoescape=True,
+    )
+    environment.filters |= {function.__name__: function for function in NUMBERS}
+    return environment.get_template(template).render(context)
+
+
+def lines_of(text: str) -> list[str]:
+    """Points of a rendered list, one text each."""
+    return [line.removeprefix("- ").strip() for line in text.splitlines() if line.strip()]
+
+
 def render(template: str, context: Mapping[str, Any], *, markup: bool = True) -> str:
     """Text of a template with the values of its context.
 

@@ -13,10 +13,14 @@ from frictionid.report.numbers import INFINITE, NOTHING
 
 
 class Cell(NamedTuple):
-    """Text of a cell; the best of a column stands out."""
+    """Text of a cell; the best of a column stands out.
+
+    mark : what is wrong with it, on the page; "bound" or "unknown" of a value that is no estimate
+    """
 
     text: str
     best: bool = False
+    mark: str = ""
 
 
 class Column(NamedTuple):

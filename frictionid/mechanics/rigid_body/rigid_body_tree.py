@@ -108,7 +108,7 @@ class RigidBodyTree(Mechanism):
         q = np.asarray(q, dtype=float)
         turns, places = self._frames(q.reshape(-1, self.n))
         nothing, base = np.full((len(places), 3), np.nan), np.zeros((len(places), 3))
-        out = []
+        out: list[Array] = []
         for leaf in sorted(set(range(self.n)) - {int(p) for p in self.tree.parent}):
             mass, *moment = self.tree.inertia[leaf, :4]
             centre = np.array(moment) / mass if mass > 0 else np.zeros(3)

@@ -35,7 +35,7 @@ def motions(
     for column, (start, shown) in zip(axes.T, by_start.items(), strict=True):
         for joint, axis in enumerate(column):
             _panel(axis, shown, joint, styles)
-        column[0].set_title(_title(*start), fontsize=7, loc="left")
+        column[0].set_title(title_of(*start), fontsize=7, loc="left")
     for joint, (axis, name) in enumerate(zip(axes[:, 0], description.joints, strict=True)):
         axis.set_ylabel(f"{name} [{description.position_units[joint]}]")
     text = "time since the start of the prediction [s]"
@@ -45,7 +45,8 @@ def motions(
     return picture
 
 
-def _title(recording: str, start: float) -> str:
+def title_of(recording: str, start: float) -> str:
+    """Heading of a motion: the recording, shortened at its front, and its start [s]."""
     name = recording.rpartition("/")[2]
     name = name if len(name) <= 24 else f"…{name[-23:]}"
     return plain(f"{name} from {start:.2f} s")

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from frictionid.report.sections import Model
 
 WIDTH = 7.2  # [inch], both columns of a journal's page
-FORMATS = ("png", "pdf")
+FORMATS = ("png", "pdf", "svg")
 # Okabe and Ito's colours, distinct with any colour vision; without yellow, too pale on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = ("-", (0, (5, 1.2)), (0, (3, 1, 1, 1)))  # after the last colour, the next kind of line
@@ -67,6 +67,7 @@ def drawing() -> AbstractContextManager[Any]:
         "lines.linewidth": 1.2,
         "savefig.dpi": 200,
         "pdf.fonttype": 42,
+        "svg.hashsalt": "frictionid",
     }
     return matplotlib.style.context(["default", dict(settings)])
 
@@ -93,6 +94,7 @@ def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
     nothing = {
         "png": {"Software": None},
         "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+        "svg": {"Date": None, "Creator": None},
     }
     out = {}
     with warnings.catch_warnings():

@@ -1,1 +1,1 @@
-"""The page index.html: charts that Plotly draws on the screen, tables, and what stands about them."""
+"""The page index.html: charts that Plotly draws on the screen, tables, and words about them."""

@@ -10,6 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.report.figures.bands import band_of
+from frictionid.report.figures.panels import most
 from frictionid.report.figures.style import DARK, PALE, Style
 from frictionid.report.html.charts import (
     SILENT,
@@ -24,6 +25,7 @@ from frictionid.report.html.charts import (
 )
 from frictionid.report.sections import DataDescription, Model, Section
 
+FRICTION = {"yaxis": "y2"}  # above the density of speeds
 MOST = 161  # velocities of a line
 DENSITY = 0.16  # height of the density of speeds, share of the chart
 ALWAYS = 3  # curves that are all shown; of more, only the chosen one is at first
@@ -57,16 +59,21 @@ def _chart(
     traces = [_density(data, joint)]
     for i, model in enumerate(sorted(models, key=lambda m: m is not first)):
         shown = len(models) <= ALWAYS or model is first
-        group = {"legendgroup": f"model {i}", "visible": True if shown else "legendonly"}
+        group = {
+            "legendgroup": f"model {i}",
+            "visible": True if shown else "legendonly",
+            **FRICTION,
+        }
         traces += _curve(model, data, joint, styles[model.label], group, model is first)
     if data.truth is not None:
         drawn = {"color": DARK, "width": 1.6, "dash": "dash"}
-        traces.append(line(w[some], data.truth[some, joint], "truth", {"line": drawn}))
+        traces.append(line(w[some], data.truth[some, joint], "truth", {"line": drawn, **FRICTION}))
     unit = data.position_units[joint]
+    above = {"overlaying": "y", "range": _range(models, data, joint), "hoverformat": ".4g"}
     axes = {
-        "xaxis": axis(f"velocity [{unit}/s]", {"hoverformat": ".3g"}),
-        "yaxis": axis(f"friction [{data.torque_units[joint]}]", {"hoverformat": ".4g"}),
-        "yaxis2": {"overlaying": "y", "range": [0, 1 / DENSITY], "visible": False},
+        "xaxis": axis(f"velocity [{unit}/s]", {"hoverformat": ".3g", "range": [w[0], w[-1]]}),
+        "yaxis": {"range": [0, 1 / DENSITY], "visible": False, "fixedrange": True},
+        "yaxis2": axis(f"friction [{data.torque_units[joint]}]", above),
     }
     words = (
         "Friction over velocity: fit to all data with its 95 % band, each fold (thin), "
@@ -108,6 +115,14 @@ def _band(model: Model, data: DataDescription, joint: int) -> list[tuple[Array, 
     return [(data.velocity[:, joint], model.curves[-1, :, joint], jackknife_width(folds))]
 
 
+def _range(models: Sequence[Model], data: DataDescription, joint: int) -> list[float]:
+    """Ends of the friction axis, with room for the density; one wild fold must not flatten all."""
+    curves = [model.curves[:, :, joint].ravel() for model in models]
+    curves += [] if data.truth is None else [data.truth[:, joint]]
+    high = 1.1 * most([np.abs(own[np.isfinite(own)]) for own in curves])
+    return [-high - DENSITY * 2 * high / (1 - DENSITY), high]
+
+
 def _density(data: DataDescription, joint: int) -> dict[str, Any]:
     """How often each speed occurred, as a grey area at the bottom."""
     w, counts = data.velocity[:, joint], data.density[joint]
@@ -116,5 +131,5 @@ def _density(data: DataDescription, joint: int) -> dict[str, Any]:
     full = float(np.quantile(counts, 0.95)) or float(counts.max()) or 1.0
     heights = np.minimum(counts / full, 1.0)
     drawn = {"line": {"width": 0, "shape": "hv"}, "fill": "tozeroy", "fillcolor": PALE}
-    own = {"yaxis": "y2", "hoverinfo": "skip", **drawn}
+    own = {"hoverinfo": "skip", **drawn}
     return line(edges, np.append(heights, heights[-1]), "speeds that occurred", own)

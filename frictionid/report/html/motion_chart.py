@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.report.figures.examples import limits_of
 from frictionid.report.figures.style import Style
 from frictionid.report.html.charts import (
     MEASURED,
@@ -40,7 +41,7 @@ def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart
     for j, name in enumerate(data.joints):
         panel = {"xaxis": "x", "yaxis": f"y{j + 1}"}
         measured, predicted = (as_array(example[part])[:, j] for part in PARTS)
-        limits = _limits(measured, predicted)
+        limits = limits_of(measured, predicted)
         predicted = np.where((predicted >= limits[0]) & (predicted <= limits[1]), predicted, np.nan)
         grey = {"color": MEASURED, "width": 5}
         own = {"color": style.colour, "width": 2}
@@ -62,17 +63,6 @@ def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart
     return Chart("", words, traces, layout(axes), height=130 + 120 * n)
 
 
-def _limits(measured: Array, predicted: Array) -> list[float]:
-    """Ends of an axis: predictions that leave it have diverged."""
-    low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
-    room = max(0.6 * (high - low), 0.3)
-    every = np.concatenate([measured, predicted])
-    every = every[np.isfinite(every)]
-    low, high = max(low - room, float(every.min())), min(high + room, float(every.max()))
-    edge = 0.05 * (high - low)
-    return [low - edge, high + edge]
-
-
 def animation(example: Example, style: Style) -> Chart | None:
     """The mechanism, measured against predicted; None where it has no drawing."""
     drawing = example.get("drawing")
@@ -85,7 +75,9 @@ def animation(example: Example, style: Style) -> Chart | None:
         {"line": {"color": style.colour, "width": 3}, "marker": {"size": 6, "color": style.colour}},
     ]
     traces = [
-        line(*own[0].T, part, {"mode": "lines+markers", "hoverinfo": "skip", **look})
+        line(
+            own[0][:, 0], own[0][:, 1], part, {"mode": "lines+markers", "hoverinfo": "skip", **look}
+        )
         for part, own, look in zip(PARTS, lines, drawn, strict=True)
     ]
     frames = [
