@@ -114,6 +114,11 @@ def correlation_of(document: Mapping[str, Any]) -> Array:
     return np.array(document["correlation"], dtype=float).reshape(2 * [len(document["parameters"])])
 
 
+def mark_of(estimate: Estimate) -> str:
+    """Mark of a value in a table: "bound", "unknown" where the data do not determine it, or ""."""
+    return "bound" if estimate.at_bound else "" if estimate.identified else "unknown"
+
+
 def value_text(estimate: Estimate) -> str:
     """The value as tables show it: without digits where the data do not determine it."""
     if estimate.at_bound:

@@ -26,6 +26,7 @@ from frictionid.report.figures.style import Style, styles
 from frictionid.report.figures.tradeoff import loss_against
 from frictionid.report.loops import loop_table
 from frictionid.report.parameter_table import parameter_numbers, parameter_table
+from frictionid.report.recommended import chosen_of
 from frictionid.report.sections import Model, Section, SummaryData
 from frictionid.report.shooting_results import ShootingResults, shooting_results
 from frictionid.report.shooting_tables import (
@@ -35,7 +36,6 @@ from frictionid.report.shooting_tables import (
     window_table,
 )
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
-from frictionid.report.recommended import chosen_of
 from frictionid.report.tables import Table
 from frictionid.report.verdict import Verdict
 
@@ -134,9 +134,7 @@ def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[Shooting
     return out
 
 
-def exhibits_of(
-    section: Section, data: SummaryData, names: Names, verdict: Verdict
-) -> Exhibits:
+def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verdict) -> Exhibits:
     """Tables and pictures of one scored data set."""
     stem = names.stems[section.dataset, data.dataset]
     summary = summary_of(data, verdict.failed)

@@ -14,8 +14,8 @@ from frictionid.report.exhibits import Exhibits, shooting_fits
 from frictionid.report.memory import memory_analysis
 from frictionid.report.reliability import fold_settings, warnings_of
 from frictionid.report.render import render
-from frictionid.report.verdict import verdict_of
 from frictionid.report.sections import EULER, Model, Section, SummaryData
+from frictionid.report.verdict import verdict_of
 
 SETTINGS = ("horizons", "every", "history", "sample_time", "seeds", "folds")
 ORIGIN = ("description", "origin", "licence", "citation")

@@ -12,7 +12,7 @@ from frictionid.report.estimates import estimates
 from frictionid.report.numbers import NOTHING, fixed
 from frictionid.report.sections import ANY, Model, Section
 from frictionid.report.shooting_tables import NONE
-from frictionid.report.tables import Column, Table, line, text_columns
+from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 DIGITS = 4  # significant, of the largest of a line
 COLUMNS = (
@@ -72,12 +72,12 @@ def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
     return Table(caption, f"parameters-{section.dataset}", tuple(heads), tuple(lines))
 
 
-def _values(own: pd.DataFrame, recipes: Sequence[str]) -> list[str]:
+def _values(own: pd.DataFrame, recipes: Sequence[str]) -> list[str | Cell]:
     """Cells of one parameter: two for each recipe, and one for a given value."""
     sizes = own[["mean", "all_data"]].to_numpy(dtype=float)
     sizes = np.abs(sizes[np.isfinite(sizes) & (sizes != 0)])
     places = int(np.clip(DIGITS - 1 - np.floor(np.log10(sizes.max())), 0, 9)) if sizes.size else 0
-    cells = []
+    cells: list[str | Cell] = []
     for recipe in recipes:
         found = own[own["recipe"] == recipe]
         if found.empty:
@@ -85,7 +85,7 @@ def _values(own: pd.DataFrame, recipes: Sequence[str]) -> list[str]:
             continue
         mean, sd, value = found[["mean", "sd", "all_data"]].to_numpy(dtype=float)[0]
         if str(found["identified"].iloc[0]) == "False":
-            cells += [_coarse(mean, sd), "not identified"]
+            cells += [_coarse(mean, sd), Cell("not identified", mark="unknown")]
             continue
         if recipe != ANY:
             cells.append(f"{fixed(mean, places)} ± {fixed(sd, places)}" if mean or sd else "0")

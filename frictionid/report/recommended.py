@@ -12,14 +12,14 @@ from frictionid.comparison.docstrings import summary
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
+from frictionid.friction import Law
 from frictionid.friction.model_files import read_model
-from frictionid.report.estimates import Estimate, digits, estimates, interval, rounded
+from frictionid.report.estimates import Estimate, digits, estimates, interval, mark_of, rounded
 from frictionid.report.findings import best_predictor
 from frictionid.report.numbers import MINUS, either, short
 from frictionid.report.sections import Model, Section, SummaryData, rollout
 from frictionid.report.verdict import Verdict
 
-BOUND, UNKNOWN = "bound", "unknown"  # marks of values that are no estimates
 NEAR = 1e-6  # of a bound, in units of its size
 
 
@@ -55,9 +55,13 @@ def chosen_of(section: Section, verdict: Verdict) -> Model | None:
 
 
 def equation_of(model: Model) -> str:
-    """Equation of a model's law, "" where its law is not one of ours."""
+    """Equation of a model's law in words and symbols, "" where its law is not one of ours."""
     law = LAWS.get(str(model.document.get("law", {}).get("kind", "")))
-    return "" if law is None else summary(law).replace("`", "")
+    if law is None:
+        return ""
+    family = [summary(part) for part in law.__mro__ if issubclass(part, Law)]
+    equations = [text for text in family if text.startswith("Tf")]
+    return " ".join(dict.fromkeys([family[0], *equations[:1]])).replace("`", "")
 
 
 def horizons_of(data: SummaryData, model: Model) -> list[Horizon]:
@@ -92,10 +96,10 @@ def _shot(model: Model) -> dict[tuple[int, str], Value]:
 
 def shown(e: Estimate) -> Value:
     """An estimate of shooting with its interval; one that data do not determine has no digits."""
-    if e.at_bound:
-        return Value(f"{e.value:.3g}", "at its bound", BOUND)
-    if not e.identified:
-        return Value(f"{e.value:.2g}", "not identified", UNKNOWN)
+    mark = mark_of(e)
+    if mark:
+        words = "at its bound" if e.at_bound else "not identified"
+        return Value(f"{e.value:.2g}".replace("-", MINUS), words, mark)
     text = digits(e.value, e.error).replace("-", MINUS)
     return Value(text, interval(e.low, e.high, e.error).replace("-", MINUS))
 
@@ -110,7 +114,7 @@ def _fitted(model: Model) -> dict[tuple[int, str], Value]:
         value = float("nan") if number["value"] is None else float(number["value"])
         half = float(jackknife_width(theta[:, j, i])) if known else float("nan")
         if name in bounds and model.role == "fitted" and _near(value, bounds[name]):
-            out[j, name] = Value(f"{value:.3g}", "at its bound", BOUND)
+            out[j, name] = Value(f"{value:.3g}", "at its bound", "bound")
         elif np.isfinite(half) and half > 0:
             low, high = (rounded(v, half / 2) for v in (value - half, value + half))
             out[j, name] = Value(rounded(value, half / 2), f"{low} to {high}")

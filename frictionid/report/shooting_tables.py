@@ -9,10 +9,17 @@ import numpy as np
 import pandas as pd
 
 from frictionid.mechanics import mechanism_of
-from frictionid.report.estimates import Estimate, digits, estimates, interval, value_text
+from frictionid.report.estimates import (
+    Estimate,
+    digits,
+    estimates,
+    interval,
+    mark_of,
+    value_text,
+)
 from frictionid.report.numbers import MINUS, NOTHING
 from frictionid.report.sections import DataDescription, Model
-from frictionid.report.tables import Column, Line, Table, line, text_columns
+from frictionid.report.tables import Cell, Column, Line, Table, line, text_columns
 
 MANY = 20  # parameters of one group that a table shows one by one
 OWN = ("friction", "inertia")  # blocks that stand under their names, the rest is the calibration's
@@ -74,11 +81,11 @@ def interval_table(
     for name, own in groups(read, data.joints):
         if len(own) > MANY:
             known = f"{sum(e.identified for e in own)} identified"
-            cells = [name, f"{len(own)} numbers", NOTHING, known]
-            lines.append(line([*cells, *[NOTHING] * (len(heads) - len(cells))], name))
+            words = [name, f"{len(own)} numbers", NOTHING, known]
+            lines.append(line([*words, *[NOTHING] * (len(heads) - len(words))], name))
             continue
         for i, e in enumerate(own):
-            cells = [name if i == 0 else "", *_cells(e, nominal)]
+            cells = [Cell(name if i == 0 else ""), *_cells(e, nominal)]
             cells += [_beside(e.true, e)] * true
             cells += [_beside(values.get(e.name), e) for values in beside.values()]
             lines.append(line(cells, name))
@@ -105,14 +112,15 @@ def given_numbers(
     return {e.name: out[e.name] for e in read if e.name in out}
 
 
-def _cells(e: Estimate, nominal: bool) -> list[str]:
+def _cells(e: Estimate, nominal: bool) -> list[str | Cell]:
     """Cells of a parameter behind its group's name."""
     name = e.parameter if e.block in OWN else e.name
     cells = [value_text(e), interval(e.low, e.high, e.error)]
     if nominal:
         change = f"{e.change()[0]} %" if e.identified and e.nominal and e.block in SIZES else ""
         cells += [_beside(e.nominal, e), change or NOTHING]
-    return [name, e.unit.replace("^2", "²"), *(cell.replace("-", MINUS) for cell in cells)]
+    value, *others = (cell.replace("-", MINUS) for cell in cells)
+    return [name, e.unit.replace("^2", "²"), Cell(value, mark=mark_of(e)), *others]
 
 
 def _beside(value: float | None, e: Estimate) -> str:

@@ -361,7 +361,11 @@ def test_examples_are_predictions_beside_what_was_measured():
         score_model(friction, prepared)[1],
         score_folds(friction[None][np.zeros(4, int)], friction, prepared, folds)[1],
     ):
-        assert len(motions) == 3
+        assert [motion.get("place") for motion in motions] == [None] * 3 + [
+            "best",
+            "median",
+            "worst",
+        ]
         for motion in motions:
             recording = next(r for r in data.recordings if r.name == motion["recording"])
             k = int(np.searchsorted(recording.angle.time, motion["start_s"] - 1e-9))

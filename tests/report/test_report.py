@@ -276,7 +276,7 @@ def test_without_rollouts_or_examples_the_rest_is_there(tmp_path):
     task = made.task("a", {"made": made.rows(0.3, 0.2, horizons=())}, motions=False)
     made.built(made.write(tmp_path, [task]))
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {
-        f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("png", "pdf")
+        f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("png", "pdf", "svg")
     }
 
 

@@ -20,7 +20,9 @@ def velocity_scatter(data: DataDescription, w: Array) -> Any:
     axes = picture.subplots(1, max(n - 1, 0) + n, squeeze=False)[0]
     for joint in range(1, n):
         axis = axes[joint - 1]
-        axis.scatter(w[:, 0], w[:, joint], s=2, color=COLOURS[0], alpha=0.35, linewidths=0)
+        axis.scatter(
+            w[:, 0], w[:, joint], s=2, color=COLOURS[0], alpha=0.35, linewidths=0, rasterized=True
+        )
         axis.set_xlabel(names[0])
         axis.set_ylabel(names[joint])
     for joint in range(n):

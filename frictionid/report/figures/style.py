@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
@@ -104,8 +105,19 @@ def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
             stream = io.BytesIO()
             picture.savefig(stream, format=kind, metadata=nothing[kind])
             picture.set_layout_engine("none")  # it holds for the next format, too
-            out[kind] = stream.getvalue()
+            content = stream.getvalue()
+            out[kind] = compact(content) if kind == "svg" else content
     return out
+
+
+def compact(svg: bytes) -> bytes:
+    """An SVG whose paths have two decimals of a point, and nothing between tags.
+
+    >>> compact(b'<path d="M 1.2345 2 L 3.123456 4"/>')
+    b'<path d="M 1.23 2 L 3.12 4"/>'
+    """
+    svg = re.sub(rb' d="[^"]*"', lambda d: re.sub(rb"(\.\d\d)\d+|\n", rb"\1", d[0]), svg)
+    return re.sub(rb">\s+<", b"><", svg)
 
 
 def plain(name: str) -> str:

@@ -110,7 +110,7 @@ def layout(parts: Mapping[str, Any]) -> dict[str, Any]:
         "dragmode": False,
         "hovermode": "x unified",
         "hoverlabel": {"namelength": 28},
-        "legend": {"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         **parts,
     }
 

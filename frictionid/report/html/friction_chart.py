@@ -56,7 +56,7 @@ def _chart(
 ) -> Chart:
     w = data.velocity[:, joint]
     some = thinned(len(w), MOST)
-    traces = [_density(data, joint)]
+    traces = []
     for i, model in enumerate(sorted(models, key=lambda m: m is not first)):
         shown = len(models) <= ALWAYS or model is first
         group = {
@@ -68,8 +68,10 @@ def _chart(
     if data.truth is not None:
         drawn = {"color": DARK, "width": 1.6, "dash": "dash"}
         traces.append(line(w[some], data.truth[some, joint], "truth", {"line": drawn, **FRICTION}))
+    traces.append(_density(data, joint))
     unit = data.position_units[joint]
     above = {"overlaying": "y", "range": _range(models, data, joint), "hoverformat": ".4g"}
+    above["tickmode"] = "auto"  # not those of the hidden axis
     axes = {
         "xaxis": axis(f"velocity [{unit}/s]", {"hoverformat": ".3g", "range": [w[0], w[-1]]}),
         "yaxis": {"range": [0, 1 / DENSITY], "visible": False, "fixedrange": True},
@@ -79,7 +81,7 @@ def _chart(
         "Friction over velocity: fit to all data with its 95 % band, each fold (thin), "
         "grey: how often each speed occurred. A click on a name shows or hides a model."
     )
-    return Chart(data.joints[joint], words, traces, layout(axes), height=400)
+    return Chart(data.joints[joint], words, traces, layout(axes), height=320 + 20 * len(models))
 
 
 def _curve(

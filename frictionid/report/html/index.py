@@ -11,6 +11,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 from typing import NamedTuple
+from urllib.parse import quote
 
 from frictionid.comparison.results import Results
 from frictionid.files import plain
@@ -33,9 +34,11 @@ from frictionid.report.recommended import (
 from frictionid.report.reliability import warning_lines, warnings_of
 from frictionid.report.render import lines_of, render, render_page
 from frictionid.report.sections import Model, Section, SummaryData
-from frictionid.report.summary_table import caption_of, summary_of, summary_table
+from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
 from frictionid.report.tables import Cell, Column, Table
 from frictionid.report.verdict import Verdict
+
+ROOM = 3_200_000  # bytes of figures inside the page
 
 
 class Start(NamedTuple):
@@ -102,9 +105,26 @@ def index_html(
         "number": count(1).__next__,
         "document": document_of,
         "colours": {label: style.colour for label, style in names.styles.items()},
-        "image": lambda picture: base64.b64encode(drawn[picture.stem]).decode(),
+        "images": _images(exhibits, drawn),
     }
     return render_page("index.html.j2", context)
+
+
+def _images(
+    exhibits: Mapping[tuple[str, str], Exhibits], drawn: Mapping[str, bytes]
+) -> dict[str, str]:
+    """Addresses of the figures that are part of the page, by their stems, as long as there is room.
+
+    The page links the others, and those of all models' motion.
+    """
+    out, room = {}, ROOM
+    for own in exhibits.values():
+        for picture in (*own.pictures, *own.shooting_pictures):
+            text = quote(drawn.get(picture.stem, b""), safe=" /:;=,()!?@+*-._~$[]'")
+            if len(text) <= room and not picture.stem.startswith("motion--"):
+                out[picture.stem] = f"data:image/svg+xml,{text}"
+                room -= len(text)
+    return out
 
 
 def document_of(chart: Chart) -> str:
@@ -170,7 +190,7 @@ def _starts(model: Model, data: SummaryData, style: Style) -> Iterator[Start]:
 def _table(data: SummaryData, verdict: Verdict, chosen: Model | None) -> Table:
     """The summary table; of the fitted data with how each model stands."""
     summary = summary_of(data, verdict.failed)
-    table = summary_table(summary, caption_of(data, summary))
+    table = summary_table(summary, caption_of(data, summary), detail=MEDIANS, sd=False)
     standings = {c.model: c.standing for c in verdict.candidates}
     lines = []
     for model, line in zip(data.models, table.lines, strict=True):

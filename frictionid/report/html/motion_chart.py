@@ -115,12 +115,11 @@ def _plane(lines: list[Array]) -> dict[str, Any]:
     low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
     room = ROOM * max(float((high - low).max()), 1e-3)
     ends = [[float(a - room), float(b + room)] for a, b in zip(low, high, strict=True)]
-    shown = {"constrain": "domain", "nticks": 5}
+    shown = {"constrain": "domain", "nticks": 5, "automargin": False}
     return {
         "xaxis": axis("x [m]", {"range": ends[0], **shown}),
         "yaxis": axis("height [m]", {"range": ends[1], "scaleanchor": "x", **shown}),
-        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        "margin": {"l": 52, "r": 10, "t": 34, "b": 120},
+        "margin": {"l": 52, "r": 10, "t": 34, "b": 112, "autoexpand": False},
     }
 
 
