@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from frictionid.arrays import Array
-from frictionid.data.joint_sizes import joint_sizes, norm_of
+from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.prepared import Prepared
 

@@ -44,7 +44,7 @@ def _contents(results: Results) -> dict[str, bytes]:
                 exhibits[section.dataset, data.dataset] = own
                 for picture in (*own.pictures, *own.shooting_pictures, *own.linked_pictures):
                     files = rendered(picture.figure)
-                    drawn[picture.stem] = files["svg"]
+                    drawn[picture.stem] = files.get("svg", b"")
                     contents |= {f"figures/{picture.stem}.{k}": v for k, v in files.items()}
                 for table in (*own.tables, *own.shooting, *own.linked):
                     contents |= _table_files(table)

@@ -42,7 +42,7 @@ ROOM = 3_200_000  # bytes of figures inside the page
 
 
 class Start(NamedTuple):
-    """Motion from one start: its heading, the animation where there is one, and the lines."""
+    """Motion from one initial state: heading, the animation if there is one, and the lines."""
 
     heading: str
     charts: tuple[Chart, ...]
@@ -120,7 +120,7 @@ def _images(
     out, room = {}, ROOM
     for own in exhibits.values():
         for picture in (*own.pictures, *own.shooting_pictures):
-            text = quote(drawn.get(picture.stem, b""), safe=" /:;=,()!?@+*-._~$[]'")
+            text = quote(drawn[picture.stem], safe=" /:;=,()!?@+*-._~$[]'")
             if len(text) <= room and not picture.stem.startswith("motion--"):
                 out[picture.stem] = f"data:image/svg+xml,{text}"
                 room -= len(text)

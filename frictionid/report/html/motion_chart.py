@@ -97,7 +97,7 @@ def animation(example: Example, style: Style) -> Chart | None:
 def side_view(lines: list[Array]) -> list[Array]:
     """Lines (f, k, 2) of lines (f, k, 2 or 3) in the vertical plane in which they are widest.
 
-    >>> side_view([np.array([[[0.0, 0.0, 0.0], [0.0, 2.0, 1.0]]])])[0].tolist()
+    >>> side_view([np.array([[[0.0, 0.0, 0.0], [0.0, 2.0, 1.0]]])])[0].round(9).tolist()
     [[[0.0, 0.0], [2.0, 1.0]]]
     """
     if lines[0].shape[-1] == 2:
