@@ -31,7 +31,7 @@ from frictionid.report.verdict import verdict_of
 def show(results: Results) -> None:
     """Print the summary tables of a comparison, the verdict, and last a path to click on."""
     show_summary(results)
-    _print_link((results.folder / "summary.md").resolve())
+    _print_link((results.folder / "index.html").resolve())
 
 
 def show_summary(results: Results) -> None:
@@ -60,6 +60,7 @@ def results_json(results: Results) -> str:
     sections = sections_of(results)
     document = {
         "folder": results.folder,
+        "page": str((results.folder / "index.html").resolve()),
         "summary": str((results.folder / "summary.md").resolve()),
         "datasets": [
             {

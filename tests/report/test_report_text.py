@@ -151,7 +151,7 @@ def test_the_last_line_shown_is_the_path(typical, capsys, monkeypatch):
     monkeypatch.chdir(typical.parent)
     show(load_results(Path(typical.name)))
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == str(typical.resolve() / "summary.md")
+    assert lines[-1] == str(typical.resolve() / "index.html")
     assert Path(lines[-1]).exists()
 
 
@@ -161,7 +161,7 @@ def test_in_a_terminal_the_path_can_be_clicked(typical, capsys, monkeypatch):
     monkeypatch.delenv("NO_COLOR", raising=False)
     show(load_results(typical))
     last = capsys.readouterr().out.rstrip("\n").splitlines()[-1]
-    path = typical.resolve() / "summary.md"
+    path = typical.resolve() / "index.html"
     assert re.fullmatch(rf"\x1b]8;[^;]*;{re.escape(path.as_uri())}\x1b\\.*\x1b]8;;\x1b\\", last)
     assert re.sub(r"\x1b](?:[^\x1b]*)\x1b\\", "", last) == str(path)
 

@@ -16,7 +16,7 @@ def test_the_last_words_are_the_verdict_and_the_path(tmp_path, capsys):
     results = load_results(made.typical(tmp_path / "made"))
     show(results)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1].endswith("summary.md") and lines[-2] == ""
+    assert lines[-1].endswith("index.html") and lines[-2] == ""
     assert lines[-3].startswith("- Record next: ")
     assert lines[-4].startswith("- Main doubt: ")
     assert lines[-5].startswith("- Use stribeck (integral), 0.050 rad off after 0.5 s")

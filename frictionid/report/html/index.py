@@ -41,7 +41,7 @@ from frictionid.report.verdict import Verdict
 ROOM = 3_200_000  # bytes of figures inside the page
 
 
-class Start(NamedTuple):
+class Example(NamedTuple):
     """Motion from one initial state: heading, the animation if there is one, and the lines."""
 
     heading: str
@@ -53,7 +53,7 @@ class Scored(NamedTuple):
 
     data: SummaryData
     table: Table
-    starts: tuple[Start, ...]
+    examples: tuple[Example, ...]
     pictures: Mapping[str, list[Picture]]
     tables: Mapping[str, list[NamedTable]]
 
@@ -175,16 +175,16 @@ def _scored(
     tables: dict[str, list[NamedTable]] = {}
     for table in (*own.tables, *own.shooting):
         tables.setdefault(table.stem.partition("--")[0], []).append(table)
-    starts = () if chosen is None else tuple(_starts(chosen, data, names.styles[chosen.label]))
-    return Scored(data, _table(data, verdict, chosen), starts, pictures, tables)
+    shown = () if chosen is None else tuple(_examples(chosen, data, names.styles[chosen.label]))
+    return Scored(data, _table(data, verdict, chosen), shown, pictures, tables)
 
 
-def _starts(model: Model, data: SummaryData, style: Style) -> Iterator[Start]:
+def _examples(model: Model, data: SummaryData, style: Style) -> Iterator[Example]:
     for example in examples_of(model, data):
         moving = animation(example, style)
         lines = motion_chart(example, data.description, style)
         heading = f"{example['place']}: {example['recording']}, from {example['start_s']:.2f} s"
-        yield Start(heading, (*([moving] if moving else []), lines))
+        yield Example(heading, (*([moving] if moving else []), lines))
 
 
 def _table(data: SummaryData, verdict: Verdict, chosen: Model | None) -> Table:
