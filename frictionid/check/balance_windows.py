@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictionid.arrays import Array
-from frictionid.check.motion import Motion, Speeds, speeds_of
+from frictionid.check.motion import Motion, Speeds, mapped_motion, speeds_of
 from frictionid.data.integrals import SignalIntegrals, window_means
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.momentum_balance import (
@@ -43,14 +43,17 @@ class Rows(NamedTuple):
 
     inertia, gravity (K, n, m) : means of d(M w)/dt and -dL/dq for each of m parameter vectors
     friction (K, n, F) : friction shapes per joint, see `SHAPE_NAMES`
-    w (K, n) [rad/s] mean velocity ; moving (K, n) : whether the joint neither rests nor, as a rule,
-    reverses, so that its balance shows its sliding friction
+    coupled (K, n, c, f) : those of c parts that turn with several joints, as they act on each joint,
+    see `PART_SHAPES`
+    w (K, n) [rad/s] mean velocity ; moving (K, n) : whether the joint, and parts that turn with it,
+    neither rest nor, as a rule, reverse, so that its balance shows their sliding friction
     recording (K,) ; start, stop (K,) [s]
     """
 
     inertia: Array
     gravity: Array
     friction: Array
+    coupled: Array
     w: Array
     moving: Array
     recording: Array
@@ -79,12 +82,20 @@ class Rows(NamedTuple):
         """Mean torque (..., K, n) [N m] logged `delay` (...) [s] before each window."""
         return window_means(torque, self.recording, self.start, self.stop, delay)
 
+    def shapes(self, joint: int) -> Array:
+        """Friction shapes (K, S) in the balance of one joint: its own, and those of coupled parts."""
+        K, _, c, f = self.coupled.shape
+        parts = self.coupled[:, joint].reshape(K, c * f)
+        return np.concatenate([self.friction[:, joint], parts[:, parts.any(axis=0)]], axis=1)
+
     def where(self, keep: Array) -> Rows:
         """Some of the rows."""
         return Rows(*(field[keep] for field in self))
 
 
 SHAPE_NAMES = ("coulomb", "viscous", "offset", "slow", "slower")
+# Of coupled parts: an offset is that of a joint.
+PART_SHAPES = ("coulomb", "viscous", "slow", "slower")
 
 
 def unit_rows(
@@ -137,8 +148,8 @@ def rows_of(
     motions : sequence of R Motion
     parameters : array, shape (m, R, nb)
         Base parameters of each recording, m vectors side by side.
-    speeds : Speeds, shape (R, n), optional
-        Of each recording; by default those of all motions together.
+    speeds : Speeds, shape (R, m), optional
+        Of each recording, where parts slide; by default those of all motions together.
     width : float [s] of a window; at least two samples
     reversals : bool
         Whether windows count in which a joint reverses quickly, at the mean of sgn(w).
@@ -162,22 +173,35 @@ def rows_of(
 
     at = np.repeat(np.arange(len(motions)), np.diff(first))  # recording of each node
     balance = momentum_balance(mechanism.terms(parameters[:, at], q, w), stencil)
+    acts = mechanism.friction_map
     rest, fast = (
-        np.broadcast_to(v, (len(motions), v.shape[-1])) for v in speeds or speeds_of(motions)
+        np.broadcast_to(v, (len(motions), len(acts)))
+        for v in speeds or sliding_speeds(mechanism, motions)
     )
-    shapes = interval_mean(_shapes(w, fast[at]), stencil) * dt[:, None]
+    shapes = interval_mean(_shapes(w @ acts.T, fast[at]), stencil) * dt[:, None]
+    friction, n = np.moveaxis(mean(shapes), 0, -1), mechanism.n
+    parts = [SHAPE_NAMES.index(name) for name in PART_SHAPES]
     reversal = REVERSAL if reversals else None
-    ends = np.concatenate([motion.states.w for motion in motions])
+    ends = np.concatenate([motion.states.w for motion in motions]) @ acts.T
+    sliding = _moving(ends, np.repeat(rest, samples, axis=0), windows, reversal)
     return Rows(
         inertia=np.moveaxis(mean(balance.end - balance.start), 0, -1),
         gravity=np.moveaxis(-mean(balance.force * dt[:, None]), 0, -1),
-        friction=np.moveaxis(mean(shapes), 0, -1),
+        friction=friction[:, :n],
+        coupled=acts[n:].T[None, :, :, None] * friction[:, None, n:, parts],
         w=mean(interval_mean(w, stencil) * dt[:, None]),
-        moving=_moving(ends, np.repeat(rest, samples, axis=0), windows, reversal),
+        moving=~(~sliding @ (acts != 0)),
         recording=windows.recording,
         start=start,
         stop=stop,
     )
+
+
+def sliding_speeds(mechanism: Mechanism, motions: Sequence[Motion]) -> Speeds:
+    """Characteristic speeds (m,) where parts slide: of the joints, then of coupled parts."""
+    if not mechanism.coupled:
+        return speeds_of(motions)
+    return speeds_of([mapped_motion(motion, mechanism.friction_map) for motion in motions])
 
 
 class _Windows(NamedTuple):
@@ -212,10 +236,10 @@ def _shapes(w: Array, fast: Array) -> Array:
 
 
 def _moving(w: Array, rest: Array, windows: _Windows, reversal: float | None) -> Array:
-    """Whether each joint is faster than `rest` all through a window, in one direction.
+    """Whether each part is faster than `rest` all through a window, in one direction.
 
     Or, with `reversal`, in any direction and but for that share of the window's samples; w, rest
-    (T, n) of all samples.
+    (T, m) of all samples.
     """
 
     def samples(flags: Array) -> Array:

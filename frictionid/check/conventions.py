@@ -2,7 +2,9 @@
 
 Each hypothesis is a linear map of the angles and one of the torques that would correct the
 recordings. Its score says how much of the torque the nominal mechanism then leaves unexplained,
-whatever the friction.
+whatever the friction. A sign changes some joints of an arm only, so that the sum over the joints
+decides; the sign of a gear, which turns angle and torque, may show in terms that are small beside
+friction, and the joint whose balance it changes most decides.
 """
 
 from __future__ import annotations
@@ -14,8 +16,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows, rows_of
-from frictionid.check.motion import Measured, Speeds, mapped_motion, speeds_of
+from frictionid.check.balance_windows import Rows, rows_of, sliding_speeds
+from frictionid.check.motion import Measured, Speeds, mapped_motion
+from frictionid.data.gears import Gears
 
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
@@ -27,39 +30,76 @@ FLOOR = 0.02
 # A hypothesis that makes the mechanism's terms smaller than this share of the torque explains
 # nothing: free friction alone would take all of it.
 MATTERS = 0.3
+# A gear has the other sign where that leaves e^-GEAR of the squares of the joint that it changes
+# most, in this many windows at least. (A real arm of six joints: 0.53 and more.)
+GEAR, SHOWN = 0.4, 40
 
 
 class Convention(NamedTuple):
-    """A hypothesis: its kind, words for it, and the maps (n, n) that would correct the data."""
+    """A hypothesis: its kind, words for it, and the maps (n, n) that would correct the data.
+
+    zero : (n,) [rad], angles that the map of the angles leaves as they are
+    """
 
     kind: str
     words: str
     angle: Array
     torque: Array
+    zero: Array | float = 0.0
 
 
 class Scored(NamedTuple):
-    """A convention with its score, the joints' mean of `log_unexplained`: lower fits better."""
+    """A convention with its score, a mean over the joints: lower fits better.
+
+    each (n,) : mean log of the squared share of each joint's torque that stays unexplained ;
+    matters (n,) : whether the mechanism's terms matter beside that torque ; windows (n,) of motion
+    """
 
     convention: Convention
     score: float
+    each: Array
+    matters: Array
+    windows: Array
+
+    @property
+    def of_signs(self) -> bool:
+        """Whether it is about signs, which leave the sizes of all terms as they are."""
+        return self.convention.kind.startswith("flipped")
+
+    @property
+    def of_gears(self) -> bool:
+        """Whether it turns angle and torque."""
+        return self.convention.kind in ("flipped_joint", "flipped_gear")
+
+    def advantage(self, given: Scored) -> float:
+        """By how much it fits better than the data as given; beyond MARGIN these are wrong."""
+        if not self.of_signs:
+            # what explains nothing counts as nothing
+            each, other = (np.where(s.matters, s.each, 0.0) for s in (self, given))
+            return float((other - each).mean())
+        less = given.each - self.each
+        total, most = float(less.sum()), int(np.argmax(np.abs(less)))
+        if not self.of_gears or self.windows[most] < SHOWN:
+            return total / min(len(less), 2)
+        own = min(float(less[most]), total) if less[most] > 0 else float(less[most])
+        return max(total, MARGIN * own / GEAR, key=abs)
 
 
 def hypotheses(
-    n: int, driven: Sequence[bool], position_units: Sequence[str] = ()
+    n: int,
+    driven: Sequence[bool],
+    position_units: Sequence[str] = (),
+    gears: Gears | None = None,
 ) -> Iterator[Convention]:
     """Conventions that recordings of n joints may follow; the first is the data as given.
 
     position_units : of each joint, "rad", or "m" where it slides; all "rad" where there are none
+    gears : between the motors that columns are of and the joints
     """
     slides = np.array([unit == "m" for unit in position_units or ("rad",) * n])
     eye = np.eye(n)
     yield Convention("as_given", "as given", eye, eye)
-    for j in range(n):
-        flip = np.diag(np.where(np.arange(n) == j, -1.0, 1.0))
-        yield Convention("flipped_angle", f"angle {j + 1} has the wrong sign", flip, eye)
-        if driven[j]:
-            yield Convention("flipped_torque", f"torque {j + 1} has the wrong sign", eye, flip)
+    yield from _signs(n, driven, gears)
     swap = eye[::-1]
     if n == 2 and len(set(slides)) == 1:
         yield Convention("swapped_angles", "the angles of the joints are swapped", swap, eye)
@@ -86,29 +126,70 @@ def hypotheses(
         yield Convention("radians", "angles are in rad, not degrees", np.linalg.inv(turn), eye)
 
 
+def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Convention]:
+    """Wrong signs of angles, of torques, of both, and of gears."""
+    eye, of_gear = np.eye(n), "" if gears is None else " (that of its gear, or of its column)"
+    for j in range(n):
+        flip = np.diag(np.where(np.arange(n) == j, -1.0, 1.0))
+        yield Convention("flipped_angle", f"angle {j + 1} has the wrong sign", flip, eye)
+        if not driven[j]:
+            continue
+        words = f"torque {j + 1} has the wrong sign"
+        yield Convention("flipped_torque", words + of_gear, eye, flip)
+        if n > 1:
+            words = f"joint {j + 1} turns the other way round (sign of its gear, or of its axis)"
+            yield Convention("flipped_joint", words, flip, flip)
+        if n > 1 and gears is not None and gears.angles:
+            C = gears.turns
+            torque = C.T @ flip @ np.linalg.inv(C.T) if gears.torques else eye
+            words = f"the gear of motor {j + 1} has the wrong sign"
+            yield Convention(
+                "flipped_gear", words, np.linalg.solve(C, flip @ C), torque, gears.zero
+            )
+
+
 def scores(measured: Measured) -> list[Scored]:
     """All conventions with their scores, the data as given first."""
     acting = [
         bool(any(r.torque.value[:, j].any() for r in measured.dataset.recordings))
         for j in range(measured.mechanism.n)
     ]
-    candidates = list(hypotheses(measured.mechanism.n, acting, measured.mechanism.position_units))
-    maps = list({c.angle.tobytes(): c.angle for c in candidates}.values())
-    rows = dict(zip((m.tobytes() for m in maps), _rows(measured, maps), strict=True))
+    mechanism = measured.mechanism
+    candidates = list(
+        hypotheses(mechanism.n, acting, mechanism.position_units, measured.dataset.gears)
+    )
+    maps = {_key(c): (c.angle, c.zero) for c in candidates}
+    rows = dict(zip(maps, _rows(measured, list(maps.values())), strict=True))
     torques = {key: r.means(measured.torque) for key, r in rows.items()}
-    out = []
-    for convention in candidates:
-        key = convention.angle.tobytes()
-        each = log_unexplained(rows[key], torques[key] @ convention.torque.T)
-        out.append(Scored(convention, float(each.mean())))
-    return out
+    given, *others = (
+        scored(c, rows[_key(c)], torques[_key(c)] @ c.torque.T) for c in candidates
+    )
+    # to turn a joint that nothing else depends on is no fault
+    return [given, *(s for s in others if not (s.of_gears and _same(s, given)))]
 
 
-def _rows(measured: Measured, maps: Sequence[Array]) -> Iterator[Rows]:
+def scored(convention: Convention, rows: Rows, torque: Array) -> Scored:
+    """A convention with its score; rows (K windows) and torque (K, n) [N m] as it corrects them."""
+    each, matters = _shares(rows, torque)
+    counts = convention.kind.startswith(("as_given", "flipped")) | matters
+    score = float(np.where(counts, each, 0.0).mean())
+    return Scored(convention, score, each, matters, rows.moving.sum(0))
+
+
+def _key(convention: Convention) -> tuple[bytes, bytes]:
+    """Key of a convention's map of the angles."""
+    return convention.angle.tobytes(), np.asarray(convention.zero).tobytes()
+
+
+def _same(one: Scored, other: Scored) -> bool:
+    return bool(np.allclose(one.each, other.each, rtol=0.0, atol=1e-6))
+
+
+def _rows(measured: Measured, maps: Sequence[tuple[Array, Array | float]]) -> Iterator[Rows]:
     """Rows of all recordings under each map, made in one go: as if they were more recordings."""
-    groups = [[mapped_motion(m, map_) for m in measured.motions] for map_ in maps]
+    groups = [[mapped_motion(m, *map_) for m in measured.motions] for map_ in maps]
     R = len(measured.motions)
-    each = [speeds_of(group) for group in groups]
+    each = [sliding_speeds(measured.mechanism, group) for group in groups]
     speeds = Speeds(*(np.repeat(np.array(v), R, axis=0) for v in zip(*each, strict=True)))
     nominal = np.tile(measured.nominal, (len(maps), 1))[None]
     rows = rows_of(measured.mechanism, [m for group in groups for m in group], nominal, speeds)
@@ -122,26 +203,32 @@ def log_unexplained(rows: Rows, torque: Array) -> Array:
 
     Mechanism and torque are given; friction may be anything of the shapes in `rows` that opposes
     motion (non-negative least squares). What remains, over the sum of squares of the terms of the
-    balance, lies between 0 and about 1 whatever the units of a hypothesis. 0 where nothing fits.
+    balance, lies between 0 and about 1 whatever the units of a hypothesis. 0 where nothing fits,
+    and where the mechanism's terms hardly matter.
 
     Parameters
     ----------
     rows : Rows, K windows, with the nominal parameters as first vector
     torque : array, shape (K, n) [N m]
     """
+    each, matters = _shares(rows, torque)
+    return np.where(matters, each, 0.0)
+
+
+def _shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
+    """What `log_unexplained` says of each joint (n,), and whether its terms matter (n,)."""
     inertia, gravity = rows.inertia[..., 0], rows.gravity[..., 0]
-    out = np.zeros(torque.shape[1])
+    out, matters = np.zeros(torque.shape[1]), np.zeros(torque.shape[1], dtype=bool)
     for j in range(len(out)):
         use = rows.moving[:, j]
         if use.sum() < 10:
             continue
         terms = np.stack([inertia[use, j], gravity[use, j], torque[use, j]])
-        if (terms[:2] ** 2).sum() < MATTERS**2 * (terms[2] ** 2).sum():
-            continue
+        matters[j] = (terms[:2] ** 2).sum() >= MATTERS**2 * (terms[2] ** 2).sum()
         target = terms[2] - terms[0] - terms[1]
-        left = _residual_squares(rows.friction[use, j], target)
+        left = _residual_squares(rows.shapes(j)[use], target)
         out[j] = np.log(left / max((terms**2).sum(), 1e-300) + FLOOR**2)
-    return out
+    return out, matters
 
 
 def _residual_squares(shapes: Array, target: Array) -> float:
@@ -154,12 +241,13 @@ def _residual_squares(shapes: Array, target: Array) -> float:
     return float(distance**2 + max(target @ target - b @ b, 0.0))
 
 
-def better(scored: list[Scored], limit: float) -> list[Scored]:
-    """Conventions that fit clearly better than `limit`, equivalent ones together; or none."""
-    best = min(scored, key=lambda s: s.score)
-    if best.score > min(limit - MARGIN, EXPLAINS):
+def better(scored: list[Scored], given: Scored) -> list[Scored]:
+    """Conventions that fit clearly better than the data as given, equivalent ones together."""
+    possible = [s for s in scored if s.score < EXPLAINS]
+    best = max((s.advantage(given) for s in possible), default=0.0)
+    if best < MARGIN:
         return []
-    alike = [s for s in scored if s.score < best.score + ALIKE]
+    alike = [s for s in possible if s.advantage(given) > best - ALIKE]
     return sorted(alike, key=lambda s: _order(s.convention))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, Rows, unit_rows
-from frictionid.check.conventions import Scored, better, log_unexplained, scores
+from frictionid.check.conventions import Scored, better, log_unexplained, scored, scores
 from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError
@@ -72,7 +72,8 @@ def run_tests(measured: Measured) -> HypothesisTests:
     fitting = better(conventions, _limit(conventions[0], measured, given, delay))
     corrected, rows = measured, given
     if fitting:
-        corrected = measured.mapped(fitting[0].convention.angle, fitting[0].convention.torque)
+        best = fitting[0].convention
+        corrected = measured.mapped(best.angle, best.torque, best.zero)
         rows = unit_rows(corrected.mechanism, corrected.motions)
         delay = delay_of(rows, corrected.torque, nominal)
     longer = _longer_rows(corrected, rows)
@@ -112,12 +113,13 @@ def _longer_rows(measured: Measured, rows: Rows) -> Rows | None:
     return longer if enough[count >= MIN_WINDOWS].all() else None
 
 
-def _limit(given: Scored, measured: Measured, rows: Rows, delay: Delay | None) -> float:
-    """Score of the data as given, at its delay if that is lower."""
+def _limit(given: Scored, measured: Measured, rows: Rows, delay: Delay | None) -> Scored:
+    """The data as given, at their delay if they fit better there."""
     if delay is None:
-        return given.score
+        return given
     torque = rows.means(measured.torque, delay.seconds)
-    return min(given.score, _score(rows, torque, measured.nominal))
+    late = scored(given.convention, rows.at(measured.nominal), torque)
+    return min(given, late, key=lambda s: s.score)
 
 
 def _score(rows: Rows, torque: Array, nominal: Array) -> float:

@@ -105,12 +105,12 @@ def speeds_of(motions: Sequence[Motion]) -> Speeds:
     return Speeds(threshold, np.maximum(fast, 1e-12))
 
 
-def mapped_motion(motion: Motion, map_: Array) -> Motion:
-    """Motion after a linear map (n, n) of angles and velocities."""
+def mapped_motion(motion: Motion, map_: Array, zero: Array | float = 0.0) -> Motion:
+    """Motion after a linear map (m, n) of velocities, and of angles about some that stay."""
     s = motion.states
     angle, velocity = (np.sqrt(map_**2 @ v**2) for v in (motion.angle_noise, motion.velocity_noise))
     blur = ((map_ != 0) * motion.blur).max(1)
-    return Motion(s._replace(q=s.q @ map_.T, w=s.w @ map_.T), angle, velocity, blur)
+    return Motion(s._replace(q=(s.q - zero) @ map_.T + zero, w=s.w @ map_.T), angle, velocity, blur)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +160,9 @@ class Measured:
         some = tuple(self.dataset.recordings[i] for i in kept)
         return Measured.of(replace(self.dataset, recordings=some), [self.motions[i] for i in kept])
 
-    def mapped(self, angle: Array, torque: Array) -> Measured:
-        """The data after linear maps (n, n) of angles and torques."""
-        motions = tuple(mapped_motion(motion, angle) for motion in self.motions)
+    def mapped(self, angle: Array, torque: Array, zero: Array | float = 0.0) -> Measured:
+        """The data after linear maps (n, n) of angles, about `zero`, and of torques."""
+        motions = tuple(mapped_motion(motion, angle, zero) for motion in self.motions)
         return replace(self, motions=motions, torque=self.torque.mapped(torque))
 
 

@@ -71,19 +71,21 @@ def _conventions(scored: Sequence[Scored]) -> Question:
     Mirror images leave as much unexplained; these recordings cannot tell them from each other.
     """
     given, *others = scored
-    mirrors = [s for s in others if abs(s.score - given.score) < ALIKE]
+    advantage = {id(s): s.advantage(given) for s in others}
+    mirrors = [s for s in others if abs(advantage[id(s)]) < ALIKE]
     worse = [s for s in others if s not in mirrors]
     left = f"as given {percent_unexplained(given.score)} of the torque stays unexplained"
-    best = min(worse, key=lambda s: s.score, default=None)
+    best = max(worse, key=lambda s: advantage[id(s)], default=None)
     if best is not None:
         words = best.convention.words
         left += f'; the best alternative ("{words}") leaves {percent_unexplained(best.score)}'
-    if best is not None and best.score < given.score - MARGIN:
+    if best is not None and advantage[id(best)] > MARGIN:
         return Question("signs, frames, units", False, left)
     if mirrors:
         names = " and ".join(f'"{s.convention.words}"' for s in mirrors)
         left = f"{names} would look the same in these recordings; {left}"
-    clear = best is not None and best.score > given.score + MARGIN / 2 and given.score < EXPLAINS
+    clear = best is None or advantage[id(best)] < -MARGIN / 2
+    clear &= bool(worse) and given.score < EXPLAINS
     return Question("signs, frames, units", True if clear and not mirrors else None, left)
 
 

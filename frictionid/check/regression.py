@@ -4,6 +4,9 @@ One balance per window and joint (see `balance_windows`), torque alone on the le
 
     B u = regressor p + coulomb sgn(w) + viscous w + offset     [N m]
 
+Parts that turn with several joints have Coulomb and viscous friction of their own, in the balances
+of these joints.
+
 Windows in which a joint rests show nothing of its sliding friction and are left out of its own
 balance, as by the stiction mask of `identifiers.residual`; so are those in which it reverses,
 unless the motion is sharp enough (`adaptive_rows`). In the torque balance another joint's friction
@@ -19,10 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows
+from frictionid.check.balance_windows import PART_SHAPES, SHAPE_NAMES, Rows
 from frictionid.check.motion import Measured
+from frictionid.mechanics import Mechanism
 
-FRICTION = ("coulomb", "viscous", "offset")
+FRICTION, SLOW = ("coulomb", "viscous", "offset"), ("slow", "slower")
 # Errors are correlated within a swing: this long a block [s] counts as one observation, or a whole
 # recording where there are at least this many.
 BLOCK, MANY = 1.0, 10
@@ -61,7 +65,7 @@ class Regression:
     torque: Array
 
 
-def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array) -> Estimate:
+def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> Estimate:
     """Base parameters and friction of all joints from the rows.
 
     The errors allow for correlation within blocks, and hold systematic ones: how far the value
@@ -74,7 +78,7 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array
     ----------
     rows : Rows with unit parameter vectors, K windows of n joints
     torque : array, shape (K, n) [N m], zero where there is no motor
-    base_names : names of the nb base parameters
+    mechanism : names its nb base parameters and the parts that turn with several joints
     nominal : array, shape (R, nb)
         Recordings may differ by known amounts (an exchangeable mass): the first recording's values
         are estimated, the differences are taken as given.
@@ -83,12 +87,11 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array
     parameters that do not appear (gravity of a horizontal axis), friction of a joint that hardly
     slides and, where no torque acts, the largest base parameter, because only ratios show then.
     """
-    n = torque.shape[1]
     reference = np.asarray(nominal, float)[0]
-    names = (*base_names, *(f"{f}_{j + 1}" for j in range(n) for f in FRICTION))
-    X = np.concatenate([rows.regressor, friction_columns(rows, slice(len(FRICTION)))], axis=-1)
+    names = (*mechanism.base_names, *friction_names(mechanism))
+    X = np.concatenate([rows.regressor, friction_columns(rows, FRICTION)], axis=-1)
     size, estimable = _sizes(rows, torque, reference), _estimable(X, rows, torque, reference)
-    value = np.where(estimable, 0.0, np.append(reference, np.zeros(3 * n)))
+    value = np.where(estimable, 0.0, np.append(reference, np.zeros(len(names) - len(reference))))
     at = np.flatnonzero(estimable)
     y = torque - rows.required(np.asarray(nominal, float) - reference) - X @ value
     covariance = np.full((len(names), len(names)), np.nan)
@@ -96,7 +99,7 @@ def regress(rows: Rows, torque: Array, base_names: Sequence[str], nominal: Array
     if len(at):
         fit = _solve(X[..., at], y, rows, size[at])
         value[at] = fit.value
-        slow = friction_columns(rows, slice(len(FRICTION), None))
+        slow = friction_columns(rows, SLOW)
         loaded = _of_own_joint(np.abs(torque) * rows.friction[..., 0])
         slowly = _solve_beside(X[..., at], y, rows, size[at], slow).value
         growing = _solve_beside(X[..., at], y, rows, size[at], loaded)
@@ -129,14 +132,25 @@ def _attenuation(torque: Array, residual: Array, moving: Array) -> float:
     return float(min(left[acts].sum() / power[acts].sum(), 1.0)) if acts.any() else 0.0
 
 
-def friction_columns(rows: Rows, shapes: slice = slice(None)) -> Array:
-    """Columns of friction shapes, those of each joint in its own balance only, (K, n, n F)."""
-    own = rows.friction[..., shapes]
-    K, n, F = own.shape
+def friction_columns(rows: Rows, shapes: Sequence[str] = SHAPE_NAMES) -> Array:
+    """Columns of friction shapes: of each joint in its own balance only, then of coupled parts.
+
+    Shape (K, n, n F + c f), see `friction_names`.
+    """
+    own = rows.friction[..., [SHAPE_NAMES.index(shape) for shape in shapes]]
+    parts = rows.coupled[..., [PART_SHAPES.index(s) for s in shapes if s in PART_SHAPES]]
+    (K, n, F), (c, f) = own.shape, parts.shape[2:]
     out = np.zeros((K, n, n, F))
     each = np.arange(n)
     out[:, each, each] = own[:, each]
-    return out.reshape(K, n, n * F)
+    return np.concatenate([out.reshape(K, n, n * F), parts.reshape(K, n, c * f)], axis=-1)
+
+
+def friction_names(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of the friction parameters: of joints by their numbers, of coupled parts by name."""
+    joints = [f"{shape}_{j + 1}" for j in range(mechanism.n) for shape in FRICTION]
+    parts = [f"{s}_{name}" for name, _ in mechanism.coupled for s in FRICTION if s in PART_SHAPES]
+    return (*joints, *parts)
 
 
 def widened(estimate: Estimate, longer: Estimate) -> Estimate:
@@ -174,7 +188,8 @@ def _solve_beside(X: Array, y: Array, rows: Rows, size: Array, more: Array) -> _
 def _estimable(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
     """Whether each parameter can be estimated at all."""
     out: Array = np.any(np.abs(X[rows.moving]) > 1e-12, axis=0)
-    out[len(reference) :] &= np.repeat(rows.moving.sum(0) >= 10, len(FRICTION))
+    slides = np.repeat(rows.moving.sum(0) >= 10, len(FRICTION))
+    out[len(reference) : len(reference) + len(slides)] &= slides
     if not np.abs(torque).any():
         terms = (rows.regressor[rows.moving] * reference) ** 2
         out[int(np.argmax(terms.sum(0)))] = False
@@ -242,11 +257,14 @@ def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     level = np.where(level > 0, level, 1.0)
     fast = np.maximum(np.abs(rows.w).max(0, initial=0.0), 1e-12)
     friction = np.stack([level, level / fast, level], axis=-1) * 0.2
+    # a coupled part: as the joints on which it acts
+    turns = np.abs(rows.coupled[..., [PART_SHAPES.index(s) for s in FRICTION if s in PART_SHAPES]])
+    parts = 0.2 * level.max() / np.maximum(turns.max((0, 1), initial=0.0), 1e-12)
     small = 1e-3 * np.abs(base).max()
     # a nominal zero (no gravity) counts by the torque that it would make
     column = np.abs(np.where(rows.moving[..., None], rows.regressor, 0.0)).max((0, 1), initial=0.0)
     own = np.where(base == 0.0, 0.2 * level.max() / np.where(column > 0, column, 1.0), np.abs(base))
-    return np.concatenate([np.maximum(own, small), friction.ravel()])
+    return np.concatenate([np.maximum(own, small), friction.ravel(), parts.ravel()])
 
 
 def _spread(values: Array, moving: Array) -> Array:

@@ -180,7 +180,7 @@ def _contradicted(intervals: Sequence[Frozen], rows: Rows, friction: Array, leve
     """
     j = intervals[0].joint
     use = rows.moving[:, j]
-    table = np.column_stack([rows.friction[use, j], friction[use, j]])
+    table = np.column_stack([rows.shapes(j)[use], friction[use, j]])
     products = table[:, :, None] * table[:, None, :]
     sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
     first, last, begin, end = _places(intervals, rows.where(use))

@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.check.balance_windows import Rows, unit_rows
+from frictionid.check.balance_windows import Rows, rows_of
 from frictionid.check.conventions import MARGIN, log_unexplained
 from frictionid.check.findings import Finding, percent
 from frictionid.check.motion import Measured, motions_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal
 
-SHORTEST, LONGEST = 2e-4, 0.2  # [s] between samples of angles
+SHORTEST, LONGEST = 1.99e-4, 0.199  # [s] between samples of angles
 # Seconds of the true unit, in the given one, and what the table then says.
 UNITS = {
     1e-3: "the time is in ms, not in s",
@@ -49,7 +49,7 @@ def in_seconds(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     factor = fitting[0]
     corrected = _scaled(dataset, factor)
     measured = Measured.of(corrected, motions_of(corrected.recordings))
-    rows = unit_rows(measured.mechanism, measured.motions).at(measured.nominal)
+    rows = rows_of(measured.mechanism, measured.motions, measured.nominal[None])
     given, found = (_score(one, rows, measured) for one in (factor, 1.0))
     if not found < given - MARGIN:
         return dataset, []

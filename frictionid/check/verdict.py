@@ -195,12 +195,17 @@ def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
     if not is_blurred(measured.motions):
         rows = adaptive_rows(measured.mechanism, measured.motions)
     torque = rows.means(measured.torque, tests.shift)
-    names, nominal = measured.mechanism.base_names, measured.nominal
-    estimate = regress(rows, torque, names, nominal)
+    mechanism, nominal = measured.mechanism, measured.nominal
+    estimate = regress(rows, torque, mechanism, nominal)
     if tests.longer is not None:
         estimate = widened(
             estimate,
-            regress(tests.longer, tests.longer.means(measured.torque, tests.shift), names, nominal),
+            regress(
+                tests.longer,
+                tests.longer.means(measured.torque, tests.shift),
+                mechanism,
+                nominal,
+            ),
         )
     return Regression(measured, rows, torque), estimate
 

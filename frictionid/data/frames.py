@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictionid.config import nearest
+from frictionid.data.gears import Gears
 from frictionid.data.readers.dataset_toml import UNITS, DatasetToml, check_dataset_toml, unit_named
 from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_recording import Recorded, recorded
@@ -43,6 +44,11 @@ class FrameColumns:
     sigma: Numbers | Mapping[str, Numbers] | None = None
     covariates: Mapping[str, str] = field(default_factory=dict)
     missing: str = "refuse"
+
+    @property
+    def gears(self) -> Gears | None:
+        """Gears between the motors that columns are of and the joints."""
+        return _toml(self)[0].gears
 
     def read(self, frame: Any, name: str) -> tuple[Recorded, str]:
         """Signals of a frame in SI units, and the SHA-256 of its columns.

@@ -12,6 +12,7 @@ import numpy as np
 
 from frictionid.config import nearest
 from frictionid.data.frames import FrameColumns, Names, Numbers, Units, columns_of_arrays
+from frictionid.data.gears import Gears
 from frictionid.data.joint_scales import JointScales, joint_scales
 from frictionid.data.readers.table_recording import Recorded
 from frictionid.data.servo import Servo
@@ -141,6 +142,8 @@ class Dataset:
         The [truth] table, for simulated recordings.
     columns : FrameColumns or None
         What the columns of its frames were, so that further frames are read alike.
+    gears : Gears or None
+        Gears between the motors that columns were of and the joints.
     """
 
     name: str
@@ -150,6 +153,7 @@ class Dataset:
     origin: Mapping[str, str] = field(default_factory=dict)
     truth: Mapping[str, object] | None = None
     columns: FrameColumns | None = None
+    gears: Gears | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mechanism", as_mechanism(self.mechanism))
@@ -283,7 +287,7 @@ class Dataset:
         given = frames if isinstance(frames, Mapping) else {"recording": frames}
         reads = {str(key): columns.read(frame, str(key)) for key, frame in given.items()}
         data = _of_reads(name, mechanism, reads, parameters or {})
-        return replace(data, columns=columns)
+        return replace(data, columns=columns, gears=columns.gears)
 
     @classmethod
     def from_arrays(
@@ -339,7 +343,7 @@ class Dataset:
         given = frames if isinstance(frames, Mapping) else {"recording": frames}
         reads = {str(key): self.columns.read(frame, str(key)) for key, frame in given.items()}
         data = _of_reads(name or self.name, self.mechanism, reads, {})
-        return replace(data, columns=self.columns)
+        return replace(data, columns=self.columns, gears=self.gears)
 
 
 def _of_reads(

@@ -162,7 +162,7 @@ def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses 
     units = {"degrees": "deg", "radians": "rad", "millimetres": "mm", "metres": "m"}
     if best.kind in units:
         return guesses.with_angle_unit(units[best.kind], "by the motion, see above")
-    if best.kind not in ("flipped_angle", "flipped_torque"):
+    if best.kind not in ("flipped_angle", "flipped_torque", "flipped_joint"):
         return None
     diagonals = {"angle": best.angle, "torque": best.torque}
     signs = {key: tuple(int(s) for s in np.diag(d)) for key, d in diagonals.items()}

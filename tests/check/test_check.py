@@ -75,7 +75,7 @@ def estimated(dataset):
     plant = plant_of(dataset)
     rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
     torque = rows.means(logged(dataset))
-    return regress(rows, torque, plant.mechanism.base_names, plant.p), rows, torque, plant
+    return regress(rows, torque, plant.mechanism, plant.p), rows, torque, plant
 
 
 def test_least_squares_return_the_truth_within_their_errors(swings):
@@ -104,7 +104,7 @@ def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
     rows = adaptive_rows(plant.mechanism, motions_of(fine.recordings))
     assert (rows.moving[:, 0] & (np.abs(rows.friction[:, 0, 0]) < 0.5)).any()
     torque = rows.means(logged(fine))
-    estimate = regress(rows, torque, plant.mechanism.base_names, plant.p)
+    estimate = regress(rows, torque, plant.mechanism, plant.p)
     for name, true in dict(
         zip(plant.mechanism.base_names, plant.p[0], strict=True), **TRUE
     ).items():

@@ -236,7 +236,7 @@ def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int)
     def on_grid(values: Array) -> Array:
         return moves * np.interp(grids.motion, middle, values)
 
-    Q = _basis(np.stack([on_grid(shape) for shape in rows.friction[:, j].T], axis=1))
+    Q = _basis(np.stack([on_grid(shape) for shape in rows.shapes(j).T], axis=1))
     y = on_grid(asked[:, j])
     y = y - Q @ (Q.T @ y)
     x = _means(torque._replace(value=torque.value[:, [j]]), grids.log)[::-1]

@@ -86,6 +86,7 @@ def load_dataset(
         hashes=hashes,
         origin={key: text for key, text in origin.items() if text},
         truth=toml.truth,
+        gears=toml.gears,
     )
 
 

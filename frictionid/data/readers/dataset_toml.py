@@ -16,6 +16,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
+from frictionid.data.gears import Gears
 from frictionid.data.readers.motor_toml import Motor, as_list
 
 # SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
@@ -285,6 +286,13 @@ class DatasetToml(Strict):
     recordings: Recordings
     sha256: dict[str, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]] = {}
     truth: dict[str, Any] | None = None
+
+    @property
+    def gears(self) -> Gears | None:
+        """Gears between the motors that columns are of and the joints."""
+        if self.motor is None or self.columns is None:
+            return None
+        return self.motor.gears(len(self.columns.angle))
 
     @field_validator("columns")
     @classmethod

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from frictionid.config import Strict
+from frictionid.data.gears import Gears
 
 _SINGULAR = 1e9  # condition number of a coupling
 
@@ -62,6 +63,12 @@ class Motor(Strict):
                 "motor, with its turns for one turn of each joint"
             )
         return self
+
+    def gears(self, joints: int) -> Gears:
+        """What stands between the columns and the joints."""
+        zero = np.broadcast_to(np.array(self.offset, dtype=float), joints)
+        torques = self.torque == "motor" or self.kt is not None
+        return Gears(self.matrix(joints), zero, self.angle == "motor", torques)
 
     def matrix(self, joints: int) -> NDArray[np.float64]:
         """C (n, n): turns of each motor for one of each joint."""

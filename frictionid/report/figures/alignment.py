@@ -99,7 +99,7 @@ def least_squares_friction(rows: Rows, torque: Array) -> Array:
     """Friction (K, n) [N m] of the shapes of rows that explains most of torques (K, n)."""
     out = np.zeros_like(torque)
     for j in range(torque.shape[1]):
-        use, shapes = rows.moving[:, j], rows.friction[:, j]
+        use, shapes = rows.moving[:, j], rows.shapes(j)
         if use.sum() >= MIN_WINDOWS:
             out[:, j] = shapes @ np.linalg.lstsq(shapes[use], torque[use, j], rcond=None)[0]
     return out
