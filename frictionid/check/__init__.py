@@ -6,7 +6,7 @@ partial_regression        one suspected error at a time, beside unknown friction
 facts                     clock, joints and noise
 fine_structure, torque_source, gravity_model, unmeasured
                           noise and steps of a signal; where the torque comes from
-sensors                   faults of the readings
+sensors, log_faults       faults of the readings and of the log
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism
 rivals                    which of them the data single out
 passive                   energy without input, loads at rest

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictionid.arrays import Array
-from frictionid.check.motion import Motion, Speeds, mapped_motion, speeds_of
+from frictionid.check.motion import Measured, Motion, Speeds, mapped_motion, speeds_of
 from frictionid.data.integrals import SignalIntegrals, window_means
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.momentum_balance import (
@@ -43,8 +43,8 @@ class Rows(NamedTuple):
 
     inertia, gravity (K, n, m) : means of d(M w)/dt and -dL/dq for each of m parameter vectors
     friction (K, n, F) : friction shapes per joint, see `SHAPE_NAMES`
-    coupled (K, n, c, f) : those of c parts that turn with several joints, as they act on each joint,
-    see `PART_SHAPES`
+    coupled (K, n, c, f) : those of c parts that turn with several joints, see `PART_SHAPES`, as
+    they act on each joint
     w (K, n) [rad/s] mean velocity ; moving (K, n) : whether the joint, and parts that turn with it,
     neither rest nor, as a rule, reverse, so that its balance shows their sliding friction
     recording (K,) ; start, stop (K,) [s]
@@ -83,10 +83,15 @@ class Rows(NamedTuple):
         return window_means(torque, self.recording, self.start, self.stop, delay)
 
     def shapes(self, joint: int) -> Array:
-        """Friction shapes (K, S) in the balance of one joint: its own, and those of coupled parts."""
+        """Friction shapes (K, S) in the balance of a joint: its own, and those of coupled parts."""
         K, _, c, f = self.coupled.shape
         parts = self.coupled[:, joint].reshape(K, c * f)
         return np.concatenate([self.friction[:, joint], parts[:, parts.any(axis=0)]], axis=1)
+
+    def of(self, measured: Measured) -> Rows:
+        """The rows without the balances of joints whose torques show nothing."""
+        dead = np.isin(np.arange(self.moving.shape[1]), measured.dead)
+        return self._replace(moving=self.moving & ~dead)
 
     def where(self, keep: Array) -> Rows:
         """Some of the rows."""

@@ -136,22 +136,24 @@ def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Conv
             continue
         words = f"torque {j + 1} has the wrong sign"
         yield Convention("flipped_torque", words + of_gear, eye, flip)
-        if n > 1:
-            words = f"joint {j + 1} turns the other way round (sign of its gear, or of its axis)"
-            yield Convention("flipped_joint", words, flip, flip)
         if n > 1 and gears is not None and gears.angles:
             C = gears.turns
             torque = C.T @ flip @ np.linalg.inv(C.T) if gears.torques else eye
             words = f"the gear of motor {j + 1} has the wrong sign"
-            yield Convention(
-                "flipped_gear", words, np.linalg.solve(C, flip @ C), torque, gears.zero
-            )
+            angle = np.linalg.solve(C, flip @ C)
+            yield Convention("flipped_gear", words, angle, torque, gears.zero)
+            if np.array_equal(angle, flip) and not gears.zero[j]:
+                continue
+        if n > 1:
+            words = f"joint {j + 1} turns the other way round (sign of its gear, or of its axis)"
+            yield Convention("flipped_joint", words, flip, flip)
 
 
 def scores(measured: Measured) -> list[Scored]:
     """All conventions with their scores, the data as given first."""
     acting = [
-        bool(any(r.torque.value[:, j].any() for r in measured.dataset.recordings))
+        j not in measured.dead
+        and bool(any(r.torque.value[:, j].any() for r in measured.dataset.recordings))
         for j in range(measured.mechanism.n)
     ]
     mechanism = measured.mechanism
@@ -161,9 +163,7 @@ def scores(measured: Measured) -> list[Scored]:
     maps = {_key(c): (c.angle, c.zero) for c in candidates}
     rows = dict(zip(maps, _rows(measured, list(maps.values())), strict=True))
     torques = {key: r.means(measured.torque) for key, r in rows.items()}
-    given, *others = (
-        scored(c, rows[_key(c)], torques[_key(c)] @ c.torque.T) for c in candidates
-    )
+    given, *others = (scored(c, rows[_key(c)], torques[_key(c)] @ c.torque.T) for c in candidates)
     # to turn a joint that nothing else depends on is no fault
     return [given, *(s for s in others if not (s.of_gears and _same(s, given)))]
 
@@ -194,7 +194,7 @@ def _rows(measured: Measured, maps: Sequence[tuple[Array, Array | float]]) -> It
     nominal = np.tile(measured.nominal, (len(maps), 1))[None]
     rows = rows_of(measured.mechanism, [m for group in groups for m in group], nominal, speeds)
     for i in range(len(maps)):
-        part = rows.where(rows.recording // R == i)
+        part = rows.where(rows.recording // R == i).of(measured)
         yield part._replace(recording=part.recording - i * R)
 
 
@@ -243,11 +243,9 @@ def _residual_squares(shapes: Array, target: Array) -> float:
 
 def better(scored: list[Scored], given: Scored) -> list[Scored]:
     """Conventions that fit clearly better than the data as given, equivalent ones together."""
-    possible = [s for s in scored if s.score < EXPLAINS]
-    best = max((s.advantage(given) for s in possible), default=0.0)
-    if best < MARGIN:
-        return []
-    alike = [s for s in possible if s.advantage(given) > best - ALIKE]
+    fitting = [s for s in scored if s.score < EXPLAINS and s.advantage(given) > MARGIN]
+    best = min((s.score for s in fitting), default=0.0)
+    alike = [s for s in fitting if s.score < best + ALIKE]
     return sorted(alike, key=lambda s: _order(s.convention))
 
 

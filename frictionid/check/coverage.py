@@ -41,7 +41,7 @@ def still_joints(tests: HypothesisTests, facts: Sequence[JointFacts]) -> list[Fi
             {"fast": fact.fast, "windows": float(count)},
         )
         for fact, count, unit in zip(facts, windows, units, strict=True)
-        if count < MIN_WINDOWS
+        if count < MIN_WINDOWS and fact.joint - 1 not in tests.measured.dead
     ]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, Rows, unit_rows
-from frictionid.check.conventions import Scored, better, log_unexplained, scored, scores
+from frictionid.check.conventions import MARGIN, Scored, better, log_unexplained, scored, scores
 from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError
@@ -58,7 +58,7 @@ class HypothesisTests:
 
 def untested(measured: Measured) -> HypothesisTests:
     """No results, the data as they are."""
-    rows = unit_rows(measured.mechanism, measured.motions)
+    rows = unit_rows(measured.mechanism, measured.motions).of(measured)
     return HypothesisTests(measured, rows, rows)
 
 
@@ -74,7 +74,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
     if fitting:
         best = fitting[0].convention
         corrected = measured.mapped(best.angle, best.torque, best.zero)
-        rows = unit_rows(corrected.mechanism, corrected.motions)
+        rows = unit_rows(corrected.mechanism, corrected.motions).of(corrected)
         delay = delay_of(rows, corrected.torque, nominal)
     longer = _longer_rows(corrected, rows)
     if delay is not None and longer is not None:
@@ -107,7 +107,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
 
 def _longer_rows(measured: Measured, rows: Rows) -> Rows | None:
     """Rows of longer windows, unless joints hardly move one way for so long."""
-    longer = unit_rows(measured.mechanism, measured.motions, width=LONGER)
+    longer = unit_rows(measured.mechanism, measured.motions, width=LONGER).of(measured)
     count = rows.moving.sum(0)
     enough = longer.moving.sum(0) >= np.maximum(MIN_WINDOWS, 0.15 * count)
     return longer if enough[count >= MIN_WINDOWS].all() else None
@@ -142,10 +142,13 @@ def _convention_findings(fitting: list[Scored], given: Scored) -> list[Finding]:
     first = fitting[0].convention
     others = [s.convention.words for s in fitting[1:] if s.convention.kind != "as_given"]
     also = f" (or, equivalently: {'; '.join(others)})" if others else ""
+    # beside friction the mechanism's terms are small: a wrong ratio may look like a wrong sign
+    weak = given.score - fitting[0].score < MARGIN and fitting[0].of_gears
+    also += ", or its ratio or coupling is wrong" if weak else ""
     return [
         Finding(
             first.kind,
-            "unusable",
+            "doubtful" if weak else "unusable",
             f"{first.words}{also}: corrected, the nominal mechanism leaves "
             f"{percent_unexplained(fitting[0].score)} of the torque unexplained instead of "
             f"{percent_unexplained(given.score)}",

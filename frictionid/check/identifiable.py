@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.balance_windows import sliding_speeds
 from frictionid.check.facts import JointFacts
 from frictionid.check.findings import percent
 from frictionid.check.hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
@@ -38,8 +39,11 @@ def identifiable(
     terms = _terms(tests)
     out = [
         _friction(estimate, fact, unit, float(terms[fact.joint - 1]))
+        if fact.joint - 1 not in tests.measured.dead
+        else Identifiable(f"friction of joint {fact.joint}", False, "its torque shows nothing")
         for fact, unit in zip(facts, mechanism.velocity_units, strict=True)
     ]
+    out += _parts(tests, estimate)
     out.append(_base(mechanism.base_names, estimate))
     return [*out, _gain(tests), _delay(tests)] if any(mechanism.driven) else out
 
@@ -55,13 +59,10 @@ def _terms(tests: HypothesisTests) -> Array:
 
 def _friction(estimate: Estimate, fact: JointFacts, unit: str, terms: float) -> Identifiable:
     what = f"friction of joint {fact.joint}"
-    level, error = estimate.at(f"coulomb_{fact.joint}")
+    _, error = estimate.at(f"coulomb_{fact.joint}")
     if not np.isfinite(error):
         return Identifiable(what, False, "the joint hardly slides")
-    viscous, _ = estimate.at(f"viscous_{fact.joint}")
-    at = [estimate.names.index(f"{name}_{fact.joint}") for name in ("coulomb", "viscous")]
-    gradient = np.array([1.0, fact.fast])
-    total = abs(level) + abs(viscous) * fact.fast
+    total, share = _precision(estimate, str(fact.joint), fact.fast)
     spread = float(estimate.spread[fact.joint - 1])
     if total < TERMS * terms and total < RESIDUALS * spread:
         reason = (
@@ -70,9 +71,36 @@ def _friction(estimate: Estimate, fact: JointFacts, unit: str, terms: float) -> 
             "motions shows it"
         )
         return Identifiable(what, False, reason)
+    return _known(what, share, fact.fast, unit)
+
+
+def _parts(tests: HypothesisTests, estimate: Estimate) -> list[Identifiable]:
+    """Friction of the parts that turn with several joints."""
+    mechanism = tests.measured.mechanism
+    fast = sliding_speeds(mechanism, tests.measured.motions).fast[mechanism.n :]
+    units = mechanism.friction_units[mechanism.n :]
+    out = []
+    for (name, _), speed, unit in zip(mechanism.coupled, fast, units, strict=True):
+        what = f"friction of {name}"
+        if not np.isfinite(estimate.at(f"coulomb_{name}")[1]):
+            out.append(Identifiable(what, False, "it hardly slides"))
+            continue
+        share = _precision(estimate, name, float(speed))[1]
+        out.append(_known(what, share, float(speed), f"{unit}/s"))
+    return out
+
+
+def _precision(estimate: Estimate, label: str, fast: float) -> tuple[float, float]:
+    """Friction [N m] at a speed, and its standard error over it; label : end of its names."""
+    at = [estimate.names.index(f"{name}_{label}") for name in ("coulomb", "viscous")]
+    gradient = np.array([1.0, fast])
+    total = float(np.abs(estimate.value[at]) @ gradient)
     deviation = float(np.sqrt(gradient @ estimate.covariance[np.ix_(at, at)] @ gradient))
-    share = deviation / max(total, 1e-300)
-    reason = f"known to {percent(share)} of its level at {fact.fast:.2g} {unit}"
+    return total, deviation / max(total, 1e-300)
+
+
+def _known(what: str, share: float, fast: float, unit: str) -> Identifiable:
+    reason = f"known to {percent(share)} of its level at {fast:.2g} {unit}"
     return Identifiable(what, share < PRECISE, reason)
 
 
@@ -126,5 +154,9 @@ def _delay(tests: HypothesisTests) -> Identifiable:
     if abs(tests.delay.seconds) >= UNUSABLE_DELAY and tests.shift == 0.0:
         return Identifiable("torque delay", False, "no delay explains the motion clearly")
     low, high = tests.delay.interval
-    reason = f"{1e3 * low:.1f} to {1e3 * high:.1f} ms (95 %)"
+    reason = f"the torque acts {1e3 * low:.1f} to {1e3 * high:.1f} ms after it is logged (95 %)"
+    if high < 0:
+        reason = (
+            f"the torque acts {-1e3 * high:.1f} to {-1e3 * low:.1f} ms before it is logged (95 %)"
+        )
     return Identifiable("torque delay", tests.delay.error < DELAY, reason)

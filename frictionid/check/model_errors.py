@@ -21,7 +21,8 @@ class ModelError(NamedTuple):
     """A change that would correct the nominal mechanism, or its friction.
 
     kind, words ; size and error in `unit`; share: relative to the nominal value (gain - 1, or the
-    largest change of a base parameter); left: sum of squares over the one without any change
+    largest change of a base parameter); left: sum of squares over the one without any change; own:
+    the same in the balance of the joint that it changes most
     """
 
     kind: str
@@ -31,6 +32,7 @@ class ModelError(NamedTuple):
     unit: str
     share: float
     left: float
+    own: float = 1.0
 
 
 class _Candidate(NamedTuple):
@@ -55,12 +57,12 @@ def model_errors(plant: Plant, rows: Rows, torque: Array) -> tuple[ModelError, .
     out = []
     for kind, words, column, unit, share in _candidates(plant, rows, torque):
         size, error, left = fit.estimate(target, column)
-        if (
-            kind == "gain"
-        ):  # torque minus c times torque fits: the joint feels 1 - c of what is logged
-            out.append(ModelError(kind, words, 1 - size, error, unit, -size, left / without))
+        own = fit.left_in_row(target, column, size) if kind in ("gain", "rotor") else 1.0
+        if kind == "gain":  # the joint feels 1 - c of what is logged
+            size, share = 1 - size, -size
         else:
-            out.append(ModelError(kind, words, size, error, unit, size * share, left / without))
+            share *= size
+        out.append(ModelError(kind, words, size, error, unit, share, left / without, own))
     return tuple(sorted((e for e in out if np.isfinite(e.error)), key=lambda e: e.left))
 
 

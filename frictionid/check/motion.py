@@ -120,11 +120,13 @@ class Measured:
     dataset : R recordings ; motions : R of them ; torque : integrals of the logged torques
 
     `motions` and `torque` may be corrected by a linear map; `dataset` stays as recorded.
+    dead : joints (from 0) whose torques show nothing, so that their balances do not count
     """
 
     dataset: Dataset
     motions: tuple[Motion, ...]
     torque: SignalIntegrals
+    dead: tuple[int, ...] = ()
 
     @staticmethod
     def of(dataset: Dataset, motions: Sequence[Motion]) -> Measured:
@@ -158,7 +160,8 @@ class Measured:
         if not recordings or not kept:
             return self
         some = tuple(self.dataset.recordings[i] for i in kept)
-        return Measured.of(replace(self.dataset, recordings=some), [self.motions[i] for i in kept])
+        left = Measured.of(replace(self.dataset, recordings=some), [self.motions[i] for i in kept])
+        return replace(left, dead=self.dead)
 
     def mapped(self, angle: Array, torque: Array, zero: Array | float = 0.0) -> Measured:
         """The data after linear maps (n, n) of angles, about `zero`, and of torques."""

@@ -62,6 +62,14 @@ class PartialRegression(NamedTuple):
         error = np.sqrt(used / max(used - 1, 1) * (scores**2).sum()) / power
         return PartialEstimate(value, float(error), float(left @ left))
 
+    def left_in_row(self, target: Array, column: Array, value: float) -> float:
+        """Share of squares that `value` times a column leaves in the balance it changes most."""
+        power = (np.where(self.moving, column * self.weight, 0.0) ** 2).sum(0)
+        row = np.broadcast_to(np.arange(len(power)), self.moving.shape)[self.moving]
+        own = row == int(np.argmax(power))
+        t, c = (self.residual(x)[: len(row)][own] for x in (target, column))
+        return float(((t - value * c) ** 2).sum() / max(float((t**2).sum()), 1e-300))
+
 
 def partial_regression(
     rows: Rows, torque: Array, nominal: Array, *, uncertain_mechanism: bool = False

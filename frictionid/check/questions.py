@@ -71,22 +71,21 @@ def _conventions(scored: Sequence[Scored]) -> Question:
     Mirror images leave as much unexplained; these recordings cannot tell them from each other.
     """
     given, *others = scored
-    advantage = {id(s): s.advantage(given) for s in others}
-    mirrors = [s for s in others if abs(advantage[id(s)]) < ALIKE]
-    worse = [s for s in others if s not in mirrors]
+    advantages = [s.advantage(given) for s in others]
+    mirrors = [s for s, a in zip(others, advantages, strict=True) if abs(a) < ALIKE]
+    worse = [s for s, a in zip(others, advantages, strict=True) if abs(a) >= ALIKE]
     left = f"as given {percent_unexplained(given.score)} of the torque stays unexplained"
-    best = max(worse, key=lambda s: advantage[id(s)], default=None)
+    best = min(worse, key=lambda s: s.score, default=None)
     if best is not None:
         words = best.convention.words
         left += f'; the best alternative ("{words}") leaves {percent_unexplained(best.score)}'
-    if best is not None and advantage[id(best)] > MARGIN:
+    if any(a > MARGIN for a in advantages):
         return Question("signs, frames, units", False, left)
     if mirrors:
         names = " and ".join(f'"{s.convention.words}"' for s in mirrors)
         left = f"{names} would look the same in these recordings; {left}"
-    clear = best is None or advantage[id(best)] < -MARGIN / 2
-    clear &= bool(worse) and given.score < EXPLAINS
-    return Question("signs, frames, units", True if clear and not mirrors else None, left)
+    clear = best is not None and max(advantages) < -MARGIN / 2 and given.score < EXPLAINS
+    return Question("signs, frames, units", True if clear else None, left)
 
 
 def _signs(tests: HypothesisTests) -> list[Question]:

@@ -24,6 +24,8 @@ from frictionid.check.partial_regression import MODEL, partial_regression
 LARGE, LOADED = 0.1, 0.08
 # Another gear or torque constant stays within these factors; beyond them something else is wrong.
 GAINS = (0.2, 5.0)
+# A gain that its own joint alone shows is off by this much: a nominal inertia may be off by less.
+WRONG = 0.25
 # A suspect matters where it removes this share of the sum of squares, and is this many standard
 # errors from nothing.
 EXPLAINS, ERRORS = 0.3, 4.0
@@ -110,7 +112,7 @@ def free_share(rows: Rows, torque: Array, nominal: Array) -> float:
 
 def findings_of(found: Misfit) -> list[Finding]:
     """The finding that the misfit deserves: a cause, causes that look the same, or none known."""
-    named = singled_out(found)
+    named = singled_out(found) or _wrong_gain(found)
     if named:
         return [_cause(named)]
     if found.share < max(NOISE * found.noise, USUAL) or not found.errors:
@@ -139,6 +141,20 @@ def singled_out(found: Misfit) -> list[ModelError]:
     if best.left > max(SINGLED_OUT, enough):
         return []
     return [e for e in _possible(found.errors) if e.left <= ALIKE * best.left]
+
+
+def _wrong_gain(found: Misfit) -> list[ModelError]:
+    """A gain that is far off and explains the balance of its own joint, and a rotor that does too.
+
+    In an arm the other joints' balances leave more than a wrong gear of one of them.
+    """
+    own = [e for e in _possible(found.errors) if e.own <= SINGLED_OUT]
+    gains = [e for e in own if e.kind == "gain" and GAINS[0] < e.size < GAINS[1]]
+    best = min(gains, key=lambda e: e.left, default=None)
+    if best is None or abs(best.share) < max(WRONG, ERRORS * best.error):
+        return []
+    rotors = [e for e in own if e.kind == "rotor" and e.left <= ALIKE * best.left]
+    return [best, *rotors]
 
 
 def _suspect(found: Misfit) -> ModelError | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import adaptive_rows, is_blurred
@@ -15,6 +15,7 @@ from frictionid.check.findings import LEVELS, Finding
 from frictionid.check.gravity_model import gravity_models
 from frictionid.check.hypothesis_tests import HypothesisTests, run_tests, untested
 from frictionid.check.identifiable import Identifiable, identifiable
+from frictionid.check.log_faults import dead_torques, log_findings
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured, Motion, motions_of
 from frictionid.check.outliers import outlier_findings
@@ -179,12 +180,14 @@ def screened(measured: Measured) -> Screening:
     angles = frozen_angles(measured)
     moving = measured.without({f.recording for f in angles})
     torques = frozen_torques(moving)
-    usable = moving.without({f.recording for f in torques})
+    dead = dead_torques(measured)
+    usable = replace(moving.without({f.recording for f in torques}), dead=tuple(dead))
     commands = gravity_models(usable)
     findings = (
         *commands,
         *frozen_findings(measured, angles, "angle"),
         *frozen_findings(moving, torques, "torque"),
+        *log_findings(measured, dead),
     )
     return Screening(findings, usable, any(f.level == "unusable" for f in commands))
 
@@ -193,7 +196,7 @@ def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
     measured = tests.measured
     rows = tests.rows
     if not is_blurred(measured.motions):
-        rows = adaptive_rows(measured.mechanism, measured.motions)
+        rows = adaptive_rows(measured.mechanism, measured.motions).of(measured)
     torque = rows.means(measured.torque, tests.shift)
     mechanism, nominal = measured.mechanism, measured.nominal
     estimate = regress(rows, torque, mechanism, nominal)

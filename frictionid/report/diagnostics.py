@@ -154,9 +154,13 @@ def _friction(verdict: Verdict, console: Any) -> None:
         *(Column(f"{name} [{unit}]") for name, unit in units.items()),
     ]
     lines = []
-    for joint in verdict.joints:
-        cells = [str(joint.joint)]
-        for key in (f"{name}_{joint.joint}" for name in units):
+    parts = [name for name, _ in mechanism.coupled]
+    for part in [*(str(joint.joint) for joint in verdict.joints), *parts]:
+        cells = [part]
+        for key in (f"{name}_{part}" for name in units):
+            if key not in verdict.estimate.names:
+                cells.append(NOTHING)  # a part that turns with several joints has no offset
+                continue
             also = f" (published {published[key]:.3g})" if key in published else ""
             cells.append(_with_error(verdict.estimate, key) + also)
         lines.append(line(cells))

@@ -1,0 +1,204 @@
+"""Traps of real arms: each is named where it is, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fixtures import driven_wrist as wrist
+from fixtures.paths import DATA
+
+from frictionid.check import check
+from frictionid.data.readers.dataset import load_dataset
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return wrist.mechanism(tmp_path_factory.mktemp("wrist"))
+
+
+@pytest.fixture(scope="module")
+def table(arm):
+    return wrist.frame(arm)
+
+
+def kinds(verdict):
+    return {f.kind: f for f in verdict.findings}
+
+
+def test_an_arm_without_traps_is_good_and_friction_of_its_coupled_motor_is_found(arm, table):
+    verdict = check(wrist.dataset(arm, table))
+    assert (verdict.level, kinds(verdict)) == ("good", {})
+    signs = next(q for q in verdict.questions if q.question == "signs, frames, units")
+    assert signs.passed
+    for place, (coulomb, viscous) in enumerate(zip(wrist.COULOMB, wrist.VISCOUS, strict=True)):
+        name = (*"123", "turner")[place]
+        for key, true in (("coulomb", coulomb), ("viscous", viscous)):
+            value, error = verdict.estimate.at(f"{key}_{name}")
+            assert abs(value - true) < max(3 * error, 0.03 * true), (key, name)
+    part = next(e for e in verdict.identifiable if e.what == "friction of turner")
+    assert part.possible
+
+
+def test_friction_of_a_coupled_motor_that_is_not_declared_stays_unexplained(arm, table, tmp_path):
+    """The balances of the joints that it turns show it."""
+    without = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    own, usual = (check(wrist.dataset(a, table)).estimate.spread for a in (without, arm))
+    assert own[0] < 1.5 * usual[0]
+    assert (own[1:] > 3.0 * usual[1:]).all()
+
+
+@pytest.mark.parametrize("motor", [0, 1, 2])
+def test_the_sign_of_a_gear(arm, table, motor):
+    """Of the motor that turns with two joints, too, and of one whose zero is not the joint's."""
+    wrong = wrist.GEARS * np.where(np.arange(3) == motor, -1.0, 1.0)[:, None]
+    verdict = check(wrist.dataset(arm, table, wrong))
+    first = verdict.findings[0]
+    assert first.kind.startswith("flipped") and verdict.level != "good"
+    assert f"the gear of motor {motor + 1} has the wrong sign" in first.text
+
+
+@pytest.mark.parametrize("motor", [0, 1])
+def test_the_ratio_of_a_gear(arm, table, motor):
+    """Of torques alone; it changes the angles of none."""
+    gears = np.diag(wrist.GEARS) * np.where(np.arange(3) == motor, 1.6, 1.0)
+    straight = table.copy()
+    joints = (table[wrist.COLUMNS[0]] @ np.linalg.inv(wrist.GEARS).T) + wrist.ZERO
+    straight[wrist.COLUMNS[0]] = joints.to_numpy()
+    torque = table[wrist.COLUMNS[1]].to_numpy() @ wrist.GEARS
+    straight[wrist.COLUMNS[1]] = torque * gears / np.diag(wrist.GEARS)
+    angle, columns = wrist.COLUMNS
+    data = type(wrist.dataset(arm, table)).from_frames(
+        {"a": straight}, arm, time="t", angle=angle, torque=columns, hold="linear"
+    )
+    finding = kinds(check(data))["gain"]
+    assert finding.text.startswith(f"gain of torque {motor + 1} is 0.6")
+
+
+def with_velocity(arm, table):
+    motors = table[["w1", "w2", "w3"]].to_numpy() @ wrist.GEARS.T
+    return table.assign(**{f"w{j + 1}": motors[:, j] for j in range(3)})
+
+
+def test_a_velocity_that_a_filter_makes_late(arm, table):
+    """Of one joint; a good one is not named, and one in the wrong unit is no late one."""
+    good = with_velocity(arm, table)
+    names = ["w1", "w2", "w3"]
+    assert kinds(check(wrist.dataset(arm, good, velocity=names))) == {}
+    late, value = good.copy(), good["w1"].to_numpy().copy()
+    for k in range(1, len(value)):
+        value[k] += 0.95 * (value[k - 1] - value[k])  # 0.1 s
+    late["w1"] = value
+    found = kinds(check(wrist.dataset(arm, late, velocity=names)))
+    assert list(found) == ["late_velocity"] and found["late_velocity"].joint == 1
+    assert 0.05 < found["late_velocity"].numbers["delay"] < 0.1
+    turned = good.assign(w2=-good["w2"])
+    found = kinds(check(wrist.dataset(arm, turned, velocity=names)))
+    assert "wrong_velocity" in found and "late_velocity" not in found
+
+
+def test_a_current_that_is_zero_but_for_some_readings(arm, table):
+    """No verdict on anything else follows from it; a motor that is off for seconds is not dead."""
+    draw = np.random.default_rng(1)
+    silent = np.where(draw.random(len(table)) < 0.1, 0.002 * draw.integers(-3, 4, len(table)), 0.0)
+    found = kinds(check(wrist.dataset(arm, table.assign(u1=silent))))
+    assert list(found) == ["dead_torque"] and found["dead_torque"].joint == 1
+    off = np.where(table["t"] < 8.0, 0.0, table["u1"])
+    assert "dead_torque" not in kinds(check(wrist.dataset(arm, table.assign(u1=off))))
+
+
+def test_stamps_that_jitter_where_positions_do_not(arm, table):
+    """Stamps that tell when the positions were read are no trap, however uneven."""
+    off = 0.0007 * np.random.default_rng(2).standard_normal(len(table)).clip(-2, 2)
+    finding = kinds(check(wrist.dataset(arm, table.assign(t=table["t"] + off))))["jittering_stamps"]
+    assert finding.level == "good" and "times 0.005 s" in finding.remedy
+    assert finding.numbers["scatter"] < 0.7
+    uneven = table.copy()
+    for name in table.columns[1:]:
+        uneven[name] = np.interp(table["t"] + off, table["t"], table[name])
+    uneven["t"] = table["t"] + off
+    assert "jittering_stamps" not in kinds(check(wrist.dataset(arm, uneven)))
+
+
+def test_a_log_that_is_faster_than_its_sensors_repeats_rows(arm, table):
+    held = table.copy()
+    angles = wrist.COLUMNS[0]
+    held[angles] = table[angles].to_numpy()[np.arange(len(table)) // 2 * 2]
+    finding = kinds(check(wrist.dataset(arm, held)))["repeated_rows"]
+    assert finding.level == "doubtful" and "faster than its sensors" in finding.text
+
+
+def changed(tmp_path, name, *pairs):
+    """A shipped data set with some of its text replaced."""
+    text = (DATA / name / "dataset.toml").read_text()
+    for old, new in pairs:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (tmp_path / "dataset.toml").write_text(text)
+    return tmp_path
+
+
+SHORT = ("stop = 67.9", "stop = 35.0")
+
+
+def test_what_is_said_of_an_arm_with_a_wrist(real_data):
+    """Friction of its coupled motor beside the published one; no trap but its repeated rows."""
+    verdict = check(load_dataset(DATA / "tx40", real_data / "staubli_tx40"))
+    assert set(kinds(verdict)) == {"nominal_mechanism", "repeated_rows"}
+    assert kinds(verdict)["repeated_rows"].level == "good"
+    for name, published in {"coulomb_motor_6": 1.96, "viscous_motor_6": 0.616}.items():
+        assert verdict.estimate.at(name)[0] == pytest.approx(published, rel=0.1)
+    assert all(q.passed is not False for q in verdict.questions)
+
+
+def test_the_negative_gear_of_a_real_wrist(real_data, tmp_path):
+    folder = changed(tmp_path, "tx40", ("-48", "48"))
+    first = check(load_dataset(folder, real_data / "staubli_tx40")).findings[0]
+    assert "the gear of motor 4 has the wrong sign" in first.text
+
+
+@pytest.mark.parametrize(
+    ("pair", "kind", "words"),
+    [
+        (SHORT, "jittering_stamps", "take row number times 0.01 s"),
+        (("-100, -100]", "100, -100]"), "flipped_torque", "torque 3 has the wrong sign"),
+        (("-100, -100]", "-160, -100]"), "gain", "gain of torque 3 is 0.5"),
+        (
+            (
+                "[units]",
+                'velocity = ["filtered_velocity_arm_1", "filtered_velocity_arm_2",'
+                ' "filtered_velocity_arm_3", "filtered_velocity_arm_4"]\n\n[units]',
+            ),
+            "late_velocity",
+            "joints 1, 2, 3, 4 is 0.19 s behind",
+        ),
+    ],
+)
+def test_traps_of_an_arm_on_a_lift(real_data, tmp_path, pair, kind, words):
+    pairs = {pair, SHORT}
+    verdict = check(load_dataset(changed(tmp_path, "tiago", *pairs), real_data / "tiago_arm"))
+    assert words in f"{kinds(verdict)[kind].text} {kinds(verdict)[kind].remedy}"
+    usual = {"jittering_stamps", "unknown_cause", "nominal_mechanism"}
+    assert set(kinds(verdict)) <= usual | {kind}
+    delay = next(e for e in verdict.identifiable if e.what == "torque delay")
+    assert "ms before it is logged" in delay.reason
+
+
+def test_currents_that_are_zero(real_data, tmp_path):
+    """Joints 5 to 7 of a real arm, and none of the others."""
+    pairs = [
+        (f'"{before}_4{behind}"]', ", ".join(f'"{before}_{j}{behind}"' for j in joints) + "]")
+        for before, behind, joints in (
+            ("arm", "_joint", (4, 6)),
+            ("position_arm", "", (4, 6)),
+            ("current_arm", "", (4, 6)),
+        )
+    ]
+    constants = (
+        ("0.087, 0.087]", "0.087, 0.087, 0.0613]"),
+        ("-100, -100]", "-100, -100, -336]"),
+        ("stop = 67.9", "stop = 29.0"),
+    )
+    folder = changed(tmp_path, "tiago", *pairs, *constants)
+    verdict = check(load_dataset(folder, real_data / "tiago_arm"))
+    assert [f.joint for f in verdict.findings if f.kind == "dead_torque"] == [5]
+    assert verdict.findings[0].text.startswith("torque 5 is zero in 8")
