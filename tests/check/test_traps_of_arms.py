@@ -74,14 +74,14 @@ def test_the_ratio_of_a_gear(arm, table, motor):
     assert finding.text.startswith(f"gain of torque {motor + 1} is 0.6")
 
 
-def with_velocity(arm, table):
+def with_velocity(table):
     motors = table[["w1", "w2", "w3"]].to_numpy() @ wrist.GEARS.T
     return table.assign(**{f"w{j + 1}": motors[:, j] for j in range(3)})
 
 
 def test_a_velocity_that_a_filter_makes_late(arm, table):
     """Of one joint; a good one is not named, and one in the wrong unit is no late one."""
-    good = with_velocity(arm, table)
+    good = with_velocity(table)
     names = ["w1", "w2", "w3"]
     assert kinds(check(wrist.dataset(arm, good, velocity=names))) == {}
     late, value = good.copy(), good["w1"].to_numpy().copy()
