@@ -283,13 +283,20 @@ class Fit:
 
     @property
     def _known(self) -> bool:
-        """Whether intervals are known: not of one-step fits that were loaded from a file."""
-        return bool(self._document) or self.made is not None
+        """Whether intervals are known: not of one-step fits in model files of earlier versions."""
+        return bool(self._document or self._half_widths) or self.made is not None
+
+    @property
+    def _half_widths(self) -> Any:
+        """Half the widths of a one-step fit's intervals, as its provenance has them."""
+        return self.friction.provenance.get("half_widths")
 
     @cached_property
     def _estimates(self) -> list[Estimate]:
         law, half = self.friction.law, None
-        if self.made is not None and not (self._document or law.is_network or not law.names):
+        if self._half_widths:
+            half = np.array(self._half_widths, dtype=float)
+        elif self.made is not None and not (self._document or law.is_network or not law.names):
             half = self.made.half_widths()
         return fit_estimates(self.friction, self.joints, half)
 

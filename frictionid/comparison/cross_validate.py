@@ -16,7 +16,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.complexity import complexity_score
-from frictionid.comparison.equations import with_equations
+from frictionid.comparison.equations import with_equations, with_intervals
 from frictionid.comparison.methods import Method
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.recordings import Dataset
@@ -148,6 +148,7 @@ def run(
     clock.append(time.perf_counter())
     fit = recipe.fit(identifier, shared.training, seed)
     friction = with_equations(fit)
+    friction = friction if identifier.fixed else with_intervals(friction, fit)
     clock.append(time.perf_counter())
     views = None if identifier.fixed else shared.training.views.get(recipe.name)
     result = score(friction, benchmark, shared, views)

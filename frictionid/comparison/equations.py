@@ -1,8 +1,10 @@
-"""Friction as an equation, with an interval or error behind each coefficient."""
+"""What a fit says of its friction beyond its numbers: equations, and intervals of one-step fits."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+
+import numpy as np
 
 from frictionid.comparison.methods import Fit
 from frictionid.friction import Friction
@@ -23,3 +25,17 @@ def with_equations(fit: Fit) -> Friction:
         "equation_errors": bars.meaning,
     }
     return replace(friction, provenance={**friction.provenance, **own})
+
+
+def with_intervals(friction: Friction, fit: Fit) -> Friction:
+    """Friction (F, n, P) of a one-step fit, with the intervals of all data in its provenance.
+
+    `half_widths` (n, P) of 95 % intervals of the noise alone, None where there is none. Networks
+    and laws without derivatives have none; shooting has its own result document.
+    """
+    law = friction.law
+    known = law.names and (law.has_gradient or law.has_memory)
+    if fit.refined is not None or law.is_network or not known:
+        return friction
+    half = [[v if np.isfinite(v) else None for v in joint] for joint in fit.half_widths().tolist()]
+    return replace(friction, provenance={**friction.provenance, "half_widths": half})

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from frictionid.arrays import Array
 from frictionid.check import torque_sources
-from frictionid.comparison.equations import with_equations
+from frictionid.comparison.equations import with_equations, with_intervals
 from frictionid.comparison.methods import Fit, Method
 from frictionid.comparison.training_set import training_set
 from frictionid.data.plants import plant_of, refuse_torque_without_motor
@@ -87,7 +87,7 @@ def fitted(
     prepared = Prepared(screened(dataset, plant, estimated), protocol, estimated, plant)
     training = training_set(prepared, [recipe])
     fit = recipe.fit(_NotFixed(identifier), training, seed)
-    friction = with_equations(fit)[-1]
+    friction = with_intervals(with_equations(fit), fit)[-1]
     provenance: dict[str, Any] = {
         "dataset": dataset.name,
         "data": dict(dataset.hashes),

@@ -32,6 +32,7 @@ from frictionid.friction.model_files import model_document
 from frictionid.identifiers import Identifier
 from frictionid.mechanics import Mechanism
 from frictionid.shooting import document_of
+from frictionid.shooting.result_document import own_base
 
 FORMAT = 1  # of the result files
 
@@ -211,6 +212,7 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "method": {"scheme": task.recipe.scheme, "corrects": list(task.recipe.corrects)},
         "rows": rows,
         "model": model_document(result.overall, laws),
+        "base": own_base(dataset, result.overall.parameters),
         "folds": {"theta": result.friction.theta, "shape": list(result.friction.theta.shape)},
         "curves": result.curves,
         "motions": list(result.motions),

@@ -356,6 +356,12 @@ def _of_reads(
     for key in parameters:
         if key not in reads:
             raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
+    machine = as_mechanism(mechanism)
+    for key, own in parameters.items():
+        try:
+            machine.check_values(own)
+        except InputError as error:
+            raise InputError(f"recording {key!r}: {error}") from None
     recordings = tuple(
         Recording(
             name=key,
@@ -368,7 +374,7 @@ def _of_reads(
         for key, (signals, _) in reads.items()
     )
     hashes = {key: digest for key, (_, digest) in reads.items()}
-    data = Dataset(name, mechanism, recordings, hashes)
+    data = Dataset(name, machine, recordings, hashes)
     columns, n = column_count(data.recordings[0].angle), data.mechanism.n
     if columns != n:
         raise InputError(

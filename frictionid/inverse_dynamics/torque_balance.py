@@ -30,6 +30,7 @@ from frictionid.identifiers.residual import GAP, Problem, stiction_mask
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.mechanics.momentum_balance import with_midpoints
 
+_SLOW_ROWS = 0.01  # of the rows of a joint: so many may be slower than the slowest speed
 _NODES = 4000  # whose regressor is computed at a time
 
 
@@ -42,7 +43,7 @@ class TorqueBalance:
     base : (K, nb), what a recording's own parameters add to the base parameters
     recording, start, stop : (K,), start and stop in [s]
     slides : (K, n), whether the joint moves one way, fast enough, all the time: others do not count
-    slowest : (R, m) [rad/s], slowest speeds that each recording resolves where parts slide
+    slowest : (R, m) [rad/s], slowest speeds that the rows of each recording resolve
     """
 
     dataset: Dataset
@@ -151,7 +152,22 @@ def torque_balance(
         integrals_of([r.torque for r in dataset.recordings]),
     )
     resting = stiction_mask(balance.problem, None)
-    return replace(balance, slides=~(resting @ (plant.mechanism.friction_map != 0)))
+    slides = ~(resting @ (plant.mechanism.friction_map != 0))
+    return replace(balance, slides=slides, slowest=_slowest(balance, slides))
+
+
+def _slowest(balance: TorqueBalance, slides: Array) -> Array:
+    """Slowest speeds (R, m) that each recording resolves in the rows that count.
+
+    What sets in below the speeds of these rows leaves no trace: friction that falls off there would
+    be of any size. Of a joint they are no less than those of all but 1 % of its rows.
+    """
+    least = np.abs(balance.nodes.inputs.w[balance.stencil]).min(axis=1)
+    out = np.array(balance.slowest)
+    for i, j in np.argwhere(np.ones((len(out), slides.shape[1]), dtype=bool)):
+        own = least[(balance.recording == i) & slides[:, j], j]
+        out[i, j] = max(out[i, j], np.quantile(own, _SLOW_ROWS)) if len(own) else out[i, j]
+    return out
 
 
 def _counts(states: States, window: float, node_time: float) -> tuple[int, int]:

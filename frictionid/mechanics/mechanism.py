@@ -264,7 +264,7 @@ class Mechanism(ABC):
         return replace(self, values={**missing, **self.values}) if missing else self
 
     def check_values(self, values: Mapping[str, Any]) -> None:
-        """Raise InputError where a name is no parameter's, or a value no finite number."""
+        """Raise InputError where a name is no parameter's, or a value none that it can have."""
         for name, value in values.items():
             self.check_name(name)
             number = isinstance(value, Real) and not isinstance(value, bool)
@@ -276,6 +276,12 @@ class Mechanism(ABC):
                 raise InputError(
                     f"[mechanism] {self.kind}: {name} = {value:g} is more than any machine has: "
                     "correct it"
+                )
+        for p in self.parameters:
+            if (p.unit == "kg" or p.rotor) and values.get(p.name, 0.0) < 0:
+                raise InputError(
+                    f"[mechanism] {self.kind}: {p.name} = {values[p.name]:g} {p.unit} is "
+                    "negative; masses and rotor inertias are 0 or more"
                 )
 
     def check_name(self, name: str) -> None:
@@ -299,13 +305,7 @@ class Mechanism(ABC):
             )
 
     def _check_positive(self, values: Mapping[str, float]) -> None:
-        """Refuse negative masses and rotors, and an M that is not positive definite."""
-        for p in self.parameters:
-            if (p.unit == "kg" or p.rotor) and values[p.name] < 0:
-                raise InputError(
-                    f"[mechanism] {self.kind}: {p.name} = {values[p.name]:g} {p.unit} is "
-                    "negative; masses and rotor inertias are 0 or more"
-                )
+        """Refuse an M that is not positive definite."""
         q = np.linspace(0.0, np.pi, 7)[:, None] * np.arange(self.n)
         least = np.linalg.eigvalsh(self.inertia(self.base(values), q)).min()
         if not least > 0:

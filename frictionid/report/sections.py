@@ -122,6 +122,7 @@ class Model:
     curves : (F + 1, V, n) [N m], the friction of all data last
     theta : (F, n, P)
     document, settings : the model file's content; constructor calls of identifier and recipe
+    base : base parameters by the mechanism's parameters that the model brings, if any
     refined : result document of shooting, or None
     members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
     loops : friction along sinusoids, where the suite asked for it
@@ -143,6 +144,7 @@ class Model:
     theta: Array
     document: Mapping[str, Any]
     settings: Mapping[str, str]
+    base: Mapping[str, float] = field(default_factory=dict)
     refined: Mapping[str, Any] | None = None
     members: Array | None = None
     loops: Sequence[Mapping[str, Any]] = ()
@@ -312,6 +314,7 @@ def _model(
         theta=theta,
         document=task["model"],
         settings=task["settings"],
+        base=task.get("base") or {},
         refined=task.get("refined") or None,
         members=np.asarray(task["members"], dtype=float) if task.get("members") else None,
         loops=task.get("loops") or (),

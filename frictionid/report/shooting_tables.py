@@ -97,12 +97,7 @@ def given_numbers(
     model: Model, read: Sequence[Estimate], data: DataDescription
 ) -> dict[str, float]:
     """A given model's own numbers for these parameters, by their names with the joint's."""
-    out: dict[str, float] = {}
-    own = model.document.get("parameters")
-    if data.mechanism and own:
-        mechanism = mechanism_of(data.mechanism)
-        base = mechanism.base(mechanism.nominal(own)) + np.asarray(data.own_base)
-        out |= dict(zip(mechanism.base_names, map(float, base), strict=True))
+    out = dict(model.base or _base_by_table(model, data))
     joints = model.document["joints"]
     for e in read:
         known = joints[e.joint] if e.block == "friction" and e.joint is not None else {}
@@ -110,6 +105,19 @@ def given_numbers(
         if value is not None:
             out[e.name] = float(value)
     return {e.name: out[e.name] for e in read if e.name in out}
+
+
+def _base_by_table(model: Model, data: DataDescription) -> dict[str, float]:
+    """Base parameters by the model's own parameters, in folders of earlier versions.
+
+    Not of mechanisms that are code: reading results runs none.
+    """
+    own, table = model.document.get("parameters"), data.mechanism
+    if not own or not table or ":" in str(table["kind"]):
+        return {}
+    mechanism = mechanism_of(table)
+    base = mechanism.base(mechanism.nominal(own)) + np.asarray(data.own_base)
+    return dict(zip(mechanism.base_names, map(float, base), strict=True))
 
 
 def _cells(e: Estimate, nominal: bool) -> list[str | Cell]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,14 @@ def _combines(result: Refined, parameter: Parameter) -> bool:
 def recordings_own(dataset: Dataset) -> Array:
     """What the recordings' own parameters add to the table's base parameters (nb,), on average."""
     return np.asarray(plant_of(dataset).p).mean(axis=0) - _table_base(dataset)
+
+
+def own_base(dataset: Dataset, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Base parameters under parameters that a model brings, on average over the recordings."""
+    if not parameters:
+        return {}
+    p = np.asarray(plant_of(dataset, parameters).p).mean(axis=0)
+    return dict(zip(dataset.mechanism.base_names, map(float, p), strict=True))
 
 
 def _table_base(dataset: Dataset) -> Array:

@@ -58,6 +58,20 @@ MISTAKES = {
         ),
         "recording 'run1' has 1 column of angles, but acrobot has 2 joints",
     ),
+    "mass": (lambda _: fid.mechanisms.pendulum(mass=-1.0), "mass = -1 kg is negative"),
+    "rotor": (lambda _: fid.mechanisms.acrobot(rotor=-1e-6), "rotor inertias are 0 or more"),
+    "mass of a recording": (
+        lambda _: fid.Dataset.from_frames(
+            frames(), fid.mechanisms.pendulum(), **SAID, parameters={"run1": {"mass": -0.1}}
+        ),
+        "recording 'run1': .* mass = -0.1 kg is negative",
+    ),
+    "parameter of a recording": (
+        lambda _: fid.Dataset.from_frames(
+            frames(), fid.mechanisms.pendulum(), **SAID, parameters={"run1": {"maas": 0.1}}
+        ),
+        "recording 'run1': .* did you mean 'mass'",
+    ),
     "mechanism": (
         lambda _: fid.Dataset.from_frames(frames(), "pendulum", **SAID),
         "mechanism",

@@ -143,6 +143,14 @@ def test_one_step_fits_have_intervals_too(data):
     assert "interval of the noise alone" in text and "95 %" not in text
 
 
+def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(data, bench, tmp_path):
+    fit = fid.fit(data, "stribeck")
+    fit.save(tmp_path / "one_step.json")
+    for other in (fid.load_model(tmp_path / "one_step.json"), bench["stribeck"].fit):
+        for column in ("value", "low_95", "high_95"):
+            np.testing.assert_allclose(other.frame[column], fit.frame[column], rtol=1e-5)
+
+
 def test_a_saved_fit_is_the_same_but_for_its_data(shot, data, tmp_path):
     shot.save(tmp_path / "model.json")
     loaded = fid.load_model(tmp_path / "model.json")

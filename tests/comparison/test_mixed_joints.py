@@ -27,6 +27,7 @@ from frictionid.identifiers import Frictionless, LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, problem_of, training_problem
 from frictionid.mechanics import Plant
 from frictionid.report.experiment_design import described
+from frictionid.shooting.result_document import own_base
 
 FRICTION = Friction(CoulombViscous(), TRUE, position_units=("m", "rad"))
 PROTOCOL = Protocol(horizons=(0.25,), whole=True)
@@ -141,3 +142,11 @@ def test_suggestions_keep_limits_in_the_unit_of_each_joint():
     assert (w.max((0, 1, 2)) <= limits.velocity).all() and (q.max((0, 1, 2)) <= limits.angle).all()
     text = described(design)
     assert "0.0001 m, 0.115 deg" in text and "m/s" in text and "rad/s" in text
+
+
+def test_results_hold_the_base_parameters_of_a_model_with_parameters_of_its_own():
+    machine = cart_pole()
+    expected = machine.base({**machine.nominal(), "cart": 0.9})
+    found = own_base(cart_pole_data(), {"cart": 0.9})
+    assert found == pytest.approx(dict(zip(machine.base_names, expected, strict=True)))
+    assert own_base(cart_pole_data(), {}) == {}

@@ -8,12 +8,12 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.friction import Friction
-from frictionid.friction.laws import LoadDependent, NoFriction
+from frictionid.friction.laws import LoadDependent, NoFriction, Stribeck
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, states_of
 from frictionid.inverse_dynamics import TorqueSettings, fit_torques, torque_balance
-from frictionid.mechanics import configurations, urdf
+from frictionid.mechanics import configurations, pendulum, urdf
 from frictionid.shooting.parameters import FrictionBlock, InertiaBlock
 from frictionid.shooting.parameters.parameter_block import Estimate
 
@@ -87,3 +87,24 @@ def test_the_inertia_of_a_rotor_does_not_become_negative(arm):
     )
     rotors = [p for p in own if p.name.startswith("rotor")]
     assert rotors and all(p.low == 0.0 and p.value == 0.0 and 0 < p.prior < 1 for p in rotors)
+
+
+def test_a_peak_is_no_larger_than_what_the_slowest_rows_show():
+    """Friction that fell off below the speeds of all rows was of any size, 1e106 N m on an arm."""
+    t = np.arange(0.0, 20.0, 0.004)
+    w = np.where(t < 10.0, 2.0 * np.sin(2.0 * t), 0.055 + 0.013 * np.cos(2.0 * t))
+    q = np.concatenate([[0.0], np.cumsum((w[1:] + w[:-1]) / 2 * 0.004)])
+    a = np.where(t < 10.0, 4.0 * np.cos(2.0 * t), -0.026 * np.sin(2.0 * t))
+    q, w, a = (x[:, None] for x in (q, w, a))
+    machine = pendulum(mass=0.5, length=0.2)
+    M, h = machine.dynamics(machine.base(machine.nominal()), q, w)
+    rubs = (0.06 + 0.04 * (np.abs(w) < 0.048)) * np.sign(w) + 0.01 * w  # more just above rest
+    torque = Signal(t, M[..., 0] * a - h + rubs)
+    data = Dataset("arm", machine, (Recording("a", Signal(t, q), torque),))
+    balance = torque_balance(data, states_of(data, INTEGRAL.states, None), 0.008, 0.004)
+    least = np.abs(balance.nodes.inputs.w[balance.stencil]).min(axis=1)[balance.slides]
+    assert 0.03 < least.min() < balance.slowest[0, 0]
+    found = fit_torques(LeastSquares(Stribeck()), balance, (FrictionBlock(),), TorqueSettings())
+    coulomb, peak, velocity, _ = np.asarray(found.friction.theta)[0]
+    assert velocity >= balance.slowest[0, 0] * (1 - 1e-9)
+    assert 0.04 < coulomb and coulomb + peak < 3.0 * 0.10
