@@ -4,7 +4,7 @@ motion, balance_windows   smoothed motion, and momentum balances over short wind
 regression                least squares of base parameters and friction
 partial_regression        one suspected error at a time, beside unknown friction
 facts                     clock, joints and noise
-fine_structure, torque_source, gravity_model, unmeasured
+fine_structure, torque_source, torque_place, gravity_model, unmeasured
                           noise and steps of a signal; where the torque comes from
 sensors, log_faults       faults of the readings and of the log
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism

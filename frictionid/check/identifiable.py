@@ -39,13 +39,22 @@ def identifiable(
     terms = _terms(tests)
     out = [
         _friction(estimate, fact, unit, float(terms[fact.joint - 1]))
-        if fact.joint - 1 not in tests.measured.dead
-        else Identifiable(f"friction of joint {fact.joint}", False, "its torque shows nothing")
+        if not (reason := _hidden(tests, fact.joint - 1))
+        else Identifiable(f"friction of joint {fact.joint}", False, reason)
         for fact, unit in zip(facts, mechanism.velocity_units, strict=True)
     ]
     out += _parts(tests, estimate)
     out.append(_base(mechanism.base_names, estimate))
     return [*out, _gain(tests), _delay(tests)] if any(mechanism.driven) else out
+
+
+def _hidden(tests: HypothesisTests, j: int) -> str:
+    """Why the torque of a joint shows no friction, or ""."""
+    if j in tests.measured.dead:
+        return "its torque shows nothing"
+    if tests.measured.dataset.torque_at == "link":
+        return "a sensor at the link does not feel friction of motor and gear"
+    return ""
 
 
 def _terms(tests: HypothesisTests) -> Array:

@@ -89,6 +89,11 @@ def torque_sources(dataset: Dataset) -> tuple[TorqueSource, ...]:
     mechanism = dataset.mechanism
     out = []
     for j in np.flatnonzero(mechanism.driven).tolist():
+        if dataset.torque_at == "command":
+            names = tuple(r.name for r in dataset.recordings if r.torque.value[:, j].any())
+            declared = 'it is declared so (torque.at = "command")'
+            out += [TorqueSource(j + 1, "commanded", declared, names)] if names else []
+            continue
         shown = [(r.name, _evidence(r, mechanism, j)) for r in dataset.recordings]
         known = [(name, evidence) for name, evidence in shown if evidence is not None]
         if known:

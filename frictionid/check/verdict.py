@@ -25,6 +25,7 @@ from frictionid.check.questions import Question, questions
 from frictionid.check.regression import Estimate, Regression, regress, widened
 from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
 from frictionid.check.time_unit import in_seconds
+from frictionid.check.torque_place import place_findings
 from frictionid.check.torque_source import TorqueSource, torque_sources
 from frictionid.check.unmeasured import unmeasured
 from frictionid.data.plants import plant_of
@@ -146,6 +147,7 @@ def judge(
             *still_joints(tests, facts),
             *tests.findings,
             *_passivity_findings(tests, estimate),
+            *place_findings(tests, estimate),
             *(unmeasured(sources, regression, estimate, tests.delay) if tests.done else []),
             *(incompatible(model) if model else []),
         ]

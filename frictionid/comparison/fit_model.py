@@ -10,7 +10,7 @@ from frictionid.check import torque_sources
 from frictionid.comparison.equations import with_equations, with_intervals
 from frictionid.comparison.methods import Fit, Method
 from frictionid.comparison.training_set import training_set
-from frictionid.data.plants import plant_of, refuse_torque_without_motor
+from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import EstimatedStates, Prepared, Protocol, screened, velocity_grid
 from frictionid.friction import Friction
@@ -81,7 +81,7 @@ def fitted(
     """The friction of `fit_model` and, for its intervals, what the method gave."""
     recipe.check(identifier)
     protocol = protocol or Protocol()
-    refuse_torque_without_motor(dataset)
+    refuse_torques(dataset)
     estimated = EstimatedStates(dataset, protocol.sample_time)
     plant = plant_of(dataset)
     prepared = Prepared(screened(dataset, plant, estimated), protocol, estimated, plant)

@@ -44,6 +44,7 @@ class FrameColumns:
     sigma: Numbers | Mapping[str, Numbers] | None = None
     covariates: Mapping[str, str] = field(default_factory=dict)
     missing: str = "refuse"
+    torque_at: str = "motor"
 
     @property
     def gears(self) -> Gears | None:
@@ -101,6 +102,7 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
             if value is not None
         },
         "hold": {} if columns.hold is None else {"torque": columns.hold},
+        "torque": {"at": columns.torque_at},
     }
     if columns.motor is not None:
         document["motor"] = {key: _toml_value(value) for key, value in columns.motor.items()}

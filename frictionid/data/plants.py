@@ -76,10 +76,25 @@ NO_MOTOR_REMEDY = (
 )
 
 
-def refuse_torque_without_motor(dataset: Dataset) -> None:
-    """Raise InputError where a joint without motor has a torque: no fit could use it."""
+LINK_TORQUE = (
+    'the torques are of sensors at the links, behind motors and gears (torque.at = "link"): their '
+    "friction, and the inertia of rotors, is not in what is measured, so that no fit can find it"
+)
+LINK_TORQUE_REMEDY = (
+    'give the torques or currents of the motors; or say torque.at = "motor" if these are'
+)
+
+
+def refuse_torques(dataset: Dataset) -> None:
+    """Raise InputError for torques that no fit of friction can use.
+
+    Torques of joints without motor, and those that sensors at the links measure.
+    """
     for sentence in torque_without_motor(dataset).values():
         raise InputError(f"data set {dataset.name!r}: {sentence}; {NO_MOTOR_REMEDY}")
+    acts = any(np.any(r.torque.value) for r in dataset.recordings)
+    if dataset.torque_at == "link" and acts:
+        raise InputError(f"data set {dataset.name!r}: {LINK_TORQUE}; {LINK_TORQUE_REMEDY}")
 
 
 def unit_inertia_plant(dataset: Dataset) -> Plant:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from frictionid.config import nearest
 from frictionid.data.frames import FrameColumns, Names, Numbers, Units, columns_of_arrays
 from frictionid.data.gears import Gears
 from frictionid.data.joint_scales import JointScales, joint_scales
+from frictionid.data.readers.motor_toml import TorqueAt
 from frictionid.data.readers.table_recording import Recorded
 from frictionid.data.servo import Servo
 from frictionid.data.signal_checks import check_clocks, check_signal, column_count
@@ -144,6 +145,9 @@ class Dataset:
         What the columns of its frames were, so that further frames are read alike.
     gears : Gears or None
         Gears between the motors that columns were of and the joints.
+    torque_at : "motor", "link" or "command"
+        What the torques are: the motors', before friction; those of sensors at the links, behind
+        motors and gears, which show no friction; or what the motors were asked for.
     """
 
     name: str
@@ -154,8 +158,14 @@ class Dataset:
     truth: Mapping[str, object] | None = None
     columns: FrameColumns | None = None
     gears: Gears | None = None
+    torque_at: str = "motor"
 
     def __post_init__(self) -> None:
+        if self.torque_at not in get_args(TorqueAt):
+            raise InputError(
+                f"data set {self.name!r}: torque_at = {self.torque_at!r}; "
+                f"{nearest(self.torque_at, get_args(TorqueAt))}"
+            )
         object.__setattr__(self, "mechanism", as_mechanism(self.mechanism))
         if not self.recordings:
             raise InputError(f"data set {self.name!r} needs at least one recording")
@@ -215,6 +225,7 @@ class Dataset:
         units: Units = None,
         signs: Mapping[str, Numbers] | None = None,
         motor: Mapping[str, Any] | None = None,
+        torque_at: str = "motor",
         hold: str | None = None,
         sigma: Numbers | Mapping[str, Numbers] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
@@ -245,6 +256,9 @@ class Dataset:
         motor : mapping of "kt" [N m/A], "gear" ... to a number, or one for each joint
             Where the columns of `torque` hold currents, in units of "A" or "mA", or columns are of
             the motors: the keys of [motor] in a dataset.toml.
+        torque_at : "motor", "link" or "command"
+            What the torques are: the motors', before friction; those of sensors at the links, which
+            show no friction of motors and gears; or commands.
         hold : "previous" or "linear"
             What the torque does between two samples; see `Signal`.
         sigma : float, one for each joint, or mapping of "angle", "velocity", "torque" to these
@@ -283,11 +297,12 @@ class Dataset:
             sigma,
             covariates or {},
             missing,
+            torque_at,
         )
         given = frames if isinstance(frames, Mapping) else {"recording": frames}
         reads = {str(key): columns.read(frame, str(key)) for key, frame in given.items()}
         data = _of_reads(name, mechanism, reads, parameters or {})
-        return replace(data, columns=columns, gears=columns.gears)
+        return replace(data, columns=columns, gears=columns.gears, torque_at=torque_at)
 
     @classmethod
     def from_arrays(
@@ -296,6 +311,7 @@ class Dataset:
         mechanism: Any,
         *,
         units: Units = None,
+        torque_at: str = "motor",
         hold: str | None = None,
         sigma: Numbers | Mapping[str, Numbers] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
@@ -325,7 +341,7 @@ class Dataset:
             frame, columns = columns_of_arrays(own, str(key))
             columns = replace(columns, units=units, hold=hold, sigma=sigma)
             reads[str(key)] = columns.read(frame, str(key))
-        return _of_reads(name, mechanism, reads, parameters or {})
+        return replace(_of_reads(name, mechanism, reads, parameters or {}), torque_at=torque_at)
 
     def with_frames(self, frames: Any, name: str | None = None) -> Dataset:
         """Data set of further frames of this rig, their columns read as those of this data set.
@@ -343,7 +359,7 @@ class Dataset:
         given = frames if isinstance(frames, Mapping) else {"recording": frames}
         reads = {str(key): self.columns.read(frame, str(key)) for key, frame in given.items()}
         data = _of_reads(name or self.name, self.mechanism, reads, {})
-        return replace(data, columns=self.columns, gears=self.gears)
+        return replace(data, columns=self.columns, gears=self.gears, torque_at=self.torque_at)
 
 
 def _of_reads(

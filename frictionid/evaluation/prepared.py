@@ -16,7 +16,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, calibrated_dataset, calibrated_plant
-from frictionid.data.plants import plant_of, refuse_torque_without_motor, unit_inertia_plant
+from frictionid.data.plants import plant_of, refuse_torques, unit_inertia_plant
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import (
     Estimator,
@@ -179,7 +179,7 @@ def prepare(
         Where the recordings are too short for the protocol, or a parameter is unknown.
     """
     plant = plant_of(dataset, parameters)
-    refuse_torque_without_motor(dataset)
+    refuse_torques(dataset)
     if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
         raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
     estimated = EstimatedStates(dataset, protocol.sample_time)

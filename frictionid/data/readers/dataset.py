@@ -87,6 +87,7 @@ def load_dataset(
         origin={key: text for key, text in origin.items() if text},
         truth=toml.truth,
         gears=toml.gears,
+        torque_at=toml.torque.at,
     )
 
 

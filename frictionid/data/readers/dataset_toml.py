@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
 from frictionid.data.gears import Gears
-from frictionid.data.readers.motor_toml import Motor, as_list
+from frictionid.data.readers.motor_toml import Motor, TorquePlace, as_list
 
 # SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
 UNITS = {
@@ -280,6 +280,7 @@ class DatasetToml(Strict):
     columns: Annotated[ColumnNames | None, Field(validate_default=True)] = None
     units: Units = Units()
     motor: Motor | None = None
+    torque: TorquePlace = TorquePlace()
     signs: Signs = Signs()
     hold: Hold = Hold()
     sigma: Sigma = Sigma()
@@ -312,6 +313,16 @@ class DatasetToml(Strict):
             for key in ("columns", "units", "hold", "motor", "signs"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _no_motor_at_links(self) -> Self:
+        motor = self.motor
+        if self.torque.at == "link" and motor and (motor.torque == "motor" or motor.kt):
+            raise ValueError(
+                'torque.at = "link", but [motor] says that the torques are of the motors: delete '
+                "one of them"
+            )
         return self
 
     @model_validator(mode="after")

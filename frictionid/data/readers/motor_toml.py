@@ -19,6 +19,17 @@ def as_list(value: object) -> object:
 
 Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(as_list)]
 Side = Literal["joint", "motor"]
+TorqueAt = Literal["motor", "link", "command"]
+
+
+class TorquePlace(Strict):
+    """What the torques are.
+
+    at : "motor", the motors', before the friction of motor and gear; "link", of sensors behind the
+        gears; "command", what the motors were asked for
+    """
+
+    at: TorqueAt = "motor"
 
 
 class Motor(Strict):
