@@ -35,8 +35,8 @@ class Candidate:
     checks : whether it is physically plausible
     standing : "best", "adequate", "undecided", "worse" or "diverged", against the best one; see
         `frictionid.evaluation.statistics.Standing`
-    against_best, against_recommended : tests of its errors less those of the best model and of the
-        recommended one; None where there is none, or an error is not finite
+    against_best, against_provisional : tests of its errors less those of the best model and of the
+        simplest adequate one; None where an error is not finite
     """
 
     model: Model
@@ -45,7 +45,7 @@ class Candidate:
     checks: tuple[Check, ...] = ()
     standing: str = ""
     against_best: CorrelatedTest | None = None
-    against_recommended: CorrelatedTest | None = None
+    against_provisional: CorrelatedTest | None = None
 
     @property
     def name(self) -> str:
@@ -135,12 +135,12 @@ def _fold_errors(data: SummaryData, models: Sequence[Model], column: str) -> Arr
 
 def judged(candidates: Sequence[Candidate], choice: Choice) -> tuple[Candidate, ...]:
     """The candidates with how they stand, from the simplest to the most complex."""
-    reference = None if choice.recommended is None else candidates[choice.recommended]
+    reference = None if choice.adequate is None else candidates[choice.adequate]
     out = []
     for candidate, (standing, test) in zip(candidates, choice.standings, strict=True):
         other = None if reference is None else _test(candidate, reference, choice.region)
         out.append(
-            replace(candidate, standing=standing, against_best=test, against_recommended=other)
+            replace(candidate, standing=standing, against_best=test, against_provisional=other)
         )
     return tuple(sorted(out, key=lambda c: (c.complexity, c.error)))
 

@@ -13,6 +13,7 @@ from frictionid.report.difference_table import difference_table
 from frictionid.report.estimates import estimates
 from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.boxplots import one_step_boxes
+from frictionid.report.figures.complexity import error_over_complexity
 from frictionid.report.figures.correlation import correlation, correlation_caption
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.ensembles import spread_caption, spreads
@@ -37,7 +38,8 @@ from frictionid.report.shooting_tables import (
 )
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
 from frictionid.report.tables import Table
-from frictionid.report.verdict import Verdict
+from frictionid.report.verdict import Verdict, verdict_of
+from frictionid.report.verdict_table import verdict_numbers, verdict_table
 
 BAND = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
 
@@ -144,6 +146,8 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
     pictures += example_pictures(chosen_of(section, verdict), data, names, stem)
     if not data.held_out:
         return Exhibits(tuple(tables), tuple(pictures))
+    if verdict.candidates:
+        tables.append(standings_of(verdict, stem))
     tables += fitted_tables(section, stem)
     pictures = [*fitted_pictures(section, names, stem), *pictures]
     out = Exhibits(tuple(tables), tuple(pictures))
@@ -161,6 +165,13 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
 
 
 # --- Tables ---------------------------------------------------------------------------------------
+
+
+def standings_of(verdict: Verdict, stem: str) -> NamedTable:
+    """How the models stand: the table behind the verdict."""
+    numbers = verdict_numbers(verdict)
+    heading = "Error against complexity, and how the models stand"
+    return NamedTable(f"verdict--{stem}", verdict_table(verdict, numbers), numbers, heading)
 
 
 def fitted_tables(section: Section, stem: str) -> Iterator[NamedTable]:
@@ -268,6 +279,19 @@ def tradeoff_pictures(section: Section, names: Names, stem: str) -> Iterator[Pic
         yield Picture(f"tradeoff--{stem}", loss_against(section, names.styles), caption)
 
 
+def complexity_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
+    """Error of prediction over the complexity of the models."""
+    verdict = verdict_of(section)
+    drawn = error_over_complexity(verdict, names.styles)
+    if drawn is not None:
+        caption = (
+            f"Error after {verdict.horizon:g} s over the effective parameters, {section.dataset}: "
+            "mean of the folds, with the lowest and the highest. Star: recommended. Hollow: not "
+            "plausible. Band: what makes no practical difference."
+        )
+        yield Picture(f"complexity--{stem}", drawn, caption)
+
+
 def curve_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
     """Friction over velocity, all folds."""
     caption = f"Friction over velocity, fitted on {section.dataset}, all folds."
@@ -334,6 +358,7 @@ def band_pictures(
 FITTED: Mapping[str, Callable[[Section, Names, str], Iterator[Picture]]] = {
     "one_step": one_step_pictures,
     "rollouts": rollout_pictures,
+    "complexity": complexity_pictures,
     "tradeoff": tradeoff_pictures,
     "curves": curve_pictures,
     "members": member_pictures,

@@ -107,7 +107,8 @@ class _Worst(NamedTuple):
 
 
 def _percent(share: float) -> str:
-    return f"{MINUS if share < 0 else ''}{100 * abs(share):.3g} %"
+    size = round(100 * abs(share), 2)
+    return f"{MINUS if share < 0 and size else ''}{size:.3g} %"
 
 
 def _worst(values: Array, names: tuple[str, ...], largest: Callable[[Array], int]) -> _Worst:
@@ -196,8 +197,10 @@ def _hysteresis(model: Model, data: SummaryData, control: Control | None) -> Che
     )
     if control is None:
         return Check("hysteresis", NOT_EVALUATED, f"{words}; no control without memory")
-    test = control.test
-    if test.above >= CERTAIN:
+    test, lags = control.test, {loop.verdict for loop in open_loops} <= {"late", "early"}
+    if test.above >= CERTAIN and lags:
+        outcome, reason = NOTED, "a lag closes it, as a torque clock that is off would"
+    elif test.above >= CERTAIN:
         outcome, reason = PASSED, f"{control.name}, without memory, is practically worse"
     elif test.above <= 1 - CERTAIN:
         outcome, reason = FAILED, f"{control.name} predicts as well without memory"

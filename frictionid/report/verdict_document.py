@@ -43,7 +43,7 @@ def _dataset(verdict: Verdict) -> dict[str, Any]:
 def _candidate(candidate: Candidate) -> dict[str, Any]:
     model, fields = candidate.model, dict(vars(candidate))
     del fields["model"]
-    for name in ("against_best", "against_recommended"):
+    for name in ("against_best", "against_provisional"):
         fields[name] = fields[name] and fields[name]._asdict()
     known = {"name": model.name, "identifier": model.identifier, "recipe": model.recipe}
     return {**known, "role": model.role, **fields}

@@ -1,0 +1,125 @@
+"""The table behind a verdict: error against complexity, and how each model stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from frictionid.evaluation.complexity import Criteria, information_criteria
+from frictionid.report.candidates import Candidate
+from frictionid.report.numbers import NOTHING, decimals, factor, fixed, percent, seconds, signed
+from frictionid.report.sections import Model
+from frictionid.report.tables import Cell, Column, Table, line
+from frictionid.report.verdict import Verdict
+
+_SAME = 1e-3  # of the number of residuals
+
+
+def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
+    """A line for each candidate, from the simplest on: complexity, error, test, criteria, checks.
+
+    effect, low, high : error less that of the provisional model, share of the latter, with the 95 %
+        interval; worse, equivalent, better : probabilities, by the region of practical equivalence
+    aic, bic : of fits by shooting to the same residuals, NaN of others
+    """
+    reference = verdict.candidate(verdict.provisional)
+    criteria = shooting_criteria(verdict.candidates)
+    rows = []
+    for candidate in verdict.candidates:
+        test = candidate.against_provisional
+        scale = reference.error if reference is not None else float("nan")
+        tested = (test.mean, test.low, test.high) if test else 3 * (float("nan"),)
+        chances = (test.above, test.inside, test.below) if test else 3 * (float("nan"),)
+        own = criteria.get(candidate.model, Criteria(float("nan"), float("nan")))
+        rows.append(
+            {
+                "model": candidate.name,
+                "effective_parameters": candidate.complexity,
+                "error": candidate.error,
+                **dict(zip(("effect", "low", "high"), np.divide(tested, scale), strict=True)),
+                **dict(zip(("worse", "equivalent", "better"), chances, strict=True)),
+                "standing": candidate.standing,
+                "aic": own.aic,
+                "bic": own.bic,
+                "implausible": "; ".join(verdict.failed.get(candidate.model, ())),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, Criteria]:
+    """Information criteria of fits by shooting; none where they do not fit the same residuals.
+
+    They compare likelihoods of the same data. Fits that leave out different windows, that found
+    windows which they do not explain, or that fit torques, have none.
+    """
+    known = {}
+    for candidate in candidates:
+        refined = candidate.model.refined or {}
+        if refined.get("residuals") and not refined.get("unexplained"):
+            known[candidate.model] = refined["residuals"], candidate.complexity
+    counts = [np.asarray(residuals["counts"], dtype=float) for residuals, _ in known.values()]
+    if len(counts) < 2 or np.ptp(counts, axis=0).max() > _SAME * np.max(counts):
+        return {}
+    return {
+        model: information_criteria(residuals["squares"], residuals["counts"], parameters)
+        for model, (residuals, parameters) in known.items()
+    }
+
+
+def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
+    """The table of these numbers; columns that say nothing are left out."""
+    at = f"{seconds(verdict.horizon)} ahead"
+    versus = f"against {verdict.provisional or 'none'}"
+    errors, counts = (numbers[name] for name in ("error", "effective_parameters"))
+    parts: list[tuple[Column, list[str]]] = [
+        (Column("model", words=True), list(numbers["model"])),
+        (Column("effective parameters"), [fixed(v, int(abs(v - round(v)) > 0.05)) for v in counts]),
+        (Column(at, "error", verdict.unit), [fixed(v, decimals(errors)) for v in errors]),
+        (
+            Column("times as far off [95 %]", versus),
+            [_effect(row) for _, row in numbers.iterrows()],
+        ),
+        (Column("worse", "probability"), [_chance(v) for v in numbers["worse"]]),
+        (Column("equivalent", "probability"), [_chance(v) for v in numbers["equivalent"]]),
+        (Column("better", "probability"), [_chance(v) for v in numbers["better"]]),
+        (Column("standing", words=True), list(numbers["standing"])),
+    ]
+    if numbers["aic"].notna().any():
+        for name in ("aic", "bic"):
+            least = numbers[name].min()
+            cells = [NOTHING if np.isnan(v) else signed(v - least, 1) for v in numbers[name]]
+            parts.append((Column(name.upper(), "less the lowest"), cells))
+    if (numbers["implausible"] != "").any():
+        own = [text or NOTHING for text in numbers["implausible"]]
+        parts.append((Column("implausible", words=True), own))
+    columns, texts = zip(*parts, strict=True)
+    lines = [
+        line([Cell(text, row[0] == verdict.recommended) for text in row])
+        for row in zip(*texts, strict=True)
+    ]
+    return Table(_caption(verdict), f"verdict-{verdict.dataset}", columns, tuple(lines))
+
+
+def _caption(verdict: Verdict) -> str:
+    return (
+        f"{verdict.dataset}: error against complexity, mean over {verdict.folds} folds of "
+        f"{verdict.recordings} recordings of each fold's median error. Practically worse, "
+        "equivalent or better: by more or less than a tenth of the best model's error. Effective "
+        "parameters: trace of the hat matrix; of shooting those that the data determine; of "
+        "networks all weights."
+    )
+
+
+def _effect(row: pd.Series) -> str:
+    """The ratio of two errors with its interval."""
+    if not np.isfinite(row["effect"]):
+        return NOTHING
+    whole, low, high = (factor(max(1 + row[name], 0.0)) for name in ("effect", "low", "high"))
+    return f"{whole} [{low}, {high}]" if row["low"] < row["high"] else whole
+
+
+def _chance(probability: float) -> str:
+    return NOTHING if np.isnan(probability) else percent(probability)
