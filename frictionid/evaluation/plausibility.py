@@ -86,11 +86,12 @@ def tail_drop(velocity: Array, torque: Array) -> Array:
     The larger one of both directions, shape (..., n); negative where it rises.
     """
     speed = np.abs(velocity)
-    start = (speed >= _TAIL * speed.max(axis=0)).argmax(axis=0)
+    inner = (speed < _TAIL * speed.max(axis=0)).argmax(axis=0)  # where the tail of w < 0 ends
     joints, last = np.arange(velocity.shape[-1]), len(velocity) - 1
+    size = np.abs(torque)
     drops = [
-        np.abs(torque[..., a, joints]) - np.abs(torque[..., b, joints])
-        for a, b in ((start, 0 * start), (last - start, 0 * start + last))
+        size[..., inner, joints] - size[..., 0, :],
+        size[..., last - inner, joints] - size[..., last, :],
     ]
     return np.asarray(np.maximum(*drops) / _size(torque))
 

@@ -200,7 +200,7 @@ def _doubt(section: Section, kind: str, own: Candidate, simplest: Candidate) -> 
             "At least three recordings, so that each can be held out as a whole.",
         )
     share = data.value(own.model, rollout(data.reported[-1], "diverged"))
-    if share > 0:
+    if share >= 0.01:
         return (
             f"{percent(share)} of its predictions diverge within {seconds(data.reported[-1])}.",
             "Motion like that from which they start.",

@@ -46,7 +46,8 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
     for name in ("against_best", "against_provisional"):
         fields[name] = fields[name] and fields[name]._asdict()
     known = {"name": model.name, "identifier": model.identifier, "recipe": model.recipe}
-    return {**known, "role": model.role, **fields}
+    wrong = {"error": candidate.error, "implausible": candidate.implausible}
+    return {**known, "role": model.role, **wrong, **fields}
 
 
 # --- What scripts may require ---------------------------------------------------------------------
