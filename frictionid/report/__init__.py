@@ -7,6 +7,7 @@ numbers        numbers as text; estimates: those of shooting
 tables         one table as Markdown, LaTeX and for the terminal
 *_table(s)     the tables of a report
 figures        the pictures: one kind in each file, panels and style are shared
+verdict        which model the evidence supports: candidates, plausibility, questions, document
 console        where results are printed, and the same as text
 page, write    the page summary.md, and all files of a report; terminal: what is printed of it
 diagnostics, tuning    a verdict of `check`, and the outcome of `tune`

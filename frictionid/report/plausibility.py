@@ -253,5 +253,5 @@ def _tail(velocity: Array, curves: Array, data: SummaryData) -> Check:
     found = _worst(tail_drop(velocity, curves), data.description.joints, lambda v: int(v.argmax()))
     falls = found.value > FALLING
     outcome = NOTED if falls and not found.low <= 0 else PASSED
-    words = "falls" if falls else "does not fall"
+    words = "falls" if outcome == NOTED else "does not clearly fall" if falls else "does not fall"
     return Check("tail", outcome, f"{words} at the fastest speeds: {found.text}", *found[:3])

@@ -29,6 +29,7 @@ from frictionid.report.sections import Model, Section, SummaryData, rollout
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
 KINDS = (RECOMMENDED, SIMPLE, UNDECIDED, NOT_EVALUATED)
+MANY = 10  # times as many recordings: beyond that their number says little
 MODEL = "Which friction model do these data support?"
 
 
@@ -189,9 +190,12 @@ def _doubt(section: Section, kind: str, own: Candidate, simplest: Candidate) -> 
     if kind == UNDECIDED and simplest.against_best is not None:
         low, high = (percent_of(v / own.error) for v in simplest.against_best[2:4])
         most = recordings_needed(recordings, simplest.against_best, 0.1 * own.error)
+        words = f"about {most} recordings in place of {recordings}"
+        if most > MANY * recordings:
+            words = f"more than {MANY} times as many recordings, or longer ones"
         return (
             f"{simplest.name} is between {low} and {high} worse than the best model.",
-            f"More of the same motion: about {most} recordings in place of {recordings}.",
+            f"More of the same motion: {words}.",
         )
     if recordings < FEWEST:
         return (
