@@ -39,7 +39,7 @@ def test_a_rich_model_is_recommended_where_simple_ones_are_practically_worse(tmp
 
 
 def test_data_that_cannot_tell_say_so_and_how_much_to_record(tmp_path):
-    noise = [0.06, -0.05, 0.04, -0.03]
+    noise = [0.02, -0.02, 0.01, -0.01]
     found = verdict(tmp_path, [model("rich", 0.4, size=40), model("plain", 0.44, noise=noise)])
     assert (found.kind, found.recommended, found.provisional) == ("undecided", None, "rich")
     assert "cannot tell whether plain is enough or rich is needed" in found.sentence
