@@ -146,8 +146,7 @@ class Dataset:
     gears : Gears or None
         Gears between the motors that columns were of and the joints.
     torque_at : "motor", "link" or "command"
-        What the torques are: the motors', before friction; those of sensors at the links, behind
-        motors and gears, which show no friction; or what the motors were asked for.
+        What the torques are, see `from_frames`.
     """
 
     name: str
