@@ -256,8 +256,7 @@ class Dataset:
             Where the columns of `torque` hold currents, in units of "A" or "mA", or columns are of
             the motors: the keys of [motor] in a dataset.toml.
         torque_at : "motor", "link" or "command"
-            What the torques are: the motors', before friction; those of sensors at the links, which
-            show no friction of motors and gears; or commands.
+            Those of the motors, of sensors at the links (which show no friction), or asked for.
         hold : "previous" or "linear"
             What the torque does between two samples; see `Signal`.
         sigma : float, one for each joint, or mapping of "angle", "velocity", "torque" to these
