@@ -7,7 +7,7 @@ scores.csv        all scores, one per line
 timings.csv       seconds of each task (no part of reproducibility)
 models/*.json     friction fitted to all data by each task
 verdict.json      which model the evidence supports, and the answer to each question
-summary.md, tables/, figures/   for people, see frictionid.report
+index.html, summary.md, tables/, figures/   for people, see frictionid.report
 SHA256SUMS        of the files from scores.csv on: those that are unchanged are made anew
 """
 

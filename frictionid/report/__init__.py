@@ -1,7 +1,7 @@
 """The report of a comparison: tables, pictures and a page, all from its loaded results.
 
 sections       models, data sets and scores, sorted by what was fitted
-findings, families, memory, loops, shooting_results, reliability    facts: numbers and decisions
+verdict, questions, families, memory, loops, shooting_results, reliability    facts and decisions
 templates      their words; render: fills them
 numbers        numbers as text; estimates: those of shooting
 tables         one table as Markdown, LaTeX and for the terminal
@@ -9,7 +9,8 @@ tables         one table as Markdown, LaTeX and for the terminal
 figures        the pictures: one kind in each file, panels and style are shared
 verdict        which model the evidence supports: candidates, plausibility, questions, document
 console        where results are printed, and the same as text
-page, write    the page summary.md, and all files of a report; terminal: what is printed of it
+exhibits       which tables and figures there are; recommended: the model of the verdict
+html           the page index.html; summary: summary.md; write: all files; terminal: what is printed
 diagnostics, tuning    a verdict of `check`, and the outcome of `tune`
 """
 

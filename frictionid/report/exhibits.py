@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from frictionid.files import file_names
-from frictionid.report import findings
 from frictionid.report.difference_table import difference_table
 from frictionid.report.estimates import estimates
 from frictionid.report.figures.bands import curve_bands
@@ -28,7 +27,7 @@ from frictionid.report.figures.tradeoff import loss_against
 from frictionid.report.loops import loop_table
 from frictionid.report.parameter_table import parameter_numbers, parameter_table
 from frictionid.report.recommended import chosen_of
-from frictionid.report.sections import Model, Section, SummaryData
+from frictionid.report.sections import Model, Section, SummaryData, rollout
 from frictionid.report.shooting_results import ShootingResults, shooting_results
 from frictionid.report.shooting_tables import (
     interval_numbers,
@@ -125,7 +124,7 @@ def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[Shooting
     """The fits by shooting, the one that predicts best first."""
     fits = [model for model in section.models if model in stems and model.refined is not None]
     data = section.fitted
-    first = data.best(fits, findings.last_rollout(data)) if data.reported else None
+    first = data.best(fits, rollout(data.reported[-1])) if data.reported else None
     fits.sort(key=lambda model: model is not first)
     out = []
     for model in fits:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from frictionid.comparison.results import Results
 from frictionid.evaluation import Split
 from frictionid.report.reliability import fold_settings
-from frictionid.report.sections import Model, Section
+from frictionid.report.sections import DataDescription, Model, Section
 
 SETTINGS = ("horizons", "every", "history", "sample_time", "seeds", "folds")
 ORIGIN = ("description", "origin", "licence", "citation")
@@ -80,6 +80,12 @@ def _made(model: Model) -> str:
         said = "; ".join(filter(None, (source.get("source"), source.get("note"))))
         return f"fixed numbers{own}: {said or 'source not given'}"
     return model.settings["identifier"]
+
+
+def size_of(data: DataDescription) -> str:
+    """How much was recorded, in words."""
+    many = "s" if data.recordings != 1 else ""
+    return f"{data.recordings} recording{many}, {data.samples} samples, {data.seconds:.0f} s"
 
 
 def folds_of(results: Results, section: Section) -> str:

@@ -15,7 +15,6 @@ from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.friction import Law
 from frictionid.friction.model_files import read_model
 from frictionid.report.estimates import Estimate, digits, estimates, interval, mark_of, rounded
-from frictionid.report.findings import best_predictor
 from frictionid.report.numbers import MINUS, either, short
 from frictionid.report.sections import Model, Section, SummaryData, rollout
 from frictionid.report.verdict import Verdict
@@ -51,7 +50,11 @@ class Horizon(NamedTuple):
 def chosen_of(section: Section, verdict: Verdict) -> Model | None:
     """The model that the verdict names; without one the fitted model that predicts best."""
     candidate = verdict.candidate(verdict.provisional)
-    return candidate.model if candidate else best_predictor(section.fitted)
+    if candidate is not None:
+        return candidate.model
+    data = section.fitted
+    last = rollout(data.reported[-1]) if data.reported else ""
+    return data.best(data.of_role("fitted"), last)
 
 
 def equation_of(model: Model) -> str:

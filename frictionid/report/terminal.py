@@ -52,7 +52,7 @@ def show_summary(results: Results) -> None:
 def verdict(section: Section) -> str:
     """Which model the evidence supports, the main doubt, and what to record next."""
     found = {"verdict": verdict_of(section)}
-    return render("verdict_terminal.j2", found, markup=False).strip()
+    return render("verdict.md.j2", found, markup=False).strip()
 
 
 def results_json(results: Results) -> str:

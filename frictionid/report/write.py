@@ -8,8 +8,8 @@ from frictionid.outputs import replace_files
 from frictionid.report.exhibits import NamedTable, exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.html.index import index_html
-from frictionid.report.page import page
 from frictionid.report.sections import sections_of
+from frictionid.report.summary import summary_markdown
 from frictionid.report.tables import latex, markdown
 from frictionid.report.verdict import verdict_of
 from frictionid.report.verdict_document import verdict_json
@@ -51,7 +51,8 @@ def _contents(results: Results) -> dict[str, bytes]:
     contents["verdict.json"] = verdict_json(verdicts).encode()
     whole = index_html(results, sections, verdicts, exhibits, names, drawn)
     contents["index.html"] = whole.encode()
-    contents["summary.md"] = page(results, sections, exhibits, names.fits).encode()
+    short = summary_markdown(results, sections, verdicts, exhibits)
+    contents["summary.md"] = short.encode()
     return contents
 
 

@@ -83,9 +83,8 @@ def test_without_a_truth_the_members_are_drawn(tmp_path):
 def test_the_page_shows_the_picture_and_says_what_members_are(tmp_path):
     gathered(tmp_path, ensemble())
     made.built(tmp_path)
-    page = (tmp_path / "summary.md").read_text()
-    assert "(figures/members--made.png)" in page
-    assert "The 5 members of wide differ by their initial weights" in page
+    assert 'href="figures/members--made.svg"' in (tmp_path / "index.html").read_text()
+    assert "The 5 members of wide differ by their initial weights" in made.words(tmp_path)
     assert (tmp_path / "figures" / "members--made.pdf").stat().st_size > 1000
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from fixtures import result_folders as made
 
-from frictionid.report.families import families, family, family_table
+from frictionid.report.families import family, family_table
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.style import styles
 from frictionid.report.reliability import loose
+from frictionid.report.verdict import verdict_of
 
 NOISE = np.array([-0.002, 0.001, 0.002, -0.001])
 
@@ -39,28 +40,20 @@ def compared(folder, hybrid, *, noise=NOISE):
     return made.section(made.write(folder, tasks, about))
 
 
-@pytest.mark.parametrize(
-    ("hybrid", "beats"), [(0.01, (True, True)), (0.1, (False, True)), (0.9, (False, False))]
-)
+def answers(section):
+    """Answers of the verdict, by the questions' names."""
+    return {question.name: question.answer for question in verdict_of(section).questions}
+
+
+@pytest.mark.parametrize(("hybrid", "beats"), [(0.01, "yes"), (0.1, "no"), (0.9, "no")])
 def test_the_answer_follows_the_numbers(tmp_path, hybrid, beats):
-    section = compared(tmp_path, hybrid)
-    assert len(section.data) == 2
-    for data in section.data:
-        found = families(data)
-        over = (found.versus_physics, found.versus_box)
-        assert [c.model.label for c in over] == ["learned"] * 2
-        assert [c.other.label for c in over] == ["textbook", "blind"]
-        assert tuple(c.value < c.other_value for c in over) == beats
+    found = answers(compared(tmp_path, hybrid))
+    assert (found["hybrids"], found["physics"]) == (beats, "yes")
 
 
 def test_what_the_folds_cannot_tell_is_said(tmp_path):
-    alike = families(compared(tmp_path / "alike", 0.0399).fitted)
-    assert alike.versus_physics.pair.clear  # all folds have the same noise
-    apart = compared(tmp_path / "apart", 0.0399, noise=-NOISE)
-    assert families(apart.fitted).versus_physics.pair.clear is False
-    assert families(apart.fitted).versus_box.pair.clear
-    lost = families(compared(tmp_path / "nothing", float("nan")).fitted)
-    assert lost.versus_physics is None
+    apart = answers(compared(tmp_path / "apart", 0.0399, noise=-5 * NOISE))
+    assert (apart["hybrids"], apart["physics"]) == ("undecided", "yes")
 
 
 def test_each_model_has_its_family(tmp_path):
@@ -84,18 +77,16 @@ def test_the_table_has_every_model_and_the_best_of_each_column(tmp_path):
 def test_without_a_black_box_nothing_is_asked(tmp_path):
     made.write(tmp_path, [model("textbook", "stribeck", 0.1), model("learned", "mlp", 0.1)])
     section = made.section(tmp_path)
-    assert family_table(section) is None and families(section.fitted).versus_physics is None
+    assert family_table(section) is None and answers(section)["physics"] == "not_evaluated"
 
 
 def test_the_page_asks_and_answers(tmp_path, monkeypatch):
     made.undraw(monkeypatch)
-    compared(tmp_path, 0.0399, noise=-NOISE)
-    page = (made.built(tmp_path) / "summary.md").read_text()
-    assert "### Physics, hybrids and black boxes" in page
-    answer = "Best hybrid after 0.5 s, held out: `learned`, 0.020 rad. Against the best textbook"
-    assert f"{answer} physics, `textbook`, 0.020 rad: not clearly better (" in page
-    assert "black box, `blind`, 0.10 rad: clearly better (" in page
-    assert "on `far`: `learned`, 0.060 rad. Against the best textbook physics" in page
+    section = compared(tmp_path, 0.0399, noise=-NOISE)
+    page = made.words(made.built(tmp_path))
+    assert "Physics, hybrids and black boxes" in page
+    for question in verdict_of(section).questions:
+        assert f"{question.question} {question.answer.replace('_', ' ')} {question.reason}" in page
 
 
 def test_a_black_box_has_neither_a_curve_nor_loose_parameters(tmp_path):

@@ -166,7 +166,7 @@ def test_what_a_suite_asks_for_is_shown_and_told(compared):
     assert {"loops--tiny--integral.png", "speeds--tiny.png"} <= names
     table = loop_table(section)
     assert {line.cells[0].text for line in table.lines} == {"film_lag"}
-    assert table.caption in (folder / "summary.md").read_text()
+    assert table.caption in made.words(folder)
     assert (folder / "tables" / "speeds--tiny.md").exists()
 
 
@@ -186,7 +186,7 @@ def test_without_memory_and_unasked_nothing_is_shown(tmp_path, monkeypatch):
     made.undraw(monkeypatch)
     section = made.section(made.built(tmp_path / "out"))
     assert not loop_pictures(section, {}) and loop_table(section) is None
-    assert "Loops" not in (tmp_path / "out" / "summary.md").read_text()
+    assert "Loops of friction" not in made.words(tmp_path / "out")
 
 
 def loops_document(lag, folds=made.FOLDS, scatter=0.0, joints=2):

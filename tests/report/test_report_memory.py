@@ -69,7 +69,7 @@ def test_corrections_that_are_known_together_alone_are_not_divided(tmp_path):
 
 def test_the_page_names_what_is_left(tmp_path, monkeypatch):
     made.undraw(monkeypatch)
-    said = made.findings(made.built(written(tmp_path)))
+    said = made.words(made.built(written(tmp_path)))
     assert "Advantage of memory, nothing corrected: 0.070 ± 0.001 rad/s" in said
     assert "delay of the torque 0.035 rad/s" in said
     assert "inertia that the nominal mechanism lacks 0.015 rad/s" in said

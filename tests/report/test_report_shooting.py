@@ -106,9 +106,8 @@ def folder_of(tmp_path, refined, **changes):
 
 
 def page(tmp_path, refined, **changes):
-    """The page about such a fit, without the marks of code."""
-    folder = made.built(folder_of(tmp_path, refined, **changes))
-    return (folder / "summary.md").read_text().replace("`", "")
+    """What the page says of such a fit."""
+    return made.words(made.built(folder_of(tmp_path, refined, **changes)))
 
 
 # --- Numbers -----------------------------------------------------------------------------------
@@ -165,8 +164,8 @@ def test_numbers_of_given_models_of_a_mechanism_that_is_code_stand_beside(comput
 
 
 def test_the_page_says_what_the_machine_is(computed):
-    text = (computed / "summary.md").read_text()
-    late_by = re.search(r"Torque delay: ([\d.]+) ms \(([\d.]+) to ([\d.]+)\); .* later", text)
+    text = made.words(computed)
+    late_by = re.search(r"Torque delay: ([\d.]+) ms \(([\d.]+) to ([\d.]+)\); the .* later", text)
     value, low, high = map(float, late_by.groups())
     assert low <= value <= high and abs(value - 1e3 * DELAY) < 2
     heavier = re.search(r"gravity by \+([\d.]+) %", text)
@@ -177,7 +176,7 @@ def test_the_count_of_covered_truths_is_that_of_the_numbers(computed, numbers):
     known = numbers[numbers["identified"] & numbers["true"].notna()]
     inside = (known["low_95"] <= known["true"]) & (known["true"] <= known["high_95"])
     words = f"hold {inside.sum()} of the {len(known)} that are known"
-    assert words in (computed / "summary.md").read_text()
+    assert words in made.words(computed)
 
 
 def test_all_that_was_fitted_is_counted(computed, numbers):
@@ -204,7 +203,7 @@ def test_the_terminal_says_the_same(document, computed, capsys):
     show_refined(document)
     printed = capsys.readouterr().out
     (sentence,) = re.findall(r"Torque delay: .* later than logged\.", printed)
-    assert sentence in (computed / "summary.md").read_text()
+    assert sentence in made.words(computed)
     for entry in document["parameters"]:
         assert entry["name"] in printed
 
@@ -224,7 +223,7 @@ def test_windows_are_told_by_recording_and_time(tmp_path):
         own = table[(table["recording"] == place["recording"])]
         own = own[np.isclose(own["begin_s"], place["begin"])]
         assert own["residual"].item() == pytest.approx(place["size"])
-        row = f"| {place['recording']} | {place['begin']:.2f} | {place['end']:.2f} |"
+        row = f"{place['recording']} {place['begin']:.2f} {place['end']:.2f}"
         assert row in text
 
 
@@ -238,10 +237,10 @@ def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path)
         for name, error in (("poor", 0.9), ("good", 0.1))
     ]
     made.built(made.write(tmp_path, tasks))
-    text = (tmp_path / "summary.md").read_text()
-    assert "By `good`, which predicts best of 2 fits with intervals" in text
-    assert re.search(r"`poor`: converged after \d+ iterations, 1 of 1 parameters identified", text)
-    places = re.findall(r"\]\(([^)]+)\)", text)
+    text = made.words(tmp_path)
+    assert "What good identifies" in text and "What poor identifies" not in text
+    assert re.search(r"poor: converged after \d+ iterations, 1 of 1 parameters identified", text)
+    places = re.findall(r'href="([^"#:]+)"', (tmp_path / "index.html").read_text())
     assert "tables/shooting--made--poor.md" in places
     assert [place for place in places if not (tmp_path / place).exists()] == []
 
@@ -271,7 +270,7 @@ def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
     made.built(tmp_path / "old")
     some = refined not in (None, "nothing")
     assert (tmp_path / "old" / "figures" / "correlation--pendulum--stribeck.png").exists() == some
-    assert ("Parameters with intervals" in (tmp_path / "old" / "summary.md").read_text()) == some
+    assert ("Parameters with intervals" in made.words(tmp_path / "old")) == some
 
 
 def renamed(value, names):
@@ -292,8 +291,8 @@ def test_keys_of_earlier_versions_are_read(computed, tmp_path):
         del task["sha256"]
         path.write_text(json.dumps(renamed(task, names)))
         made.built(tmp_path / name)
-    pages = [(tmp_path / name / "summary.md").read_text() for name in ("old", "new")]
-    assert pages[0] == pages[1] and "- The fit is made up." in pages[0]
+    pages = [made.words(tmp_path / name) for name in ("old", "new")]
+    assert pages[0] == pages[1] and "The fit is made up." in pages[0]
     name = "tables/shooting--pendulum--stribeck.csv"
     assert (tmp_path / "old" / name).read_bytes() == (tmp_path / "new" / name).read_bytes()
     section = made.section(tmp_path / "old")

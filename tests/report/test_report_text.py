@@ -16,10 +16,11 @@ from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
 from frictionid.report.difference_table import difference_table
 from frictionid.report.figures.style import styles
-from frictionid.report.findings import predictions, truth_contrast
+from frictionid.report.recommended import horizons_of
 from frictionid.report.reliability import astray, loose
 from frictionid.report.sections import rollout
 from frictionid.report.tables import escape_latex, latex, markdown
+from frictionid.report.verdict import verdict_of
 
 LAST = rollout(1.0)
 
@@ -49,28 +50,22 @@ def grid(text):
 
 
 def test_the_page_says_what_the_numbers_support(typical):
-    said = made.findings(typical)
-    best = "stribeck (integral), median angle error"
-    assert f"Best prediction after 0.5 s, held out: {best} 0.050 rad; without friction 9.0" in said
-    assert f"Best prediction after 1 s, held out: {best} 0.10 rad; without friction 9.0" in said
-    assert "best given model paper, 0.30 rad" in said
-    assert f"Best prediction after 1 s, on other, never seen: {best} 0.10 rad" in said
+    said = made.words(typical)
     assert "Use stribeck (integral), 0.050 rad off after 0.5 s" in said
-    assert "stribeck (study), 0.300 rad/s; it predicts clearly worse than stribeck" in said
-    assert "1 of 2 fitted models in euler (0.350 rad/s)" in said
-    assert "A lower one-step loss is no evidence of truer friction" in said
-    assert "Recipe integral against study: curve errors 4.0 times smaller" in said
+    assert "1 s ahead: 0.10 rad off in the median, 9 of 10 predictions within 0.20 rad" in said
+    assert "none is 0.45 rad off, stribeck (integral) 0.050 rad: 9.0 times as far" in said
+    assert "paper is 0.15 rad off, stribeck (integral) 0.050 rad: 3.0 times as far" in said
+    assert "Of the lowest one-step loss is stribeck (study)." in said
+    assert "stribeck (integral) is 5.0 % off the true curve at most" in said
 
 
-def test_facts_are_those_of_the_numbers(typical):
-    data = made.section(typical).fitted
-    for found in predictions(data):
-        assert found.best.name == "stribeck (integral)"
-        assert found.error == pytest.approx(0.1 * found.horizon)
-        assert found.without.ratio == pytest.approx(9) and found.rival.ratio == pytest.approx(3)
-    truth = truth_contrast(data)
-    assert truth.value == pytest.approx(0.08) and truth.other_value == pytest.approx(0.1)
-    assert truth.pair.mean == pytest.approx(-0.02)
+def test_horizons_are_those_of_the_numbers(typical):
+    section = made.section(typical)
+    model = next(m for m in section.models if m.name == "stribeck (integral)")
+    found = horizons_of(section.fitted, model)
+    assert [h.seconds for h in found] == list(made.HORIZONS)
+    for h in found:
+        assert (h.median, h.q90) == pytest.approx((0.1 * h.seconds, 0.2 * h.seconds))
 
 
 NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hides
@@ -106,9 +101,9 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
         made.task("none", {"made": made.rows(0.3, 0.1)}, role="none"),
         made.task("bad", {"made": made.rows(0.4, 0.2)}),
     ]
-    assert "without friction 0.50 times as large" in made.findings(
-        made.built(made.write(tmp_path, tasks))
-    )
+    verdict = verdict_of(made.section(made.write(tmp_path, tasks)))
+    assert verdict.recommended == "none"
+    assert next(q.answer for q in verdict.questions if q.name == "friction") == "no"
 
 
 @pytest.mark.parametrize(
@@ -119,7 +114,7 @@ def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, f
     about = {**made.about(), "angle_unit": unit}
     folder = made.built(made.write(tmp_path, tasks, {"made": about}))
     said = f"on made after 1 s (further off than {far}, which medians hide): up to 100 %"
-    assert said in made.findings(folder)
+    assert said in made.words(folder)
     assert f"share further off than {far})" in (folder / "summary.md").read_text()
 
 
@@ -132,7 +127,7 @@ def test_curves_and_parameters_that_wander_are_told(tmp_path):
     models = made.section(folder).models
     assert [model.label for model in models if astray(model)] == ["stray"]
     assert [model.label for model in models if loose(model)] == ["vague"]
-    said = made.findings(folder)
+    said = made.words(folder)
     assert "on made, perhaps another minimum: stray." in said
     assert "on made (not determined one by one, even where the curve is): vague" in said
 
@@ -141,7 +136,7 @@ def test_shuffled_folds_are_told(tmp_path):
     settings = {"every": 0.25, "folds": {"count": 4, "kind": "shuffled"}}
     task = made.task("a", {"made": made.rows(0.3, 0.2)})
     folder = made.built(made.write(tmp_path, [task], settings=settings))
-    assert "Shuffled folds on made: held-out samples have neighbours" in made.findings(folder)
+    assert "Shuffled folds on made: held-out samples have neighbours" in made.words(folder)
 
 
 # --- Terminal and styles ------------------------------------------------------------------------
@@ -215,5 +210,5 @@ def test_notes_of_a_model_are_code_and_no_html(tmp_path):
     task = made.task("sindy", {"made": made.rows(0.3, 0.2)}, motions=False)
     task["model"]["provenance"] = {"equation": ["<img src=x onerror=alert(1)> `code` | x"]}
     folder = made.built(made.write(tmp_path, [task]))
-    html = MarkdownIt().render((folder / "summary.md").read_text())
-    assert "<img" not in html.replace('<img src="figures', "") and "onerror" in html
+    html = (folder / "index.html").read_text()
+    assert "<img src=x" not in html and "<code>&lt;img src=x onerror=alert(1)&gt;" in html

@@ -22,12 +22,13 @@ def test_the_last_words_are_the_verdict_and_the_path(tmp_path, capsys):
     assert lines[-5].startswith("- Use stribeck (integral), 0.050 rad off after 0.5 s")
 
 
-def test_the_verdict_is_that_of_the_page(tmp_path):
-    folder = made.typical(tmp_path / "made")
+def test_the_verdict_is_that_of_the_page_and_of_the_summary(tmp_path):
+    folder = made.built(made.typical(tmp_path / "made"))
     section = made.section(folder)
     assert verdict(section)
     for line in verdict(section).splitlines():
-        assert line in made.findings(made.built(folder))
+        assert line in (folder / "summary.md").read_text()
+        assert line.removeprefix("- ").partition(": ")[2] in made.words(folder)
 
 
 def test_scripts_get_the_summary_as_json(tmp_path, monkeypatch, capsys):

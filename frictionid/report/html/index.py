@@ -15,14 +15,22 @@ from urllib.parse import quote
 
 from frictionid.comparison.results import Results
 from frictionid.files import plain
-from frictionid.report.exhibits import Exhibits, NamedTable, Names, Picture, shooting_fits
+from frictionid.report.exhibits import (
+    Exhibits,
+    NamedTable,
+    Names,
+    Picture,
+    ShootingFit,
+    shooting_fits,
+)
 from frictionid.report.families import family_table
 from frictionid.report.figures.examples import examples_of
 from frictionid.report.figures.style import Style
 from frictionid.report.html.charts import Chart, plotly_script
 from frictionid.report.html.friction_chart import friction_charts
 from frictionid.report.html.motion_chart import animation, motion_chart
-from frictionid.report.provenance import folds_of, provenance_of
+from frictionid.report.memory import memory_analysis
+from frictionid.report.provenance import folds_of, provenance_of, size_of
 from frictionid.report.recommended import (
     Horizon,
     Row,
@@ -75,10 +83,12 @@ class Part(NamedTuple):
     rows: list[Row]
     horizons: list[Horizon]
     fit: list[str]
+    others: list[ShootingFit]
     charts: list[Chart]
     scored: list[Scored]
     families: Table | None
     notes: list[tuple[str, list[str]]]
+    memory: list[str]
 
 
 def index_html(
@@ -104,6 +114,7 @@ def index_html(
         "plotly": base64.b64encode(plotly_script()).decode(),
         "number": count(1).__next__,
         "document": document_of,
+        "size": size_of,
         "colours": {label: style.colour for label, style in names.styles.items()},
         "images": _images(exhibits, drawn),
     }
@@ -156,6 +167,7 @@ def part_of(
         rows=parameter_rows(chosen, data) if chosen else [],
         horizons=horizons_of(data, chosen) if chosen else [],
         fit=_fit_lines(section, names),
+        others=shooting_fits(section, names.fits)[1:],
         charts=friction_charts(section, names.styles, chosen),
         scored=[
             _scored(own, verdict, chosen, exhibits[section.dataset, own.dataset], names)
@@ -163,6 +175,7 @@ def part_of(
         ],
         families=family_table(section),
         notes=_notes(section),
+        memory=_memory_lines(data),
     )
 
 
@@ -210,6 +223,15 @@ def _fit_lines(section: Section, names: Names) -> list[str]:
         texts = [render(f"shooting_{p}.j2", found, markup=False) for p in ("head", "terminal")]
         return [f"What {fit.model.name} identifies", *lines_of("\n".join(texts))]
     return []
+
+
+def _memory_lines(data: SummaryData) -> list[str]:
+    """What the advantage of memory consists of, where models with and without it are compared."""
+    found = memory_analysis(data)
+    if found is None:
+        return []
+    context = {"m": found, "unit": data.description.angle_unit}
+    return lines_of(render("memory.j2", context, markup=False))
 
 
 def _notes(section: Section) -> list[tuple[str, list[str]]]:
