@@ -66,7 +66,7 @@ def test_the_page_is_one_file_below_6_mb_and_asks_for_nothing_else(folder, page)
     assert "url(" not in style and "@import" not in style
 
 
-def test_the_verdict_comes_first_with_parameters_intervals_horizon_and_doubt(folder, page):
+def test_the_verdict_comes_first_with_parameters_intervals_horizon_and_doubt(folder):
     (section,) = sections_of(load_results(folder))
     verdict = verdict_of(section)
     first = made.words(folder).partition("Data, and what they identify")[0]
