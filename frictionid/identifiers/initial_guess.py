@@ -66,32 +66,54 @@ def _values(fit: Linearised) -> Array:
 
 
 def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
-    """Gram matrix (F, M, M) of each fold, see `_Candidates`."""
+    """Gram matrix (F, M, M) of each fold, see `_Candidates`.
+
+    The columns of joint j are G_kj b_kj with b = [dTf_j/dtheta, -Tf_j] of all values, so that the
+    rows matter by
+
+        sum_k w_k (G_kj' G_ki) b_kj b_ki'    and    sum_k w_k (G_kj' r_k) b_kj
+    """
     S, n, P = values.shape
-    M = S * n * (P + 1) + 1
-    grams, slides = np.zeros((len(weights), M, M)), np.zeros(fit.problem.r.shape, dtype=bool)
-    for rows, own in fit.stretches():
-        columns, slides[rows] = _columns(own, values)
-        used = np.flatnonzero(columns.any(axis=0))
-        A = columns[:, used]
-        for gram, weight in zip(grams, np.repeat(weights[:, rows], n, axis=1), strict=True):
-            gram[np.ix_(used, used)] += (A.T * weight) @ A
+    B, F = S * (P + 1), len(weights)
+    blocks, right = np.zeros((F, n, B, n, B)), np.zeros((F, n, B))
+    size, slides = np.zeros(F), np.zeros(fit.problem.r.shape, dtype=bool)
+    for rows, own in fit.stretches(S):
+        b, G, r = _torques(own, values), own.problem.G, own.problem.r
+        own.check_finite(b, G, r)
+        slides[rows] = (G != 0).any(axis=1) & b.reshape(n, -1, S, P + 1)[..., :P].any((2, 3)).T
+        pairs = np.einsum("kij,kil->jlk", G, G)
+        onto = np.einsum("kij,ki->jk", G, r)
+        for f, weight in enumerate(weights[:, rows]):
+            size[f] += weight @ (r**2).sum(axis=1)
+            for j in range(n):
+                right[f, j] += (weight * onto[j]) @ b[j]
+                for i in range(j + 1):
+                    blocks[f, j, :, i] += (b[j].T * (weight * pairs[j, i])) @ b[i]
     check_rows(fit, weights, slides)
-    return grams
+    return _in_order(blocks, right, size, S)
 
 
-def _columns(fit: Linearised, values: Array) -> tuple[Array, Array]:
-    """Columns (K n, M) of the rows, and whether each joint slides in them, (K, n)."""
+def _torques(fit: Linearised, values: Array) -> Array:
+    """Columns b (n, K, S (P + 1)) of the mean torques in the rows by values (S, n, P)."""
     S, n, P = values.shape
-    K = len(fit.problem.r)
-    J = fit.jacobian(values.reshape(S, n * P))  # (S, K, n, n, P)
-    fit.check_finite(J, fit.problem.r)
-    slides = np.abs(J).max(axis=(0, 2, 4), initial=0.0) > 0
+    slopes = fit.slopes(values.reshape(S, n * P))
     torque = fit.problem.mean(along(fit.friction(values), fit.problem.nodes))
-    offset = -fit.problem.G * torque[:, :, None, :]  # (S, K, n, n)
-    columns = np.concatenate([J, offset[..., None]], axis=-1)
-    columns = np.moveaxis(columns, 0, 2).reshape(K * n, S * n * (P + 1))
-    return np.column_stack([columns, fit.problem.r.ravel()]), slides
+    both = np.concatenate([slopes, -torque[..., None]], axis=-1)  # (S, K, n, P + 1)
+    return np.moveaxis(both, 0, 2).transpose(1, 0, 2, 3).reshape(n, -1, S * (P + 1))
+
+
+def _in_order(blocks: Array, right: Array, size: Array, S: int) -> Array:
+    """Gram matrices (F, M, M) of blocks (F, n, B, n, B) of joints i <= j, with r as the last."""
+    F, n, B = right.shape
+    for j in range(n):
+        for i in range(j):
+            blocks[:, i, :, j] = np.swapaxes(blocks[:, j, :, i], 1, 2)
+    inner = blocks.reshape(F, n, S, -1, n, S, B // S).transpose(0, 2, 1, 3, 5, 4, 6)
+    grams = np.zeros((F, n * B + 1, n * B + 1))
+    grams[:, :-1, :-1] = inner.reshape(F, n * B, n * B)
+    ends = right.reshape(F, n, S, -1).transpose(0, 2, 1, 3).reshape(F, n * B)
+    grams[:, -1, :-1], grams[:, :-1, -1], grams[:, -1, -1] = ends, ends, size
+    return grams
 
 
 def _best_of_fold(candidates: _Candidates) -> tuple[Array, Array]:

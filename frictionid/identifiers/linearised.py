@@ -15,7 +15,7 @@ from frictionid.identifiers.residual import Problem, speed_range
 
 _DIFFERENCE = 1e-6
 _TORQUES = 1e7  # computed at a time
-_ROWS = 20_000  # at a time
+_ROWS, _MANY = 20_000, 4  # at a time, of so many parameters at most
 
 
 Ranges = Mapping[str, tuple[float, float]]  # by parameter name
@@ -76,17 +76,19 @@ class Linearised(NamedTuple):
         known = own is not None and own.low.shape == theta.shape
         return Friction(self.law, theta, constraints=own if known else None)
 
-    def stretches(self) -> Iterator[tuple[slice, Linearised]]:
+    def stretches(self, thetas: int = 1) -> Iterator[tuple[slice, Linearised]]:
         """Rows, some at a time, and the law on them: long recordings need no more memory.
 
         All rows at once for a law with memory, which acts along whole recordings.
+
+        thetas : number of parameters that are looked at together: the more, the fewer rows
         """
-        K = len(self.problem.r)
-        if self.law.has_memory or K <= _ROWS:
+        K, most = len(self.problem.r), max(_ROWS // max(thetas // _MANY, 1), 1)
+        if self.law.has_memory or K <= most:
             yield slice(0, K), self
             return
-        for first in range(0, K, _ROWS):
-            rows = slice(first, min(first + _ROWS, K))
+        for first in range(0, K, most):
+            rows = slice(first, min(first + most, K))
             yield rows, self._replace(problem=_some(self.problem, rows))
 
     def residual(self, theta: Array) -> Array:
@@ -98,10 +100,14 @@ class Linearised(NamedTuple):
 
         The axes after the rows are those of the residual's joint, and of friction's joint j.
         """
+        return self.problem.G[..., None] * self.slopes(theta)[:, :, None]
+
+    def slopes(self, theta: Array) -> Array:
+        """Derivatives of the mean torques in the rows, dTf_j/dtheta_j, shape (F, K, n, P)."""
         at_nodes = torque_gradient(self.friction(theta), self.problem)
         F, S, n, P = at_nodes.shape
         mean = self.problem.mean(at_nodes.reshape(F, S, n * P))
-        return self.problem.G[..., None] * mean.reshape(F, len(self.problem.r), 1, n, P)
+        return mean.reshape(F, len(self.problem.r), n, P)
 
     def normal_equations(
         self, theta: Array, residual: Array, weights: Array

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frictionid.friction import Inputs, Nodes
+from frictionid.friction import Inputs, Nodes, along
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 from frictionid.identifiers import LeastSquares, linearised
+from frictionid.identifiers.initial_guess import _grams
 from frictionid.identifiers.linearised import Given, Linearised
 from frictionid.identifiers.synthetic_problem import synthetic_problem
 
@@ -67,3 +68,19 @@ def test_more_rows_need_little_more_memory(monkeypatch):
         tracemalloc.stop()
         rows.append(len(problem.r))
     assert (peaks[1] - peaks[0]) / (rows[1] - rows[0]) < 600  # bytes per row; once 3,800
+
+
+def test_grams_by_pairs_of_joints_are_those_of_the_whole_columns(monkeypatch):
+    problem, law = synthetic_problem(2), Stribeck()
+    weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
+    fit = Linearised.of(law, problem, weights, Given({}, {}))
+    values = np.repeat(np.array(law.initial)[:5, None], 2, axis=1)
+    J = fit.jacobian(values.reshape(5, -1))
+    torque = problem.mean(along(fit.friction(values), problem.nodes))
+    columns = np.concatenate([J, -(problem.G * torque[:, :, None])[..., None]], axis=-1)
+    A = np.moveaxis(columns, 0, 2).reshape(problem.r.size, -1)
+    A = np.column_stack([A, problem.r.ravel()])
+    monkeypatch.setattr(linearised, "_ROWS", 37)
+    for gram, weight in zip(_grams(fit, values, weights), weights, strict=True):
+        whole = (A.T * np.repeat(weight, 2)) @ A
+        np.testing.assert_allclose(gram, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
