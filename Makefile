@@ -5,11 +5,12 @@ BIN := .venv/bin
 CORE := .venv/frictionid.core
 TEST := .venv/frictionid.test
 DEV := .venv/frictionid.dev
+DOCS := .venv/frictionid.docs
 
 # Each worker computes on one thread: two workers with two threads each are slower on two cores.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
 
-.PHONY: help compare compare-all test damage check format bench clean ALWAYS
+.PHONY: help compare compare-all test damage check format bench docs clean ALWAYS
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -41,8 +42,12 @@ format: $(DEV) ## format the code and repair what lint can repair
 bench: $(CORE) ## accuracy and time of the parts
 	@$(BIN)/python comparisons/bench.py $(ARGS)
 
+docs: $(DOCS) ## the documentation as a site in site/, with the reports that are in report/
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --clean $(ARGS)
+	@echo "written to $(CURDIR)/site/index.html"
+
 clean: ## remove .venv and caches; results in report/ stay
-	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv build dist site .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # The environment. It is made again from nothing when an installation was interrupted (.venv/installing is
 # left) or the folder was moved (its scripts name the old place); it is brought up to date when the
@@ -106,3 +111,7 @@ $(TEST): $(CORE)
 $(DEV): $(CORE)
 	@echo "Adding ruff, mypy, pre-commit to .venv: 0.1 GB on disk, ten seconds."
 	$(call install,'.[dev]')
+
+$(DOCS): $(CORE)
+	@echo "Adding MkDocs to .venv: 20 MB to download, 0.1 GB on disk, ten seconds."
+	$(call install,'.[docs]')

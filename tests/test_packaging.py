@@ -295,7 +295,7 @@ def test_required_recordings_may_not_be_skipped(
         )
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/shooting.md", "docs/mechanisms.md"])
+@pytest.mark.parametrize("name", ["docs/results.md", "docs/shooting.md", "docs/mechanisms.md"])
 def test_the_examples_of_the_pages_run(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     path = ROOT / name
     assert path.exists()

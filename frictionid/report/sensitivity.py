@@ -76,10 +76,10 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
     dataset, identifier = frame.dataset.iloc[0], frame.identifier.iloc[0]
     shown = [CHANGE, *([ERROR] if is_known(frame) else []), ROLLOUT, LOSS]
     columns = [*text_columns("recipe", "what is wrong", "by")]
-    columns += [Column(measure.label.removesuffix(" [%]"), unit="%") for measure in shown]
+    columns += [Column(measure.label) for measure in shown]
     words, numbers = frame[["recipe", "name", "text"]], frame[[m.column for m in shown]]
     lines = [
-        line([*map(str, own), *map(_percent, values)], str(own[0]))
+        line([*map(str, own), *map(_number, values)], str(own[0]))
         for own, values in zip(words.to_numpy(), numbers.to_numpy(), strict=True)
     ]
     caption = (
@@ -90,5 +90,5 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
     return Table(caption, f"sensitivity-{dataset}-{identifier}", tuple(columns), tuple(lines))
 
 
-def _percent(value: float) -> str:
+def _number(value: float) -> str:
     return short(value, 3) if np.isfinite(value) else NOTHING

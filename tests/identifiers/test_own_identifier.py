@@ -1,4 +1,4 @@
-"""The README's identifier of one's own: short, whole, and as good as ours on its own law."""
+"""The documentation's identifier of one's own: short, whole, and as good as ours on its own law."""
 
 from __future__ import annotations
 
@@ -39,10 +39,12 @@ def own(monkeypatch: pytest.MonkeyPatch) -> Identifier:
     return identifier
 
 
-def test_the_readme_shows_this_file_and_it_has_under_forty_lines() -> None:
+def test_the_page_shows_this_file_and_it_has_under_forty_lines() -> None:
     text = FILE.read_text(encoding="utf-8")
     assert len(text.splitlines()) < 40
-    assert f"```python\n{text}```" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"```python\n{text}```" in (ROOT / "docs" / "own_identifier.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_the_identifier_of_the_documentation_keeps_to_the_protocol(

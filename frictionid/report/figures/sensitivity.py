@@ -33,14 +33,14 @@ class Measure(NamedTuple):
 
 CHANGE = Measure("curve_change", "change of the friction curve [%]")
 ERROR = Measure("curve_error", "error of the friction curve [%]")
-ROLLOUT = Measure("rollout_change", "change of the rollout error [%]")
+ROLLOUT = Measure("rollout_ratio", "rollout error over that as recorded")
 LOSS = Measure("loss_change", "change of the one-step loss [%]")
 
 
 def summarised(frame: pd.DataFrame) -> pd.DataFrame:
     """The frame of a study with per cent: the worst joint's curve, and changes to the nominal fit.
 
-    Adds `curve_change`, `curve_error`, `rollout_change` and `loss_change` [%].
+    Adds `curve_change`, `curve_error` and `loss_change` [%], and `rollout_ratio` [1].
     """
     out = frame.copy()
     for key in ("curve_change", "curve_error"):
@@ -49,7 +49,8 @@ def summarised(frame: pd.DataFrame) -> pd.DataFrame:
     for key in ("rollout", "loss"):
         nominal = frame[key].where(frame.cause == "nominal")
         known = nominal.groupby([frame[g] for g in groups]).transform("max")
-        out[f"{key}_change"] = 100.0 * (frame[key] / known - 1.0)
+        out[f"{key}_ratio"] = frame[key] / known
+    out["loss_change"] = 100.0 * (out.pop("loss_ratio") - 1.0)
     return out
 
 
@@ -77,7 +78,7 @@ def tornado(frame: pd.DataFrame) -> Any:
         axis.set_xlabel(measure.label)
     key = {
         "too small, early": patch(COLOURS[0]),
-        "too large, late; more noise, fewer data": patch(COLOURS[1]),
+        "too large, late, noisier, fewer": patch(COLOURS[1]),
         "as recorded": line(GREY, DASHED),
     }
     key_above(picture, key)

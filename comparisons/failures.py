@@ -1,0 +1,101 @@
+"""Classic mistakes in recordings: what `check` says of each, and what the fit would have been.
+
+    python comparisons/failures.py            # the table of docs/failures.md
+
+Each mistake is made in a copy of a simulated acrobot whose friction is known; Stribeck friction
+with a level in each direction is then fitted by the momentum balance, as if nothing were wrong.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+import frictionid as fid
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import Signal
+from frictionid.evaluation import curves, steady_state, velocity_grid
+from frictionid.evaluation.curves import curve_error
+
+LATE = 0.03  # [s]
+GEAR = 2.0
+
+
+def with_angles(data: Dataset, change: Callable[[Signal], Signal]) -> Dataset:
+    """The data set with other angles."""
+    return replace(
+        data, recordings=tuple(replace(r, angle=change(r.angle)) for r in data.recordings)
+    )
+
+
+def with_torques(data: Dataset, change: Callable[[Signal], Signal]) -> Dataset:
+    """The data set with other torques."""
+    return replace(
+        data, recordings=tuple(replace(r, torque=change(r.torque)) for r in data.recordings)
+    )
+
+
+def held(signal: Signal) -> Signal:
+    """Every second sample repeats the one before."""
+    value = signal.value.copy()
+    value[1::2] = value[0::2][: len(value[1::2])]
+    return signal._replace(value=value)
+
+
+def without_rotor() -> Dataset:
+    """The second simulated acrobot with its torque's clock corrected: only the rotor is missing."""
+    data = fid.load_dataset("acrobot_sim")
+    delay = data.truth["rig"]["torque_delay"]
+    return with_torques(data, lambda u: u._replace(time=u.time + delay))
+
+
+def mistakes() -> Mapping[str, Callable[[], Dataset]]:
+    """Data sets with one mistake, by its name."""
+    good = fid.load_dataset("acrobot_clean")
+    return {
+        "nothing": lambda: good,
+        f"torque logged {1e3 * LATE:g} ms late": lambda: with_torques(
+            good, lambda u: u._replace(time=u.time + LATE)
+        ),
+        "unsigned torque": lambda: with_torques(good, lambda u: u._replace(value=np.abs(u.value))),
+        "degrees taken for radians": lambda: with_angles(
+            good, lambda q: q._replace(value=np.degrees(q.value))
+        ),
+        "held samples (30 Hz as 60 Hz)": lambda: with_angles(good, held),
+        f"wrong gear (torque {GEAR:g} times)": lambda: with_torques(
+            good, lambda u: u._replace(value=GEAR * u.value)
+        ),
+        "rotor inertia missing": without_rotor,
+    }
+
+
+def consequence(data: Dataset) -> tuple[str, str]:
+    """What `check` says first, and the curve errors of the joints, or why there is no fit."""
+    verdict = fid.check(data)
+    texts = list(verdict.findings.text) or ["nothing"]
+    try:
+        fit = fid.fit(data, "stribeck", settings={"symmetric": False})
+    except fid.InputError as error:
+        return texts[0], str(error)
+    true = steady_state(data.truth)
+    speeds = np.concatenate([r.truth.velocity.value for r in data.recordings])
+    grid = velocity_grid(speeds)
+    errors = curve_error(curves(fit.friction, grid), curves(true, grid), grid)
+    return texts[0], " / ".join(f"{100 * e:.2g} %" if e < 1 else f"{e:.3g} times" for e in errors)
+
+
+def main() -> int:
+    """Print the table."""
+    print("| mistake | what `check` says first | friction curve wrong by (joint 1 / 2) |")
+    print("| --- | --- | --- |")
+    for name, make in mistakes().items():
+        found, errors = consequence(make())
+        print(f"| {name} | {' '.join(found.split())} | {errors} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
