@@ -290,15 +290,19 @@ def blocks_of(
     return tuple(blocks)
 
 
+_PARTLY_FIXED = ("inertia", "friction", "actuator", "gain", "bias", "offset")
+
+
 def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, tuple[str, ...]]:
     """Fixed parameters of each block, from names such as "inertia.x" or "friction.x"."""
-    parts: dict[str, list[str]] = {"inertia": [], "friction": [], "actuator": []}
+    parts: dict[str, list[str]] = {name: [] for name in _PARTLY_FIXED}
     for name in fixed:
         block, _, parameter = name.partition(".")
         if block not in parts or not parameter or block not in free:
             raise InputError(
                 f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME, actuator.kt or "
-                'actuator.R of a free block, such as "inertia.gravity_2"'
+                "actuator.R, gain.JOINT, bias.JOINT or offset.JOINT of a free block, such as "
+                '"inertia.gravity_2"'
             )
         parts[block].append(parameter)
     return {block: tuple(names) for block, names in parts.items()}

@@ -9,6 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
+from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along, constraints_of
 from frictionid.friction.coordinates import with_units_of
@@ -17,7 +18,7 @@ from frictionid.identifiers import Identifier
 from frictionid.identifiers.grams import clusters
 from frictionid.identifiers.one_step_fit import checked_fit
 from frictionid.identifiers.residual import speed_range
-from frictionid.inverse_dynamics.residual import TorqueProblem, left_to_friction
+from frictionid.inverse_dynamics.residual import TorqueProblem, left_to_friction, logged_gain
 from frictionid.inverse_dynamics.settings import TorqueSettings
 from frictionid.inverse_dynamics.solve import TorqueSolution, normal_equations, solve
 from frictionid.inverse_dynamics.torque_balance import TorqueBalance
@@ -34,6 +35,7 @@ BLOCKS = ("friction", "inertia", "delay", "gain", "bias")
 _FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _STARTS = 2
 _UNEXPLAINED = 0.5  # of a joint's torque, root mean square
+_PINNED = 0.25  # a gain counts whose 95 % interval is narrower, to either side
 
 
 def fit_torques(
@@ -69,6 +71,7 @@ def fit_torques(
     while True:
         solution, problem = _best(identifier, balance, blocks, settings, use, seed)
         result = _result(problem, solution, given, use)
+        check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
             went = replace(result.diagnostics, dropped=tuple(dropped))
@@ -209,7 +212,14 @@ def check_blocks(
     base = estimate.mechanism.base_names
     free = {b.name: b.parameters(estimate) for b in blocks}
     known = any(np.isfinite(p.prior) for own in free.values() for p in own)
-    if len(free.get("inertia", ())) == len(base) and not known and (not torque or "gain" in free):
+    # recordings that differ by known amounts, such as a payload, give the others their scale
+    loaded = bool(np.ptp(balance.base[use], axis=0).any()) and torque
+    if (
+        not loaded
+        and len(free.get("inertia", ())) == len(base)
+        and not known
+        and (not torque or "gain" in free)
+    ):
         what = "without motor torque" if not torque else "beside a free gain"
         raise InputError(
             f"data set {name!r}: {what} only ratios of inertia, gravity and friction show in the "
@@ -238,6 +248,32 @@ def check_blocks(
         )
 
 
+def check_gains(result: Refined, dataset: Dataset) -> None:
+    """Refuse gains of torques that nothing known pins: friction alone holds at any scale.
+
+    Raises
+    ------
+    InputError
+        With the joint whose gain is known worst.
+    """
+    covariance = result.covariance
+    low, high = covariance.interval().T
+    own = [k for k, p in enumerate(covariance.parameters) if p.block == "gain"]
+    wide = {k: (high[k] - low[k]) / 2 / max(abs(covariance.values[k]), 1e-300) for k in own}
+    wide |= {k: np.inf for k in own if covariance.bound[k] or not np.isfinite(wide[k])}
+    worst = max(wide, key=lambda k: wide[k], default=None)
+    if worst is None or wide[worst] < _PINNED:
+        return
+    parameter, value = covariance.parameters[worst], covariance.values[worst]
+    error = f"{value:.2g} +- {wide[worst] * abs(value):.1g}" if np.isfinite(wide[worst]) else "any"
+    joint = dataset.mechanism.joints[parameter.place[0]]
+    raise InputError(
+        f"data set {dataset.name!r}: the {parameter.name} is not pinned ({error}): beside friction "
+        "neither gravity nor a known inertia or payload shows in its torque; keep it by fixed = "
+        f'["gain.{joint}"], or record a known payload that loads this joint'
+    )
+
+
 def _reads_torque(friction: Friction) -> bool:
     """Whether friction depends on the motors' torque."""
     law, theta = friction.law, np.asarray(friction.theta)
@@ -253,7 +289,9 @@ def _reads_torque(friction: Friction) -> bool:
 def _warnings(problem: TorqueProblem, solution: TorqueSolution) -> list[str]:
     """Sentences on joints whose torque is not explained."""
     counts = solution.weight > 0
-    rms = [np.sqrt(np.mean(solution.residual[c, j] ** 2)) for j, c in enumerate(counts.T)]
+    gain = logged_gain(solution.estimate)
+    left = solution.residual * gain
+    rms = [np.sqrt(np.mean(left[c, j] ** 2)) for j, c in enumerate(counts.T)]
     friction = problem.balance.problem.mean(
         along(solution.estimate.friction, problem.balance.nodes)
     )

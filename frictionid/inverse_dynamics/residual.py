@@ -30,11 +30,19 @@ def left_to_friction(balance: TorqueBalance, estimate: Estimate) -> Array:
     return np.asarray(applied - np.einsum("kib,kb->ki", balance.regressor, base))
 
 
+def logged_gain(estimate: Estimate) -> Array:
+    """Gain (n,) of the logged torques, at least a thousandth."""
+    return np.maximum(np.asarray(estimate.calibration.gain, dtype=float), 1e-3)
+
+
 @dataclass(frozen=True, eq=False)
 class TorqueProblem:
     """What does not change while the free parameters are fitted to the torques.
 
-    e = gain u(t - delay) + bias - Y p - mean Tf    (K, n) [N m]
+    e = (gain u(t - delay) + bias - Y p - mean Tf) / gain    (K, n) [N m, as logged]
+
+    The logged torque is what is measured: were its gain not divided by, a smaller one would make
+    its noise smaller, too, and the gain of a joint with much friction would come out near zero.
     """
 
     balance: TorqueBalance
@@ -59,9 +67,8 @@ class TorqueProblem:
         """Unexplained torques e (K, n) [N m]."""
         balance = self.balance
         mean = balance.problem.mean(along(estimate.friction, balance.nodes))
-        return np.asarray(
-            left_to_friction(balance, estimate) - mean @ estimate.mechanism.friction_map
-        )
+        left = left_to_friction(balance, estimate) - mean @ estimate.mechanism.friction_map
+        return np.asarray(left / logged_gain(estimate))
 
     def slopes(self, estimate: Estimate) -> Array:
         """Derivatives (K, n, D) of the unexplained torques in the free parameters."""
@@ -82,6 +89,13 @@ class TorqueProblem:
             else:
                 by_torque = own.block.torque_slope(estimate, own.parameters, u)
                 out[:, :, own.columns] = np.moveaxis(by_torque * driven, 0, -1)
+        out /= logged_gain(estimate)[:, None]
+        for own in self.blocks:
+            if own.block.name == "gain":
+                joints = [p.place[0] for p in own.parameters]
+                columns = np.arange(own.columns.start, own.columns.stop)
+                gain = logged_gain(estimate)[joints]
+                out[:, joints, columns] -= self.residual(estimate)[:, joints] / gain
         return out
 
     def _friction_slopes(self, estimate: Estimate) -> Array:

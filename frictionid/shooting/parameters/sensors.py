@@ -19,6 +19,7 @@ from frictionid.shooting.parameters.parameter_block import (
     Parameter,
     ParameterBlock,
     Values,
+    check_fixed,
     prior_deviation,
     with_known,
 )
@@ -26,8 +27,12 @@ from frictionid.shooting.parameters.parameter_block import (
 
 @dataclass(frozen=True)
 class _JointSensor(ParameterBlock):
-    """One value for each joint, kept in the calibration under the name of the block."""
+    """One value for each joint, kept in the calibration under the name of the block.
 
+    fixed : joints whose value stays
+    """
+
+    fixed: tuple[str, ...] = ()
     prior: float | None = None
     known: tuple[tuple[str, float], ...] = ()
     label: ClassVar[str]
@@ -35,6 +40,7 @@ class _JointSensor(ParameterBlock):
 
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         d, deviation = estimate.mechanism, prior_deviation(self.prior, self.name)
+        check_fixed(self.fixed, d.joints, self.name, f"{d.kind} has no joint")
         values = getattr(estimate.calibration, self.name)
         units = {"bias": d.torque_units, "offset": d.position_units}.get(self.name, ("1",) * d.n)
         free = (
@@ -48,7 +54,7 @@ class _JointSensor(ParameterBlock):
                 place=(j,),
             )
             for j in range(estimate.mechanism.n)
-            if d.driven[j] or self.enters == "angle"
+            if (d.driven[j] or self.enters == "angle") and d.joints[j] not in self.fixed
         )
         return with_known(free, self.known)
 
