@@ -26,7 +26,7 @@ from frictionid.report.numbers import NOTHING, short
 from frictionid.report.render import render
 from frictionid.report.tables import Column, Table, latex, line, markdown, text_columns
 
-PAGE = "summary.md"
+PAGE, FRAME, PROVENANCE = "summary.md", "sensitivity.csv", "provenance.json"
 Study = tuple[str, str]  # data set, identifier
 
 
@@ -45,8 +45,8 @@ def write_sensitivity(
     replace : write also over files that were changed since
     """
     contents = {
-        "sensitivity.csv": frame.to_csv(index=False, float_format="%.9g").encode(),
-        "provenance.json": json_text(dict(provenance)).encode(),
+        FRAME: frame.to_csv(index=False, float_format="%.9g").encode(),
+        PROVENANCE: json_text(dict(provenance)).encode(),
     }
     own = list(studies(frame))
     stems = file_names("--".join(key) for key, _ in own)

@@ -9,6 +9,7 @@ from frictionid.report.exhibits import NamedTable, exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.html.index import index_html
 from frictionid.report.sections import sections_of
+from frictionid.report.sensitivity_beside import beside
 from frictionid.report.summary import summary_markdown
 from frictionid.report.tables import latex, markdown
 from frictionid.report.verdict import verdict_of
@@ -41,6 +42,8 @@ def _contents(results: Results) -> dict[str, bytes]:
         for section, verdict in zip(sections, verdicts, strict=True):
             for data in section.data:
                 own = exhibits_of(section, data, names, verdict)
+                if data.held_out:
+                    own = own._replace(pictures=(*own.pictures, *beside(results, section, names)))
                 exhibits[section.dataset, data.dataset] = own
                 for picture in (*own.pictures, *own.shooting_pictures, *own.linked_pictures):
                     files = rendered(picture.figure)

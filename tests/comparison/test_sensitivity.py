@@ -161,6 +161,22 @@ def test_the_command_writes_a_page_and_computes_nothing_twice(suite, monkeypatch
     assert {p: p.read_bytes() for p in before} == before
 
 
+def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(suite, monkeypatch, capsys):
+    def run(*words):
+        assert run_command(monkeypatch, capsys, suite.parent, *words, "--replace")[0] == 0
+
+    run("sensitivity", suite.name, "--jobs", 1)
+    run("compare", suite.name, "--jobs", 1)
+    page = suite.parent / "report" / "small" / "index.html"
+    assert ">Sensitivity<" in page.read_text()
+    provenance = suite.parent / "report" / "small-sensitivity" / "provenance.json"
+    document = json.loads(provenance.read_text())
+    document["data"]["tiny"] = {"00.csv": "of other recordings"}
+    provenance.write_text(json.dumps(document))
+    run("report", page.parent)
+    assert ">Sensitivity<" not in page.read_text()
+
+
 def test_unknown_names_end_in_one_line(suite, monkeypatch, capsys):
     for option in ("--identifier", "--recipe"):
         code, _, err = run_command(
