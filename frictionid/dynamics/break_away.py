@@ -8,10 +8,11 @@ from frictionid.arrays import Array, namespace
 from frictionid.dynamics.state import State
 from frictionid.dynamics.torque_balance import Balance, balance, constrained, sticking_torque
 from frictionid.dynamics.zero_crossing import Crossing, Substep
+from frictionid.friction.coordinates import mobility
 
 
 class BreakAway(NamedTuple):
-    """Joints that broke away within a substep, of the k rows (...) that are true in `rows`.
+    """What breaks away within a substep changes, in the k rows (...) that are true in `rows`.
 
     jump : (k, n) [rad/s^2], by how much accelerations have grown at the end, from nothing
     since : (k, 1) [s], for how long
@@ -24,7 +25,7 @@ class BreakAway(NamedTuple):
 
 def break_away(substep: Substep, crossed: Crossing | None) -> BreakAway | None:
     """Sticking joints whose load exceeds their break-away level at the end of the substep."""
-    sticking, w = substep.stiction.sticking, substep.end.state.w
+    sticking, w = substep.stiction.sticking, substep.end.velocities
     if sticking is None:
         return None
     xp, moves = namespace(w), w != 0.0
@@ -47,19 +48,23 @@ def break_away(substep: Substep, crossed: Crossing | None) -> BreakAway | None:
 
 
 def _jump(now: Balance, Tf: Array, sticking: Array, broken: Array) -> Array:
-    """Change of the accelerations (k, n) where sticking joints begin to slide."""
+    """Change of the accelerations (k, n) where sticking parts begin to slide."""
     free = namespace(Tf).where(broken, Tf, now.friction)
-    a = constrained(now.M, now.f - free, sticking & ~broken)
-    return a - constrained(now.M, now.f - now.friction, sticking)
+    a = constrained(now.M, now.left(free), sticking & ~broken, now.turns)
+    return a - constrained(now.M, now.left(now.friction), sticking, now.turns)
 
 
 def _since(now: Balance, jump: Array, margin: Array | None, broken: Array) -> Array:
     """Share (k, 1) of the substep after the load, growing evenly, has passed the level.
 
-    It lacked `margin` of the level at the start, and exceeds it by M_jj jump_j at the end.
+    It lacked `margin` of the level at the start, and exceeds it by M_jj jump_j at the end; of a
+    coupled part M_jj is its inertia beside joints that are free.
     """
     xp, n = namespace(jump), jump.shape[-1]
     excess = xp.stack([xp.abs(jump[..., j]) * now.M[..., j, j] for j in range(n)], axis=-1)
+    if now.turns is not None:
+        inertia = 1.0 / xp.linalg.diagonal(mobility(now.M, now.turns))[..., n:]
+        excess = xp.concat([excess, xp.abs(jump @ now.turns.T) * inertia], axis=-1)
     zero = 0.0 * excess
     share = excess / xp.maximum(excess + xp.maximum(margin, zero), zero + 1e-300)
     return xp.max(xp.where(broken, share, 0.0 * share), axis=-1)[..., None]

@@ -12,7 +12,6 @@ from frictionid.dynamics.step import adaptive_step, euler_step, semi_implicit_st
 from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.friction.coordinates import refuse_coupled
 from frictionid.mechanics import Plant
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
@@ -53,7 +52,7 @@ def rollout(
     Raises
     ------
     InputError
-        For an unknown method, and for mechanisms with coupled parts.
+        For an unknown method.
 
     Examples
     --------
@@ -66,7 +65,6 @@ def rollout(
     >>> bool(motion.w[-1, 0] == 0.0)                            # it came to rest, exactly
     True
     """
-    refuse_coupled(plant.mechanism, "a prediction")
     if method not in ("rk4", *_ONE_STEP):
         known = ", ".join(map(repr, ("rk4", *_ONE_STEP)))
         raise InputError(f"the step {method!r} is unknown; known are {known}")
@@ -94,8 +92,8 @@ def rollout(
 def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:
     """Start state with the batch axes of everything that takes part, and with a memory."""
     xp = namespace(start.q)
-    others = (u.shape[1:], friction.theta.shape[:-1], (*dt.shape[1:], 1), (*plant.p.shape[:-1], 1))
-    shape = np.broadcast_shapes(start.q.shape, *others)
+    batches = (friction.theta.shape[:-2], dt.shape[1:], plant.p.shape[:-1])
+    shape = np.broadcast_shapes(start.q.shape, u.shape[1:], *((*own, 1) for own in batches))
     state = State(xp.broadcast_to(start.q, shape), xp.broadcast_to(start.w, shape), start.memory)
     if state.memory:
         return state

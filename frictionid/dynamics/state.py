@@ -9,11 +9,16 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.coordinates import at_places, resting_parts, turns_of
 from frictionid.mechanics import Plant
 
 
 class State(NamedTuple):
-    """State of a machine: q (..., n) [rad], w (..., n) [rad/s] and the friction's memory."""
+    """State of a machine: q (..., n) [rad], w (..., n) [rad/s] and the friction's memory.
+
+    Friction acts at m parts, the joints and those that turn with several of them; entries of its
+    memory have shape (..., m).
+    """
 
     q: Array
     w: Array
@@ -35,6 +40,11 @@ class Instant(NamedTuple):
     def inputs(self) -> Inputs:
         """What friction may depend on."""
         return inputs(*self)
+
+    @property
+    def velocities(self) -> Array:
+        """Velocities (..., m) [rad/s] of all parts, exactly zero at rest."""
+        return velocities(self.plant, self.state)
 
     @property
     def has_rows(self) -> bool:
@@ -68,9 +78,14 @@ def rows_of(x: Array, which: Array, axes: int) -> Array:
 
 
 def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
-    """What friction may depend on at a state; the bearing load only for laws that use it."""
+    """What friction may depend on at a state (..., m); the load only for laws that use it."""
     load = plant.load(state.q, state.w, u) if friction.law.uses_load else 0.0 * state.w
-    return Inputs(state.q, state.w, u, load)
+    return at_places(plant.mechanism, Inputs(state.q, state.w, u, load))
+
+
+def velocities(plant: Plant, state: State) -> Array:
+    """Velocities (..., m) [rad/s] of all parts, exactly zero at rest."""
+    return resting_parts(state.w, turns_of(plant.mechanism, state.w))
 
 
 def driven(plant: Plant, u: Array) -> Array:

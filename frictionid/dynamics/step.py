@@ -1,10 +1,11 @@
 """The physics step: one place for what happens between two samples.
 
-    M(q) dw/dt = h(q, w) + B u - Tf
+    M(q) dw/dt = h(q, w) + B u - A' Tf
 
-integrated by RK4 on the friction law, in substeps that its slope needs, and finely where a joint
-comes near rest. Around w = 0 friction is set-valued: `stiction` says which joints stick,
-`zero_crossing` which stop, `break_away` which begin to move.
+integrated by RK4 on the friction law, in substeps that its slope needs, and finely where a part
+comes near rest. Parts are the joints (A = 1), and those that turn with several of them. Around
+A w = 0 friction is set-valued: `stiction` says which parts stick, `zero_crossing` which stop,
+`break_away` which begin to move.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from frictionid.dynamics.stiction import stiction
 from frictionid.dynamics.torque_balance import constrained
 from frictionid.dynamics.zero_crossing import Crossing, Substep, after_crossing, crossing
 from frictionid.friction import Friction, Memory
+from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, turns_of
 from frictionid.mechanics import Plant
 
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
@@ -107,8 +109,10 @@ def _approach(
     xp = namespace(state.w)
     held = stiction(Instant(plant, friction, state, u))
     a = acceleration(plant, friction, state, u, held)
-    speed, slow = xp.abs(state.w), plant.slow_like(state.w)
-    braked = (state.w * a < 0) & (speed < _MARGIN * xp.abs(a) * dt + slow)
+    turns = turns_of(plant.mechanism, a)
+    w, change = of_parts(state.w, turns), of_parts(a, turns)
+    speed, slow = xp.abs(w), plant.slow_like(w)
+    braked = (w * change < 0) & (speed < _MARGIN * xp.abs(change) * dt + slow)
     near = braked | (speed <= slow)
     return (near if held.firm is None else near & ~held.firm).any(-1), Begin(held, a)
 
@@ -139,6 +143,9 @@ def substep(
         part = part._replace(end=part.end._replace(state=after))
     if (broken := break_away(part, crossed)) is not None:
         after = after_break_away(broken, after)
+    turns = turns_of(plant.mechanism, after.w)
+    if turns is not None and held.sticking is not None:  # joints that other parts hold, too
+        after = after._replace(w=resting_parts(after.w, turns)[..., : plant.n])
     return after, held, crossed
 
 
@@ -170,9 +177,11 @@ def acceleration(
     M, h = plant.dynamics(state.q, state.w)
     f = h + driven(plant, u)
     Tf = friction_torque(friction, inputs(plant, friction, state, u), state.memory, stiction)
+    turns = turns_of(plant.mechanism, state.w)
+    left = f - onto_joints(Tf, turns)
     if stiction is None or stiction.sticking is None:
-        return solve(M, f - Tf)
-    return constrained(M, f - Tf, stiction.sticking)
+        return solve(M, left)
+    return constrained(M, left, stiction.sticking, turns)
 
 
 def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:

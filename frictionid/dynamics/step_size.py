@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, inverse, namespace, plain
+from frictionid.arrays import Array, namespace, plain
 from frictionid.dynamics.sliding_friction import is_sharp
 from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.errors import InputError
-from frictionid.friction import Friction, at_rest
+from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction.coordinates import at_places, mobility, turns_of
 from frictionid.mechanics import Plant, configurations
 from frictionid.mechanics.plant import SLOW
 
@@ -43,7 +44,7 @@ def step_size_of(
     """
     substeps(plant, friction, dt)
     sliding = replace(friction, law=friction.law.sharpened()) if is_sharp(friction) else friction
-    away = stiffness(plant, sliding, np.array(plant.slow))
+    away = stiffness(plant, sliding, plant.slow_like(np.zeros(plant.parts)))
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
     near = away if has_break_away(friction) else stiffness(plant, friction)
     part = dt / pieces
@@ -70,27 +71,31 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
 
 
 def stiffness(plant: Plant, friction: Friction, beyond: Array | float = 0.0) -> float:
-    """Fastest rate [1/s] at which friction slows a joint: largest eigenvalue of M^-1 dTf/dw.
+    """Fastest rate [1/s] at which friction slows a joint: largest eigenvalue of W dTf/dw.
+
+    W = A M^-1 A' is the mobility of the parts.
 
     The worst case over `configurations` and over the batches of plant and friction, at
     speeds `beyond` some, (n,) [rad/s]; where friction grows with the load or the motor torque,
     under those that hold the joints still.
     """
-    q = configurations(plant.n, 9)
+    q, mechanism = configurations(plant.n, 9), plant.mechanism
     p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
-    A = inverse(plant.mechanism.inertia(p[:, None], q))
+    W = mobility(mechanism.inertia(p[:, None], q), turns_of(mechanism, q))
     root = np.sqrt(slopes(friction, beyond, *_holding(plant, friction, p, q)))
-    return float(np.linalg.eigvalsh(root[:, None] * A * root).max())
+    return float(np.linalg.eigvalsh(root[:, None] * W * root).max())
 
 
 def _holding(plant: Plant, friction: Friction, p: Array, q: Array) -> tuple[Array, Array]:
-    """Largest motor torque (n,) that holds machines p (B, nb) at angles q (C, n), and its load."""
+    """Largest motor torque (m,) that holds machines p (B, nb) at angles q (C, n), and its load."""
     u = np.abs(plant.mechanism.dynamics(p[:, None], q, 0.0 * q)[1]).max(axis=(0, 1))
-    if not friction.law.uses_load:
-        return u, 0.0 * u
-    batch = plant.p.ndim - 1
-    some = plant[(0,) * batch] if batch else plant
-    return u, plain(some.load(q, 0.0 * q, 0.0 * q)).max(axis=0)
+    load = 0.0 * u
+    if friction.law.uses_load:
+        batch = plant.p.ndim - 1
+        some = plant[(0,) * batch] if batch else plant
+        load = plain(some.load(q, 0.0 * q, 0.0 * q)).max(axis=0)
+    x = at_places(plant.mechanism, Inputs(load, load, u, load))
+    return x.u, x.load
 
 
 def slopes(

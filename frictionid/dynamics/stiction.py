@@ -27,7 +27,8 @@ def stiction(now: Instant) -> Stiction:
     """Stiction at an instant: joints that stick, and how the others slide."""
     if not has_break_away(now.friction):
         return Stiction(None)
-    xp, w = namespace(now.state.w), now.state.w
+    w = now.velocities
+    xp = namespace(w)
     least = 0.0 if is_sharp(now.friction) else now.plant.slow_like(w)
     slow = (xp.abs(w) <= least).any(-1)
     if not bool(slow.any()):
@@ -54,8 +55,8 @@ def _spread(part: Stiction, slow: Array, direction: Array) -> Stiction:
 
 def _near_rest(now: Instant) -> Stiction:
     """Stiction where some joint is slow."""
-    xp, w = namespace(now.state.w), now.state.w
-    resting = w == 0.0
+    w = now.velocities
+    xp, resting = namespace(w), w == 0.0
     if is_sharp(now.friction):
         braking, torques = None, balance(now, Stiction(xp.sign(w)))
     else:

@@ -1,6 +1,9 @@
 """Torques that act on the joints, and the friction that keeps some of them from moving.
 
-M a = f - Tf,   f = h + B u,   -low <= Tf <= high at rest
+M a = f - A' Tf,   f = h + B u,   -low <= Tf <= high at rest
+
+Friction acts at parts that slide with velocities A w: the joints, and parts that turn with several
+of them. A part that sticks holds its A w.
 """
 
 from __future__ import annotations
@@ -11,15 +14,18 @@ from frictionid.arrays import Array, inverse, namespace, solve, times
 from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, driven
 from frictionid.friction import Friction, at_rest
+from frictionid.friction.coordinates import mobility, of_parts, onto_joints, turns_of
 
 _SWEEPS = 50
 _SETTLED = 1e-12  # [N m]
+_ROUNDING, _SHARED = 1e-14, 1e-12  # of the mobility of parts that hold each other
 
 
 class Balance(NamedTuple):
-    """Inertia M (..., n, n), torques f = h + B u and `friction` of sliding joints (..., n) [N m].
+    """Inertia M (..., n, n), torques f = h + B u (..., n), `friction` of sliding parts (..., m).
 
-    low, high : break-away levels of negative and of positive friction, both positive
+    low, high : (..., m), break-away levels of negative and of positive friction, both positive
+    turns : (c, n), of the coupled parts for one of each joint; None where all parts are joints
     """
 
     M: Array
@@ -27,9 +33,14 @@ class Balance(NamedTuple):
     friction: Array
     low: Array
     high: Array
+    turns: Array | None = None
+
+    def left(self, Tf: Array) -> Array:
+        """Torques f - A' Tf (..., n) [N m] that friction (..., m) leaves to the joints."""
+        return self.f - onto_joints(Tf, self.turns)
 
     def below_break_away(self, Tf: Array) -> Array:
-        """Where a friction torque (..., n) is within its break-away levels."""
+        """Where a friction torque (..., m) is within its break-away levels."""
         return (Tf > -self.low) & (Tf < self.high)
 
 
@@ -37,11 +48,13 @@ def balance(now: Instant, stiction: Stiction | None) -> Balance:
     """Torques at an instant."""
     plant, friction, state, u = now
     M, h = plant.dynamics(state.q, state.w)
-    x, one = now.inputs, 0.0 * state.w + 1.0
+    x = now.inputs
+    one = 0.0 * x.w + 1.0
     law, theta, memory = friction.law, friction.theta, state.memory
     low, high = (law.limit(theta, x._replace(w=s * one), memory) for s in (-1.0, 1.0))
     Tf = friction_torque(friction, x, memory, stiction)
-    return Balance(M, h + driven(plant, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf)
+    turns = turns_of(plant.mechanism, state.w)
+    return Balance(M, h + driven(plant, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf, turns)
 
 
 def has_break_away(friction: Friction) -> bool:
@@ -51,12 +64,33 @@ def has_break_away(friction: Friction) -> bool:
     return bool((friction.law.limit(theta, x, friction.law.start(theta, x)) > 0).any())
 
 
-def constrained(M: Array, f: Array, sticking: Array) -> Array:
-    """Solution of M a = f for the free joints, with a = 0 for the sticking ones."""
-    xp = namespace(M)
-    free = 1.0 - xp.astype(sticking, M.dtype)
+def constrained(M: Array, f: Array, sticking: Array, turns: Array | None = None) -> Array:
+    """Solution of M a = f - A' T with A_k a = 0 for the parts k that stick, T = 0 for the others.
+
+    M (..., n, n), f (..., n), sticking (..., m); turns (c, n) of coupled parts, as in `Balance`
+    """
+    xp, n = namespace(M), M.shape[-1]
+    free = 1.0 - xp.astype(sticking[..., :n], M.dtype)
     both = free[..., :, None] * free[..., None, :]
-    return solve(M * both + _diagonal(1.0 - free), f * free)
+    inner = M * both + _diagonal(1.0 - free)
+    if turns is None or not bool(sticking[..., n:].any()):
+        return solve(inner, f * free)
+    return times(less_held(inverse(inner) * both, turns, sticking[..., n:]), f)
+
+
+def less_held(inner: Array, turns: Array, sticking: Array) -> Array:
+    """Mobility (..., n, n) of free joints, less that of coupled parts that stick (..., c).
+
+    inner - inner C' (C inner C')^-1 C inner,   C = turns (c, n)
+    """
+    xp = namespace(inner)
+    right, left = inner @ turns.T, turns @ inner
+    W = turns @ right
+    own = xp.linalg.diagonal(W)
+    on = xp.astype(sticking & (own > 0.0), inner.dtype)  # not where all joints of a part stick
+    # a little more than W: parts that hold each other share the torque
+    W = W * on[..., :, None] * on[..., None, :] + _diagonal(1.0 - on + _ROUNDING * own * on)
+    return inner - right * on[..., None, :] @ xp.linalg.solve(W, left * on[..., :, None])
 
 
 def _diagonal(x: Array) -> Array:
@@ -65,27 +99,33 @@ def _diagonal(x: Array) -> Array:
 
 
 def sticking_torque(now: Balance, candidates: Array) -> Array:
-    """Friction (..., n) that keeps the candidates from accelerating, as far as its levels allow.
+    """Friction (..., m) that keeps the candidates from accelerating, as far as its levels allow.
 
-    For each candidate j, a_j = 0 or Tf_j at a level, where a = A (f - Tf) and A = M^-1. Projected
-    Gauss-Seidel finds it: joint after joint,
+    For each candidate j, a_j = 0 or Tf_j at a level, where a = W (f - Tf) are accelerations of the
+    parts and W = A M^-1 A'; f is zero at parts that are no joints. Projected Gauss-Seidel finds it:
+    part after part,
 
-        Tf_j <- clip(Tf_j + a_j / A_jj, -low_j, high_j)
+        Tf_j <- clip(Tf_j + a_j / W_jj, -low_j, high_j)
 
     from the torques that hold all candidates; where the levels allow these, they are the answer
     [Stewart2000].
     """
-    xp, A, n = namespace(now.M), inverse(now.M), now.M.shape[-1]
-    f, low, high = now.f, now.low, now.high
-    everything = f - times(now.M, constrained(now.M, f - now.friction, candidates))
+    xp, W, n = namespace(now.M), mobility(now.M, now.turns), now.friction.shape[-1]
+    low, high = now.low, now.high
+    if now.turns is None:
+        f = now.f
+        everything = f - times(now.M, constrained(now.M, f - now.friction, candidates))
+    else:
+        f = of_parts(now.f, 0.0 * now.turns)
+        everything = _holding(W, f, now.friction, candidates)
     clipped = xp.minimum(xp.maximum(everything, -low), high)
     first = xp.where(candidates, clipped, now.friction)
     Tf = [first[..., j] for j in range(n)]
     for _ in range(_SWEEPS):
         moved = False
         for j in range(n):
-            a = sum(A[..., j, i] * (f[..., i] - Tf[i]) for i in range(n))
-            wanted = xp.maximum(Tf[j] + a / A[..., j, j], -low[..., j])
+            a = sum(W[..., j, i] * (f[..., i] - Tf[i]) for i in range(n))
+            wanted = xp.maximum(Tf[j] + a / W[..., j, j], -low[..., j])
             wanted = xp.minimum(wanted, high[..., j])
             new = xp.where(candidates[..., j], wanted, Tf[j])
             # NaN (a motion that has diverged) counts as settled, whatever the others do
@@ -94,3 +134,12 @@ def sticking_torque(now: Balance, candidates: Array) -> Array:
         if not moved:
             break
     return xp.stack(Tf, axis=-1)
+
+
+def _holding(W: Array, f: Array, friction: Array, candidates: Array) -> Array:
+    """Friction (..., m) that holds all candidates; those that hold each other share the load."""
+    on = namespace(W).astype(candidates, W.dtype)
+    sliding = friction * (1.0 - on)
+    more = _SHARED * namespace(W).linalg.diagonal(W) * on
+    both = W * on[..., :, None] * on[..., None, :] + _diagonal(1.0 - on + more)
+    return sliding + solve(both, times(W, f - sliding) * on)

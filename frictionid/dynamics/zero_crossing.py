@@ -13,6 +13,7 @@ from frictionid.arrays import Array, namespace, times
 from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, State, rows_of
 from frictionid.dynamics.torque_balance import Balance, balance, constrained, sticking_torque
+from frictionid.friction.coordinates import onto_joints, resting_parts
 
 
 class Substep(NamedTuple):
@@ -38,12 +39,13 @@ class Substep(NamedTuple):
 class Crossing(NamedTuple):
     """Joints that crossed w = 0 in a substep, of the k rows (...) that are true in `rows`.
 
-    stops, passes : (k, n), those that come to rest there, and those that slide on
-    sticking : (k, n), all joints at rest then
-    share : (k, n), of the substep, before the crossing
+    stops, passes : (k, m), parts that come to rest there, and those that slide on
+    sticking : (k, m), all parts at rest then
+    share : (k, m), of the substep, before the crossing
     jump : (k, n) [rad/s^2], change of the accelerations since, as friction changed its side or a
-        joint that was at rest has broken away
+        part that was at rest has broken away
     M : (k, n, n); w : (k, n), velocities as if nothing had happened
+    turns : (c, n), of coupled parts for one of each joint, or None
     """
 
     rows: Array
@@ -54,11 +56,12 @@ class Crossing(NamedTuple):
     jump: Array
     M: Array
     w: Array
+    turns: Array | None
 
 
 def crossing(substep: Substep) -> Crossing | None:
     """Joints whose velocity changed its sign; None where there is none."""
-    direction, w = substep.stiction.direction, substep.end.state.w
+    direction, w = substep.stiction.direction, substep.end.velocities
     if direction is None:
         return None
     crossed: Array = direction * w < 0.0
@@ -88,9 +91,10 @@ def _crossing(substep: Substep, crossed: Array) -> Crossing:
 
 def _located(substep: Substep, now: Balance, stops: Array, passes: Array) -> Crossing:
     """Crossing at the share w0 / (w0 - w1) of the substep, for a velocity from w0 to w1."""
-    w0, w1 = substep.before.w, substep.end.state.w
+    w0, w1 = resting_parts(substep.before.w, now.turns), substep.end.velocities
     share = w0 / namespace(w0).where(stops | passes, w0 - w1, 1.0)
-    return Crossing(stops, stops, passes, stops, share, 0.0 * share, now.M, w1)
+    w = substep.end.state.w
+    return Crossing(stops, stops, passes, stops, share, 0.0 * w, now.M, w, now.turns)
 
 
 def _with_other_side(substep: Substep, now: Balance, passes: Array) -> Balance:
@@ -104,6 +108,7 @@ def _with_other_side(substep: Substep, now: Balance, passes: Array) -> Balance:
 def _turned(substep: Substep, since: Balance, found: Crossing) -> Array:
     """Joints that stop too, as a joint that stops no longer pulls at them."""
     w, _ = _velocity_after(found, substep.dt)
+    w = resting_parts(w, found.turns)
     turned = (substep.stiction.direction * w < 0.0) & ~found.sticking & ~found.passes
     if not bool(turned.any()):
         return turned
@@ -127,12 +132,13 @@ def _jump(now: Balance, since: Balance, sticking: Array, at_stake: Array) -> Arr
     It may free a joint that is `at_stake`: at rest before, or as a joint no longer pulls at it.
     """
     if not bool(at_stake.any()):
-        return constrained(now.M, now.friction - since.friction, sticking)
+        change = onto_joints(now.friction - since.friction, now.turns)
+        return constrained(now.M, change, sticking, now.turns)
     Tf = sticking_torque(since, sticking)
     freed = sticking & ~since.below_break_away(Tf)
     Tf = namespace(Tf).where(freed, Tf, since.friction)
-    a = constrained(now.M, now.f - Tf, sticking & ~freed)
-    return a - constrained(now.M, now.f - now.friction, sticking)
+    a = constrained(now.M, now.left(Tf), sticking & ~freed, now.turns)
+    return a - constrained(now.M, now.left(now.friction), sticking, now.turns)
 
 
 def after_crossing(crossing: Crossing, substep: Substep) -> State:
@@ -149,10 +155,11 @@ def after_crossing(crossing: Crossing, substep: Substep) -> State:
         at = ...  # type: ignore[assignment]
     dt = xp.broadcast_to(substep.dt, after.w.shape)[at]
     w, since = _velocity_after(crossing, dt)
-    stopped = before.q[at] + crossing.share * dt / 2 * before.w[at]
+    share, stops = (x[..., : w.shape[-1]] for x in (crossing.share, crossing.stops))
+    stopped = before.q[at] + share * dt / 2 * before.w[at]
     stopped = stopped + crossing.jump * since**2 / 2
     slid = after.q[at] + (w - crossing.w) * since / 2
-    q = xp.where(crossing.stops, stopped, slid)
+    q = xp.where(stops, stopped, slid)
     if whole:
         return State(q, w, after.memory)
     q_all, w_all = (1.0 * x for x in (after.q, after.w))
@@ -167,10 +174,11 @@ def _velocity_after(crossing: Crossing, dt: Array) -> tuple[Array, Array]:
     Where a joint stops, M w is kept but for the impulses on sticking joints.
     """
     xp = namespace(crossing.w)
-    since = (1.0 - crossing.share) * dt
+    since = (1.0 - crossing.share) * dt[..., :1]
     since = xp.where(crossing.passes | crossing.stops, since, 0.0 * since)
     since = xp.max(since, axis=-1)[..., None]
-    kept = constrained(crossing.M, times(crossing.M, crossing.w), crossing.sticking)
+    momentum = times(crossing.M, crossing.w)
+    kept = constrained(crossing.M, momentum, crossing.sticking, crossing.turns)
     stopped: Any = crossing.stops.any(-1)
     kept = xp.where(stopped[..., None], kept, crossing.w)
     return kept + crossing.jump * since, since

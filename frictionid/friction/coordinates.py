@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.arrays import Array, times
+from frictionid.arrays import Array, inverse, namespace, times
 from frictionid.errors import InputError
 from frictionid.friction.friction import Friction
 from frictionid.friction.law import Inputs
 from frictionid.mechanics import Mechanism, Plant
+
+_RESTING = 1e-9  # of |A| (|w| + 1 rad/s): a part that is slower rests, but for rounding
 
 
 def at_places(mechanism: Mechanism, x: Inputs) -> Inputs:
@@ -22,11 +24,73 @@ def at_places(mechanism: Mechanism, x: Inputs) -> Inputs:
 
     A motor that turns with several joints carries the torque and the load of the last of them.
     """
-    if not mechanism.coupled:
+    turns = turns_of(mechanism, x.w)
+    if turns is None:
         return x
-    A = mechanism.friction_map
-    last = [int(np.flatnonzero(row)[-1]) for row in A]
-    return Inputs(x.q @ A.T, x.w @ A.T, x.u[..., last], x.load[..., last])
+    last, (q, w) = _last(mechanism), (of_parts(position, turns) for position in (x.q, x.w))
+    return Inputs(q, w, x.u[..., last], x.load[..., last])
+
+
+def torque_map(mechanism: Mechanism) -> Array:
+    """One (m, n) where a part carries the torque of a joint, see `at_places`."""
+    return np.eye(mechanism.n)[_last(mechanism)]
+
+
+def _last(mechanism: Mechanism) -> list[int]:
+    """Last of the joints that turn a part, for each of the m parts."""
+    return [int(np.flatnonzero(row)[-1]) for row in mechanism.friction_map]
+
+
+def turns_of(mechanism: Mechanism, like: Array) -> Array | None:
+    """Turns (c, n) of the coupled parts for one of each joint; None where all parts are joints."""
+    if not mechanism.coupled:
+        return None
+    turns = mechanism.friction_map[mechanism.n :]
+    return turns if type(like) is np.ndarray else namespace(like).asarray(turns, dtype=like.dtype)
+
+
+def of_parts(w: Array, turns: Array | None) -> Array:
+    """A w (..., m): velocities of all parts, from those of the joints (..., n).
+
+    >>> of_parts(np.array([0.3, 0.2]), np.array([[1.0, -1.0]])).round(3)
+    array([0.3, 0.2, 0.1])
+    """
+    if turns is None:
+        return w
+    return namespace(w).concat([w, w @ turns.T], axis=-1)
+
+
+def resting_parts(w: Array, turns: Array | None) -> Array:
+    """A w (..., m), exactly zero where a part rests while the joints that turn it move.
+
+    >>> resting_parts(np.array([0.3, -0.1]), np.array([[1.0, 3.0]]))[-1]
+    np.float64(0.0)
+    """
+    if turns is None:
+        return w
+    xp, each = namespace(w), of_parts(w, turns)
+    return xp.where(xp.abs(each) <= _RESTING * of_parts(xp.abs(w) + 1.0, xp.abs(turns)), 0.0, each)
+
+
+def onto_joints(Tf: Array, turns: Array | None) -> Array:
+    """A' Tf (..., n): torques on the joints by the friction (..., m) of all parts.
+
+    >>> onto_joints(np.array([1.0, 2.0, 0.5]), np.array([[1.0, -1.0]]))
+    array([1.5, 1.5])
+    """
+    if turns is None:
+        return Tf
+    n = turns.shape[-1]
+    return Tf[..., :n] + Tf[..., n:] @ turns
+
+
+def mobility(M: Array, turns: Array | None) -> Array:
+    """A M^-1 A' (..., m, m): accelerations of the parts by torques on the parts."""
+    if turns is None:
+        return inverse(M)
+    xp = namespace(M)
+    A = xp.concat([xp.eye(M.shape[-1], dtype=M.dtype), turns], axis=0)
+    return A @ inverse(M) @ A.T
 
 
 def recorded_inputs(plant: Plant, time: Array, q: Array, w: Array, u: Array) -> Inputs:
@@ -67,6 +131,6 @@ def refuse_coupled(mechanism: Mechanism, what: str) -> None:
     if mechanism.coupled:
         name = mechanism.coupled[0][0]
         raise InputError(
-            f"{what} takes friction joint by joint, but {name!r} turns with several: fit by "
-            "inverse dynamics or one step, or leave coupled out of [mechanism]"
+            f"{what} takes friction joint by joint, but {name!r} turns with several: leave the "
+            "block out, or coupled out of [mechanism]"
         )

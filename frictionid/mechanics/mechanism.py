@@ -182,6 +182,11 @@ class Mechanism(ABC):
         moved = (np.flatnonzero(row) for _, row in self.coupled)
         return (*self.position_units, *(self.position_units[int(own[0])] for own in moved))
 
+    @property
+    def friction_torque_units(self) -> tuple[str, ...]:
+        """Unit of friction at each of these places: "N m", or "N"."""
+        return tuple(_TORQUE[unit] for unit in self.friction_units)
+
     @cached_property
     def friction_map(self) -> Array:
         """A (m, n): parts slide with velocities A w; friction there acts on joints by A'."""

@@ -61,10 +61,17 @@ class Plant:
         """Number of joints."""
         return self.mechanism.n
 
+    @property
+    def parts(self) -> int:
+        """Number of parts with friction: joints, and those that turn with several of them."""
+        return len(self.mechanism.friction_names)
+
     def slow_like(self, w: Array) -> Array:
-        """`slow` (n,) as an array of the namespace of velocities w."""
-        xp = namespace(w)
-        return np.array(self.slow) if xp is namespace() else xp.asarray(self.slow, dtype=w.dtype)
+        """`slow` as an array of the namespace of velocities w (..., n), or of all parts (..., m)."""
+        xp, slow = namespace(w), np.array(self.slow)
+        if w.shape[-1] > self.n:  # a part is slow where all joints that turn it are
+            slow = np.abs(self.mechanism.friction_map) @ slow
+        return slow if xp is namespace() else xp.asarray(slow, dtype=w.dtype)
 
     def terms(self, q: Array, w: Array) -> Terms:
         """Terms of the equations of motion, see `Terms`."""
