@@ -19,6 +19,7 @@ from frictionid.data.state_estimators import States
 from frictionid.dynamics.state import State
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.friction import Friction, Inputs
+from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Plant
 from frictionid.shooting import SampleWindows, intervals_of, logged_torque, solve_states
 
@@ -69,14 +70,16 @@ def estimate_initial_states(
     end = linearised.end[last[known]]
     near = np.abs(end[:, :n] - intervals.after[last[known]]).max(axis=-1) < _LOST
     near &= (gap < 10.0 * preceding.sigma.max()) & np.isfinite(end).all(-1)
-    state = State(initial.q.copy(), initial.w.copy(), _memory(friction, initial))
-    good = np.flatnonzero(known)[near]
-    for m, entry in enumerate((state.q, state.w, *state.memory)):
-        entry[good] = end[near, m * n : (m + 1) * n]
+    state = State(initial.q.copy(), initial.w.copy(), _memory(plant, friction, initial))
+    good, first = np.flatnonzero(known)[near], 0
+    for entry in (state.q, state.w, *state.memory):
+        entry[good] = end[near, first : first + entry.shape[-1]]
+        first += entry.shape[-1]
     return state
 
 
-def _memory(friction: Friction, initial: InitialStates) -> tuple[Array, ...]:
+def _memory(plant: Plant, friction: Friction, initial: InitialStates) -> tuple[Array, ...]:
     zero = 0.0 * initial.q
-    first = friction.law.start(friction.theta, Inputs(initial.q, initial.w, zero, zero))
-    return tuple(np.array(np.broadcast_to(z, initial.q.shape)) for z in first)
+    x = at_places(plant.mechanism, Inputs(initial.q, initial.w, zero, zero))
+    first = friction.law.start(friction.theta, x)
+    return tuple(np.array(np.broadcast_to(z, x.q.shape)) for z in first)

@@ -6,7 +6,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.dynamics.zero_crossing import Crossing
-from frictionid.shooting.tangent import Tangent, inverse_of_free
+from frictionid.friction.coordinates import of_parts
+from frictionid.shooting.tangent import Tangent, inverse_of_free, rows_of_parts
 
 _GRAZE = 0.1  # of a slow speed
 
@@ -23,21 +24,23 @@ def cross_tangent(
     start : derivatives of w before the substep; w0 : (k, n) velocities before it; h : (k,) length
     slow : (n,) speeds of joints near rest
     """
-    n, rows, w1 = len(tangent.q), crossing.rows, crossing.w
+    n, rows, turns = len(tangent.q), crossing.rows, crossing.turns
+    w0, w1 = of_parts(w0, turns), of_parts(crossing.w, turns)
     angle, end = [q[:, rows] for q in tangent.q], [w[:, rows] for w in tangent.w]
     for j in range(n):
         angle[j] -= np.where(crossing.stops[:, j], h / 2, 0.0) * end[j]
     if crossing.passes.any():
         later = np.zeros_like(end[0])
-        for j in range(n):
+        before, after = rows_of_parts(start, turns), rows_of_parts(end, turns)
+        for j in range(w1.shape[-1]):
             # minus the derivative of the time since the crossing; bounded where w = 0 is just met
             gap = np.maximum((w0[:, j] - w1[:, j]) ** 2, (_GRAZE * slow[j]) ** 2)
             part = np.where(crossing.passes[:, j], h / gap, 0.0)
-            later += part * (w0[:, j] * end[j] - w1[:, j] * start[j])
+            later += part * (w0[:, j] * after[j] - w1[:, j] * before[j])
         for i in range(n):
             end[i] = end[i] - crossing.jump[:, i] * later
     if crossing.stops.any():
-        free = inverse_of_free(crossing.M, crossing.sticking)
+        free = inverse_of_free(crossing.M, crossing.sticking, turns)
         kept = (free[..., None] * crossing.M[:, None]).sum(-2)
         some = np.asarray(crossing.stops.any(-1))
         kept = np.where(some[:, None, None], kept, np.eye(n))

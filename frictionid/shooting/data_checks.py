@@ -8,6 +8,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
 from frictionid.shooting.problem import ShootingProblem
@@ -111,9 +112,11 @@ def _check_length(intervals: Intervals, count: int, seconds: float) -> None:
 
 
 def _still(intervals: Intervals) -> Array:
-    """Joints (n,) that never move in any recording."""
-    travel = [np.ptp(s.q, axis=0) for s in intervals.states]
-    return np.asarray(np.max(travel, axis=0) <= _STILL * _noise(intervals))
+    """Joints, and other parts (m,), that never move in any recording."""
+    turns = turns_of(intervals.dataset.mechanism, intervals.q)
+    travel = [np.ptp(of_parts(s.q, turns), axis=0) for s in intervals.states]
+    noise = of_parts(_noise(intervals), None if turns is None else np.abs(turns))
+    return np.asarray(np.max(travel, axis=0) <= _STILL * noise)
 
 
 def _noise(intervals: Intervals) -> Array:

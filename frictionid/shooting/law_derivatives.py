@@ -11,6 +11,7 @@ from frictionid.arrays import Array
 from frictionid.dynamics.sliding_friction import Stiction, sharpened, sliding_velocity
 from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Friction, Inputs, Law, Memory
+from frictionid.friction.coordinates import torque_map
 from frictionid.mechanics import Plant
 
 # Central differences: the cube root of rounding, times the scale on which friction changes
@@ -19,7 +20,7 @@ _THETA = 1e-6  # of the value
 
 
 class FreeTheta(NamedTuple):
-    """Which entries of theta are free: joint and place (m,) of each."""
+    """Which entries of theta are free: joint or other part, and place (D,) of each."""
 
     joint: Array
     place: Array
@@ -30,10 +31,10 @@ class FreeTheta(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """Friction torque (K, n) [N m] and its partial derivatives.
+    """Friction torque (K, m) [N m] of all parts and its partial derivatives.
 
-    by_q, by_w, by_u (K, n, n), None where there are none; by_memory, an array (K, n) for each entry
-    of the memory; by_theta (m, K): of each free entry's own joint.
+    by_q, by_w, by_u (K, m, n) by those of the joints, None where there are none; by_memory, an
+    array (K, m) for each entry of the memory; by_theta (D, K): of each free entry's own part.
     """
 
     torque: Array
@@ -83,7 +84,7 @@ def slopes(
     reads: LawReads,
     stiction: Stiction,
 ) -> Slopes:
-    """Friction torque and its slopes at states (K, n), of joints that slide to their side."""
+    """Friction torque and its slopes at states (K, n), of parts that slide to their side."""
     theta, memory = friction.theta, state.memory
     x = inputs(plant, friction, state, u)
     w = sliding_velocity(friction, x.w, stiction)
@@ -107,6 +108,10 @@ def slopes(
         if reads.others:
             columns = [_difference(law, theta, x, memory, "w", step) for step in SPEED * eye]
             by_w = np.stack(columns, axis=-1) * moves
+        if plant.mechanism.coupled:
+            A = plant.mechanism.friction_map
+            by_q, by_w = None if by_q is None else by_q @ A, by_w @ A
+            by_u = None if by_u is None else by_u @ torque_map(plant.mechanism)
     gradient, of_memory = _own_slopes(law, theta, x, memory)
     of_theta = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
     return Slopes(here, by_q, by_w, by_u, of_memory, of_theta)

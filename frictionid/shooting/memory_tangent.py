@@ -8,7 +8,7 @@ from frictionid.arrays import Array
 from frictionid.dynamics.state import State, inputs
 from frictionid.friction import Memory
 from frictionid.shooting.law_derivatives import SPEED, by_memory, by_theta
-from frictionid.shooting.tangent import MotionModel, Tangent
+from frictionid.shooting.tangent import MotionModel, Tangent, rows_of_parts
 
 
 class MemoryRates(NamedTuple):
@@ -49,10 +49,10 @@ def memory_rates(model: MotionModel, state: State, u: Array, dt: Array) -> Memor
 
 def advance_memory(model: MotionModel, tangent: Tangent, rates: MemoryRates) -> None:
     """Advance the derivatives of the memory, in place, over the time of the rates."""
-    new = []
+    new, moves = [], rows_of_parts(tangent.w, model.turns)
     for inner, by_w, own in zip(rates.by_memory, rates.by_w, rates.by_theta, strict=True):
         rows = []
-        for j, dw in enumerate(tangent.w):
+        for j, dw in enumerate(moves):
             change = by_w[:, j] * dw
             for slope, entry in zip(inner, tangent.memory, strict=True):
                 change += slope[:, j] * entry[j]

@@ -14,7 +14,8 @@ from frictionid.data.signals import sample
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Inputs, Nodes, memory_along
-from frictionid.mechanics import Plant
+from frictionid.friction.coordinates import at_places
+from frictionid.mechanics import Mechanism, Plant
 from frictionid.shooting.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
@@ -130,6 +131,7 @@ class ShootingProblem:
         motions = [s.motion for s in intervals.states]
         time, q, w = (np.concatenate(column) for column in zip(*motions, strict=True))
         x = Inputs(q - estimate.calibration.offset, w, u, 0.0 * w)
+        x = at_places(dataset.mechanism, x)
         steps = memory_along(friction, Nodes(x, time, first))
         at = intervals.index, intervals.recording
         return tuple(np.stack([s[m] for s in steps])[at] for m in range(len(steps[0])))
@@ -140,8 +142,7 @@ class ShootingProblem:
         return np.where(self.intervals.joined[later], later, rows)
 
     def _memory(self, nodes: Array) -> tuple[Array, ...]:
-        n = self.intervals.n
-        return tuple(nodes[:, i : i + n] for i in range(2 * n, nodes.shape[1], n))
+        return memory_of(nodes, self.intervals.dataset.mechanism)
 
     def _entering(self, enters: str) -> list[Parameter]:
         return [p for own in self.blocks if own.block.enters == enters for p in own.parameters]
@@ -202,11 +203,17 @@ class ShootingProblem:
         return out
 
 
+def memory_of(nodes: Array, mechanism: Mechanism) -> tuple[Array, ...]:
+    """Entries (K, m) of the memory in nodes (K, s)."""
+    n, m = mechanism.n, len(mechanism.friction_names)
+    return tuple(nodes[:, i : i + m] for i in range(2 * n, nodes.shape[1], m))
+
+
 def shooting_problem(
     intervals: Intervals, estimate: Estimate, blocks: Sequence[ParameterBlock], settings: Settings
 ) -> ShootingProblem:
     """The problem of fitting the blocks' free parameters to the intervals."""
     law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
     q, w = intervals.q[:64], intervals.w[:64]
-    reads = reads_of(law, theta, Inputs(q, w, 0.0 * q, 0.0 * q))
+    reads = reads_of(law, theta, at_places(estimate.mechanism, Inputs(q, w, 0.0 * q, 0.0 * q)))
     return ShootingProblem(intervals, free_blocks(blocks, estimate), settings, reads)

@@ -15,7 +15,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States, slowest_speeds
 from frictionid.friction import Friction, SpeedRange, constraints_of
-from frictionid.friction.coordinates import refuse_coupled, with_units_of
+from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.torque_outliers import without_torque_outliers
 from frictionid.shooting.covariance import Covariance, covariance_of
@@ -221,7 +221,6 @@ def prepare_fit(
     use : (K,) true for the intervals that may be used, all by default
     """
     mechanism, settings = intervals.dataset.mechanism, settings.at(float(np.median(intervals.dt)))
-    refuse_coupled(mechanism, "shooting")
     base = mechanism.base(mechanism.nominal(friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
@@ -244,10 +243,12 @@ def prepare_fit(
 
 
 def _speed_range(intervals: Intervals, use: Array) -> SpeedRange:
-    """Speeds (n,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
+    """Speeds (m,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
     own = [intervals.states[i] for i in np.unique(intervals.recording[use])]
+    turns = turns_of(intervals.dataset.mechanism, intervals.w)
     slowest = np.median([slowest_speeds(s) for s in own], axis=0)
-    return SpeedRange(slowest, np.abs(intervals.w[use]).max(axis=0))
+    slowest = of_parts(slowest, None if turns is None else np.abs(turns))
+    return SpeedRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
 
 
 def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) -> Refined:

@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array, times
 from frictionid.dynamics import step
-from frictionid.dynamics.state import State
+from frictionid.dynamics.state import State, velocities
 from frictionid.friction import Memory
 from frictionid.shooting.tangent import MotionModel, Tangent, initial_tangent, inverse_of_free
 from frictionid.shooting.variational_equation import advance_tangent
@@ -46,8 +46,8 @@ class MotorTorque(NamedTuple):
 class EndStates(NamedTuple):
     """States q, w (K, n) and memory at the end of K intervals, and their derivatives.
 
-    by_start (K, s, s) and by_parameters (K, s, D - s), of all s = (2 + entries of the memory) n
-    numbers of a state.
+    by_start (K, s, s) and by_parameters (K, s, D - s), of all s = 2 n + (entries
+    of the memory) m numbers of a state.
     """
 
     q: Array
@@ -116,8 +116,9 @@ def _displaced(
 ) -> State:
     """State displaced by M^-1 moment, for the torque's variation about its mean in a substep."""
     n = len(tangent.q)
-    resting = state.w == 0.0
-    A = inverse_of_free(model.plant.mechanism.inertia(model.plant.p, state.q), resting)
+    resting = velocities(model.plant, state) == 0.0
+    M = model.plant.mechanism.inertia(model.plant.p, state.q)
+    A = inverse_of_free(M, resting, model.turns)
     first = len(tangent.q[0]) - len(moment_by)
     for i in range(n):
         for j in range(n):

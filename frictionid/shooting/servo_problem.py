@@ -18,6 +18,7 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import applied_voltage
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
+from frictionid.friction.coordinates import refuse_coupled
 from frictionid.shooting.back_emf import with_back_emf
 from frictionid.shooting.parameters.actuator import MOTOR
 from frictionid.shooting.parameters.friction import FrictionBlock
@@ -143,6 +144,7 @@ def servo_problem(
     InputError
         For blocks that no data, or not these, can tell apart.
     """
+    refuse_coupled(estimate.mechanism, "block 'actuator'")
     law = estimate.friction.law
     if hasattr(estimate.friction.theta, "detach") or law.sample_time is not None:
         raise InputError(

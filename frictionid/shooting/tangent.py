@@ -3,6 +3,8 @@
 Directions, in this order, D of them:
 
     initial q (n), initial w (n), initial memory, free friction, base parameters, torque parameters
+
+Friction and its memory are those of m parts, see `friction.coordinates`.
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ import numpy as np
 
 from frictionid.arrays import Array, inverse
 from frictionid.dynamics.state import State
+from frictionid.dynamics.torque_balance import less_held
 from frictionid.friction import Friction
+from frictionid.friction.coordinates import turns_of
 from frictionid.mechanics import Plant
 from frictionid.shooting.law_derivatives import FreeTheta, LawReads
 
@@ -38,6 +42,18 @@ class MotionModel(NamedTuple):
         return self._replace(plant=self.plant[rows], friction=friction)
 
     @property
+    def turns(self) -> Array | None:
+        """Turns (c, n) of coupled parts for one of each joint; None where there are none."""
+        return turns_of(self.plant.mechanism, self.plant.p)
+
+    def parts_on(self, joint: int) -> list[tuple[int, float]]:
+        """Parts whose friction acts on a joint, and by how much."""
+        if self.turns is None:
+            return [(joint, 1.0)]
+        column = self.plant.mechanism.friction_map[:, joint]
+        return [(int(part), float(column[part])) for part in np.flatnonzero(column)]
+
+    @property
     def directions(self) -> int:
         """Number of free friction and base parameters."""
         return len(self.free.joint) + len(self.base)
@@ -56,7 +72,7 @@ class Tangent(NamedTuple):
     @property
     def theta(self) -> int:
         """Place of the first friction parameter among the directions."""
-        return len(self.q) * (2 + len(self.memory))
+        return 2 * len(self.q) + sum(map(len, self.memory))
 
     def rows(self) -> list[Array]:
         """All derivatives, in the order of the state: q, w, memory."""
@@ -79,18 +95,30 @@ class Tangent(NamedTuple):
 def initial_tangent(model: MotionModel, start: State, torques: int) -> Tangent:
     """Derivatives of states (K, n) by themselves, with so many torque parameters."""
     K, n = start.q.shape
-    size = n * (2 + len(start.memory))
+    widths = [entry.shape[-1] for entry in start.memory]
+    size = 2 * n + sum(widths)
     rows = [np.zeros((size + model.directions + torques, K)) for _ in range(size)]
     for i, row in enumerate(rows):
         row[i] = 1.0
-    memory = [rows[(2 + i) * n : (3 + i) * n] for i in range(len(start.memory))]
+    memory = [rows[2 * n + i * m : 2 * n + (i + 1) * m] for i, m in enumerate(widths)]
     return Tangent(rows[:n], rows[n : 2 * n], memory)
 
 
-def inverse_of_free(M: Array, held: Array | None) -> Array:
-    """Inverse of M of the joints that are free, zero in rows and columns of those held."""
+def rows_of_parts(rows: list[Array], turns: Array | None) -> list[Array]:
+    """Derivatives of A w, an array for each part, from those of the joints' w."""
+    if turns is None:
+        return rows
+    return [*rows, *(sum(c * row for c, row in zip(own, rows, strict=True)) for own in turns)]
+
+
+def inverse_of_free(M: Array, held: Array | None, turns: Array | None = None) -> Array:
+    """Inverse of M (K, n, n) of what is free, zero in rows and columns of joints held (K, m)."""
     if held is None:
         return inverse(M)
-    free = 1.0 - held.astype(float)
+    n = M.shape[-1]
+    free = 1.0 - held[..., :n].astype(float)
     both = free[..., :, None] * free[..., None, :]
-    return inverse(M * both + (1.0 - free)[..., None] * np.eye(M.shape[-1])) * both
+    inner = inverse(M * both + (1.0 - free)[..., None] * np.eye(n)) * both
+    if turns is None or not held[..., n:].any():
+        return inner
+    return less_held(inner, turns, held[..., n:])

@@ -1,9 +1,9 @@
 """The variational equation: how the derivatives of a motion advance over one substep.
 
-    M da + d(M a - h - B u + Tf)/d(q, w, ...) = 0,    dq' = dw,    dw' = da
+    M da + d(M a - h - B u + A' Tf)/d(q, w, ...) = 0,    dq' = dw,    dw' = da
 
 linearised in the middle of the substep and integrated by the implicit midpoint rule in w: second
-order, and stable however steep friction is. A held joint's velocity has no derivatives.
+order, and stable however steep friction is. A held part's velocity A w has no derivatives.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from frictionid.dynamics.sliding_friction import Stiction, braked
 from frictionid.dynamics.state import State, driven, inputs
 from frictionid.dynamics.torque_balance import constrained
 from frictionid.dynamics.zero_crossing import Crossing
+from frictionid.friction.coordinates import onto_joints
 from frictionid.mechanics import Partials
 from frictionid.shooting.crossing_tangent import cross_tangent
 from frictionid.shooting.law_derivatives import Slopes, by_theta, slopes
@@ -42,13 +43,15 @@ def advance_tangent(
     if held is not None:
         for j in range(n):
             tangent.w[j] *= ~held[:, j]
+        if model.turns is not None:
+            _hold_parts(model, tangent, before, held)
     start = None if crossing is None else [w[:, crossing.rows] for w in tangent.w]
     middle = _middle(before, after, dt)
     rates = memory_rates(model, middle, u, dt / 2)
     advance_memory(model, tangent, rates)
     M, friction, torques = _linearised(model, middle, u, stiction)
     # implicit in w: M da = -(... + by_w (dw + dt/2 da))
-    A = inverse_of_free(M + h[:, None, None] / 2 * torques.by_w, held)
+    A = inverse_of_free(M + h[:, None, None] / 2 * torques.by_w, held, model.turns)
     for j in range(n):
         tangent.q[j] += h / 2 * tangent.w[j]
     change = [_torque_change(model, tangent, friction, torques, by, i) for i in range(n)]
@@ -63,6 +66,16 @@ def advance_tangent(
         cross_tangent(tangent, start, before.w[crossing.rows], crossing, h[crossing.rows], slow)
 
 
+def _hold_parts(model: MotionModel, tangent: Tangent, before: State, held: Array) -> None:
+    """Take off velocities that coupled parts cannot have while they are held (K, m)."""
+    M = model.plant.mechanism.inertia(model.plant.p, before.q)
+    kept = inverse_of_free(M, held, model.turns) @ M
+    tangent.w[:] = [
+        np.asarray(sum(row[:, j] * w for j, w in enumerate(tangent.w)))
+        for row in np.moveaxis(kept, -2, 0)
+    ]
+
+
 def _middle(before: State, after: State, dt: Array) -> State:
     """State in the middle of a substep, by Hermite's cubic."""
     return State(
@@ -75,21 +88,35 @@ def _middle(before: State, after: State, dt: Array) -> State:
 def _linearised(
     model: MotionModel, middle: State, u: Array, stiction: Stiction
 ) -> tuple[Array, Slopes, Partials]:
-    """M, the slopes of friction, and those of the torques M a - h - B u + Tf in q, w and p."""
+    """M, the slopes of friction, and those of the torques M a - h - B u + A' Tf in q, w and p.
+
+    Slopes by q, w and u are those of what friction does to the joints, (K, n, n).
+    """
     M, h = model.plant.dynamics(middle.q, middle.w)
     of = slopes(model.plant, model.friction, middle, u, model.free, model.reads, stiction)
     if stiction.braking is not None:
         of = _at_break_away(model, middle, u, stiction, of)
-    force = h + driven(model.plant, u) - of.torque
-    a = solve(M, force) if stiction.sticking is None else constrained(M, force, stiction.sticking)
+    force = h + driven(model.plant, u) - onto_joints(of.torque, model.turns)
+    held = stiction.sticking
+    a = solve(M, force) if held is None else constrained(M, force, held, model.turns)
+    of = _onto_joints(model, of)
     by_q, by_w, by_p = model.plant.mechanism.partials(model.plant.p, middle.q, middle.w, a)
     return M, of, Partials(by_q if of.by_q is None else by_q + of.by_q, by_w + of.by_w, by_p)
+
+
+def _onto_joints(model: MotionModel, of: Slopes) -> Slopes:
+    """Slopes of friction by q, w and u as those of its torques on the joints."""
+    if model.turns is None:
+        return of
+    turned = model.plant.mechanism.friction_map.T
+    by_q, by_u = (None if by is None else turned @ by for by in (of.by_q, of.by_u))
+    return of._replace(by_q=by_q, by_w=turned @ of.by_w, by_u=by_u)
 
 
 def _torque_change(
     model: MotionModel, tangent: Tangent, of: Slopes, torques: Partials, by: Array, i: int
 ) -> Array:
-    """Derivatives (D, K) of joint i's torque M a - h - B u + Tf at constant a."""
+    """Derivatives (D, K) of joint i's torque M a - h - B u + A' Tf at constant a."""
     n, nb = len(tangent.q), len(model.base)
     theta, p = tangent.theta, tangent.theta + len(model.free.joint)
     t = torques.by_q[:, i, 0] * tangent.q[0]
@@ -98,10 +125,11 @@ def _torque_change(
         if j:
             t += np.multiply(torques.by_q[:, i, j], tangent.q[j], out=out)
         t += np.multiply(torques.by_w[:, i, j], tangent.w[j], out=out)
-    for slope, entry in zip(of.by_memory, tangent.memory, strict=True):
-        t += np.multiply(slope[:, i], entry[i], out=out)
-    for k in model.free.of(i):
-        t[theta + k] += of.by_theta[k]
+    for part, share in model.parts_on(i):
+        for slope, entry in zip(of.by_memory, tangent.memory, strict=True):
+            t += np.multiply(share * slope[:, part], entry[part], out=out)
+        for k in model.free.of(part):
+            t[theta + k] += share * of.by_theta[k]
     for k, place in enumerate(model.base):
         t[p + k] += torques.by_p[:, i, place]
     if model.plant.mechanism.driven[i]:

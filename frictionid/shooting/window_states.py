@@ -11,9 +11,10 @@ from frictionid.arrays import Array
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Friction, Inputs
+from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Plant
 from frictionid.shooting.law_derivatives import FreeTheta, reads_of
-from frictionid.shooting.problem import Linearisation
+from frictionid.shooting.problem import Linearisation, memory_of
 from frictionid.shooting.sample_intervals import Intervals
 from frictionid.shooting.sensitivities import MotorTorque, end_states
 from frictionid.shooting.tangent import MotionModel
@@ -74,9 +75,10 @@ class SampleWindows(NamedTuple):
 def _initial_nodes(samples: SampleWindows, friction: Friction) -> Array:
     """Nodes (K, s): the smoothed states; memories begin anew in each."""
     q, w = samples.intervals.q, samples.intervals.w
-    x = Inputs(q, w, samples.u[0], 0.0 * q)
+    mechanism = samples.intervals.dataset.mechanism
+    x = at_places(mechanism, Inputs(q, w, samples.u[0], 0.0 * q))
     memory = friction.law.start(friction.theta[samples.owner], x)
-    return np.concatenate([q, w, *(np.broadcast_to(z, q.shape) for z in memory)], axis=-1)
+    return np.concatenate([q, w, *(np.broadcast_to(z, x.q.shape) for z in memory)], axis=-1)
 
 
 def _linearised(
@@ -85,22 +87,24 @@ def _linearised(
     """End states of all intervals from nodes (K, s), and their derivatives by these."""
     intervals, u, n, K = samples.intervals, samples.u, samples.intervals.n, len(nodes)
     owner, law, some = samples.owner, friction.law, slice(0, 64)
+    mechanism = plant.mechanism
     q, w = intervals.q[some], intervals.w[some]
-    reads = reads_of(law, friction.theta[owner[some]], Inputs(q, w, u[0][some], 0.0 * q))
+    x = at_places(mechanism, Inputs(q, w, u[0][some], 0.0 * q))
+    reads = reads_of(law, friction.theta[owner[some]], x)
     part = float(intervals.dt.max()) / len(u)
     step_size_of(plant, friction, part)  # refuses laws that no step resolves
     fine = max(1, int(np.ceil(part / _FINE)))
     out = Linearisation.zeros(nodes, np.zeros((0, n)))
     for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
         model = MotionModel(plant[owner[rows]], friction[owner[rows]], _NO_PARAMETER, (), reads)
-        memory = tuple(nodes[rows, i : i + n] for i in range(2 * n, nodes.shape[1], n))
+        memory = memory_of(nodes[rows], mechanism)
         start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
         motor = MotorTorque(u[:, rows], np.empty((len(u), 0, len(rows), n)))
         with np.errstate(all="ignore"):
             end = end_states(model, start, motor, intervals.dt[rows], fine)
         memory = end.memory
         if law.sample_time is not None:
-            x = Inputs(end.q, end.w, u[-1][rows], 0.0 * end.q)
+            x = at_places(mechanism, Inputs(end.q, end.w, u[-1][rows], 0.0 * end.q))
             memory = law.advance(model.friction.theta, x, memory, intervals.dt[rows, None])
         out.end[rows] = np.concatenate([end.q, end.w, *memory], axis=-1)
         out.by_start[rows] = end.by_start

@@ -6,16 +6,12 @@ import pytest
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.state import State
 from frictionid.errors import InputError
-from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, states_of, training_problem
 from frictionid.inverse_dynamics import TorqueSettings, fit_torques, torque_balance
 from frictionid.mechanics import urdf
-from frictionid.shooting import refine
 from frictionid.shooting.parameters import BiasBlock, FrictionBlock
 
 LINK = '<inertial><origin xyz="0.1 0 0"/><mass value="{m}"/><inertia ixx="0.01" ixy="0" ixz="0" '
@@ -82,13 +78,12 @@ def test_inverse_dynamics_finds_the_friction_of_all_three(dataset):
     assert names[-2:] == ["coulomb of motor", "viscous of motor"]
 
 
-def test_what_takes_friction_by_joint_says_so(dataset):
-    friction = Friction(CoulombViscous(), TRUE)
-    with pytest.raises(InputError, match="shooting takes friction joint by joint, but 'motor'"):
-        refine(friction, dataset, (FrictionBlock(),))
-    zero = np.zeros((1, 2))
-    with pytest.raises(InputError, match="a prediction takes friction joint by joint"):
-        rollout(plant_of(dataset), friction, State(zero, zero), zero[None], np.ones((1, 1)))
+def test_no_speed_is_resolved_that_is_slower_than_all_windows(dataset):
+    balance = torque_balance(dataset, states_of(dataset, INTEGRAL.states, None), 0.05, 0.004)
+    w = np.abs(balance.nodes.inputs.w[balance.stencil]).max(axis=1)
+    fast = (w > 0.4).all(axis=1)
+    assert (w[fast].min(axis=0) > 2 * balance.slowest[0]).all()
+    np.testing.assert_array_equal(balance.resolving(fast).slowest[0], w[fast].min(axis=0))
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ class CombinationBlock(ParameterBlock):
         return np.asarray(self.deviation * np.sqrt((self.begin[:, self.free] ** 2).mean(axis=-1)))
 
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
-        friction, joints = estimate.friction, estimate.mechanism.joints
+        friction, joints = estimate.friction, estimate.mechanism.friction_names
         value = self._values(friction)
         return tuple(
             Parameter(
