@@ -101,9 +101,9 @@ class Fit:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints."""
+        """Names of the joints, and of other parts that have friction."""
         if self.data is not None:
-            return tuple(self.data.mechanism.joints)
+            return tuple(self.data.mechanism.friction_names)
         return tuple(f"joint {j + 1}" for j in range(self.friction.n))
 
     @property
@@ -251,8 +251,8 @@ class Fit:
             data = self._given(run)
             data = replace(data, recordings=data.recordings[:1])
             table = predict(self.friction, data, horizon, start=start)
-            units = data.mechanism.position_units
-            return drawn(partial(predicted_figure, table, self.joints, units))
+            joints, units = data.mechanism.joints, data.mechanism.position_units
+            return drawn(partial(predicted_figure, table, joints, units))
         if kind == "correlation":
             if not self._document:
                 raise InputError("plot: correlations are known of fits by shooting only")

@@ -51,6 +51,7 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.curves import slow_speed
 from frictionid.files import json_text, write_json
+from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.shooting.result_document import recordings_own
 
 # What a task's document must have for tables and figures.
@@ -115,9 +116,9 @@ def _about(prepared: Prepared) -> dict[str, Any]:
     return {
         "mechanism": dataset.mechanism.table,
         "own_base": recordings_own(dataset),
-        "joints": list(d.joints),
-        "torque_units": list(d.torque_units),
-        "position_units": list(d.position_units),
+        "joints": list(d.friction_names),
+        "torque_units": list(d.friction_torque_units),
+        "position_units": list(d.friction_units),
         "recordings": len(dataset.recordings),
         "samples": sum(len(r.angle.time) for r in dataset.recordings),
         "seconds": sum(float(r.angle.time[-1] - r.angle.time[0]) for r in dataset.recordings),
@@ -133,7 +134,8 @@ def _about(prepared: Prepared) -> dict[str, Any]:
 
 def _speeds(prepared: Prepared, w: Array) -> dict[str, Any]:
     """How fast each joint is: levels that shares of its samples stay below, rest, reversals."""
-    each = [s.w for s in prepared.smoothed]
+    turns = turns_of(prepared.dataset.mechanism, w)
+    each = [of_parts(s.w, turns) for s in prepared.smoothed]
     seconds = sum(float(s.time[-1] - s.time[0]) for s in prepared.smoothed)
     slow = slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
     joints = [

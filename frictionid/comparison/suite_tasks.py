@@ -182,8 +182,8 @@ def _check_given(named: NamedIdentifier, datasets: Sequence[Dataset]) -> None:
         except InputError as error:
             raise InputError(f"{where} on {dataset.name!r}: {error}") from None
         shape = tuple(friction.theta.shape)
-        if shape[:-1] != (plant.n,):
+        if shape[:-1] != (plant.parts,):
             raise InputError(
                 f"{where}: its theta has shape {shape}, data set {dataset.name!r} "
-                f"has {plant.n} joints: give one friction with as many joints"
+                f"has {plant.parts} joints: give one friction with as many joints"
             )

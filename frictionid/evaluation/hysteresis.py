@@ -16,6 +16,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along
+from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Plant
 
 KINDS = ("reversing", "offset")
@@ -136,7 +137,9 @@ def _sinusoids(kind: str, amplitude: Array, frequency: Array, dt: float) -> _Sin
 def _loops_along(friction: Friction, plant: Plant, motion: _Sinusoids) -> list[HysteresisLoop]:
     """Each joint's loop over its last whole period."""
     q, w, zero, count = motion.q, motion.w, np.zeros_like(motion.w), len(motion.time)
-    x = Inputs(q, w, zero, plant.load(q, w, zero))
+    at, still = (value[:, : plant.n] for value in (q, zero))
+    load = plant.load(at, w[:, : plant.n], still)
+    x = at_places(plant.mechanism, Inputs(at, still, still, load))._replace(q=q, w=w)
     torque = np.asarray(along(friction, Nodes(x, motion.time, np.array([0, count]))))
     out = []
     for j, size in enumerate(motion.steps):

@@ -116,8 +116,9 @@ def dissipated(problem: Problem, residual: Array, use: Array) -> Array:
     With the residual e = r - G Tf of the model (k, n), the motion implies the torque G^-1 r, the
     model has G^-1 (r - e). use : (K,) true for the k rows of a momentum balance
     """
-    G, r = problem.G[use], problem.r[use]
-    w = problem.mean(problem.nodes.inputs.w)[use]
+    n = residual.shape[-1]  # all friction as torques on the joints
+    G, r = problem.G[use][:, :n, :n], problem.r[use][:, :n]
+    w = problem.mean(problem.nodes.inputs.w)[use][:, :n]
     both = np.stack([r, r - residual])
     torque = solve(np.broadcast_to(G, (2, *G.shape)), both)
     return np.asarray(problem.dt[use] * (w * torque).sum(axis=-1))

@@ -69,7 +69,7 @@ def predicted_motion(
     >>> float((table.q1 - table.measured_q1).abs().max().round(2))
     0.0
     """
-    joints = len(dataset.recordings[0].angle.value[0])
+    joints = len(dataset.mechanism.friction_names)
     if friction.theta.ndim != 2 or friction.n != joints:
         raise InputError(
             f"data set {dataset.name!r} has {joints} joints, the model has {friction.n}: give a "

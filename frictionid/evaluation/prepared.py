@@ -32,6 +32,7 @@ from frictionid.evaluation.initial_state_estimator import preceding_samples
 from frictionid.evaluation.initial_states import InitialStates, make_initial_states, true_states
 from frictionid.evaluation.protocol import Protocol
 from frictionid.friction import Friction
+from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.identifiers.formulation import (
     INTEGRAL,
     STUDY,
@@ -180,8 +181,8 @@ def prepare(
     """
     plant = plant_of(dataset, parameters)
     refuse_torques(dataset)
-    if dataset.truth is not None and steady_state(dataset.truth).n != plant.n:
-        raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.n} joints")
+    if dataset.truth is not None and steady_state(dataset.truth).n != plant.parts:
+        raise InputError(f"data set {dataset.name!r}: [truth] is not that of {plant.parts} joints")
     estimated = EstimatedStates(dataset, protocol.sample_time)
     driven = screened(with_motor_torque(dataset, plant), plant, estimated)
     prepared = Prepared(driven, protocol, estimated, plant)
@@ -278,6 +279,7 @@ def training_of(prepared: Prepared, recipe: Recipe) -> Problem:
 
 
 def speeds(dataset: Dataset, smoothed: Iterable[States]) -> Array:
-    """True velocities where they are known, else smoothed ones, (K, n) [rad/s]."""
+    """Velocities (K, m) [rad/s] where parts slide: true ones if they are known, else smoothed."""
     true = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
-    return np.concatenate(true if true else [s.w for s in smoothed])
+    w = np.concatenate(true if true else [s.w for s in smoothed])
+    return of_parts(w, turns_of(dataset.mechanism, w))

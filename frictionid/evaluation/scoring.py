@@ -116,7 +116,7 @@ def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
     InputError
         Where the friction is not that of one mechanism with as many joints.
     """
-    n = prepared.plant.n
+    n = prepared.plant.parts
     if friction.theta.ndim != 2 or friction.n != n:
         raise InputError(
             f"data set {prepared.dataset.name!r} has {n} joints, the model's theta has shape "
@@ -167,12 +167,13 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
     data = model.views[0].data
     units, sizes = data.plant.mechanism.velocity_units, data.dataset.scales.size
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
-        residual, energy = np.empty((len(held), model.friction.n)), np.zeros((2, len(held)))
+        residual, energy = np.empty((len(held), data.plant.n)), np.zeros((2, len(held)))
         for folds, data in model.views:
             use = np.isin(held, folds)
             place = np.searchsorted(folds, held[use])
             problem: Problem = getattr(data, name)
-            residual[use] = held_out_residual(model.friction[folds], problem, use, place)
+            own = held_out_residual(model.friction[folds], problem, use, place)
+            residual[use] = own[:, : data.plant.n]  # coupled parts add no rows
             energy[:, use] = dissipated(problem, residual[use], use)
         yield from one_step_scores(residual, held, f"one_step_{name}", units, sizes)
     if not model.friction.mechanism:  # of the momentum balance, the last one

@@ -32,7 +32,7 @@ def rollout(horizon: float, statistic: str = "median", score: str = "rollout_ang
 
 @dataclass(frozen=True, eq=False)
 class DataDescription:
-    """A data set as datasets.json describes it; V velocities, n joints, SI units.
+    """A data set as datasets.json describes it; V velocities, n joints and other parts, SI units.
 
     Attributes
     ----------

@@ -51,7 +51,7 @@ def fit_picture(friction: Friction, dataset: Dataset) -> bytes:
 
 
 def fit_figure(friction: Friction, dataset: Dataset) -> Any:
-    """Friction (n, P) of each joint over the speeds of a data set.
+    """Friction of each joint, and of each part that turns with several, over a data set's speeds.
 
     With the 95 % band where the friction was refined by shooting, and the truth where it is known.
     """
@@ -61,15 +61,15 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
     curve = curves(friction, grid)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
     half = _half_widths(friction, grid)
-    picture, panels = panel_grid(len(description.joints), 2, 2.8, 0.4)
+    picture, panels = panel_grid(len(description.friction_names), 2, 2.8, 0.4)
     for j, axes in enumerate(panels):
         _panel(axes, grid[:, j], curve[:, j], None if half is None else half[:, j])
         if truth is not None:
             axes.plot(grid[:, j], truth[:, j], color=DARK, linewidth=1, linestyle=DASHED)
         _density(axes, w[:, j], grid[:, j])
-        axes.set_title(description.joints[j], loc="left")
-        axes.set_xlabel(f"velocity [{description.velocity_units[j]}]")
-        axes.set_ylabel(f"friction [{description.torque_units[j]}]")
+        axes.set_title(description.friction_names[j], loc="left")
+        axes.set_xlabel(f"velocity [{description.friction_units[j]}/s]")
+        axes.set_ylabel(f"friction [{description.friction_torque_units[j]}]")
     key_above(picture, _key(half is not None, truth is not None))
     return picture
 

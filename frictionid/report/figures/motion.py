@@ -30,13 +30,15 @@ def motions(
     if not by_start:
         return None
     description = data.description
-    picture = figure(0.65 + 1.5 * len(description.joints))
-    axes = picture.subplots(len(description.joints), len(by_start), sharex="col", squeeze=False)
+    some = next(iter(by_start.values()))[0][1]
+    names = description.joints[: _series(some["measured"]).shape[1]]  # coupled parts have no angle
+    picture = figure(0.65 + 1.5 * len(names))
+    axes = picture.subplots(len(names), len(by_start), sharex="col", squeeze=False)
     for column, (start, shown) in zip(axes.T, by_start.items(), strict=True):
         for joint, axis in enumerate(column):
             _panel(axis, shown, joint, styles)
         column[0].set_title(title_of(*start), fontsize=7, loc="left")
-    for joint, (axis, name) in enumerate(zip(axes[:, 0], description.joints, strict=True)):
+    for joint, (axis, name) in enumerate(zip(axes[:, 0], names, strict=True)):
         axis.set_ylabel(f"{name} [{description.position_units[joint]}]")
     text = "time since the start of the prediction [s]"
     picture.supxlabel(f"{text}{plain(beside)}", fontsize=8)
