@@ -61,6 +61,7 @@ def fit_torques(
         For blocks that the torques do not show, and friction of joints that never slide.
     """
     use = np.ones(len(balance.start), dtype=bool) if use is None else use
+    balance = balance.resolving(use)
     estimate = _nominal(balance)
     given = _friction(identifier, balance, estimate, use, seed)
     if given.law.is_network:

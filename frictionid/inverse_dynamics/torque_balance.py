@@ -94,6 +94,17 @@ class TorqueBalance:
             r[:, :n], G[:, :n] = r[:, :n] / usual, G[:, :n] / usual[:, None]
         return replace(problem, r=r, G=G, masked=True)
 
+    def resolving(self, use: Array) -> TorqueBalance:
+        """The balance that resolves no speed slower than all sliding windows in use (K,).
+
+        A Stribeck peak at slower ones could be of any size.
+        """
+        w = np.abs(self.nodes.inputs.w[self.stencil]).max(axis=1)
+        shows = (use[:, None] & self.slides) @ (self.dataset.mechanism.friction_map != 0).T
+        least = np.where(shows, w, np.inf).min(axis=0, initial=np.inf)
+        slowest = np.maximum(self.slowest, np.where(np.isfinite(least), least, 0.0))
+        return replace(self, slowest=slowest)
+
 
 class _Part(NamedTuple):
     """Nodes and windows of one recording."""
