@@ -67,7 +67,7 @@ class Plant:
         return len(self.mechanism.friction_names)
 
     def slow_like(self, w: Array) -> Array:
-        """`slow` as an array of the namespace of velocities w (..., n), or of all parts (..., m)."""
+        """`slow` as an array like velocities w (..., n) of the joints, or (..., m) of all parts."""
         xp, slow = namespace(w), np.array(self.slow)
         if w.shape[-1] > self.n:  # a part is slow where all joints that turn it are
             slow = np.abs(self.mechanism.friction_map) @ slow

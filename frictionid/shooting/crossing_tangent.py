@@ -22,7 +22,7 @@ def cross_tangent(
     w0) is the time since the crossing.
 
     start : derivatives of w before the substep; w0 : (k, n) velocities before it; h : (k,) length
-    slow : (n,) speeds of joints near rest
+    slow : (m,) speeds of parts near rest
     """
     n, rows, turns = len(tangent.q), crossing.rows, crossing.turns
     w0, w1 = of_parts(w0, turns), of_parts(crossing.w, turns)

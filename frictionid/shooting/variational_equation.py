@@ -15,7 +15,7 @@ from frictionid.dynamics.sliding_friction import Stiction, braked
 from frictionid.dynamics.state import State, driven, inputs
 from frictionid.dynamics.torque_balance import constrained
 from frictionid.dynamics.zero_crossing import Crossing
-from frictionid.friction.coordinates import onto_joints
+from frictionid.friction.coordinates import of_parts, onto_joints
 from frictionid.mechanics import Partials
 from frictionid.shooting.crossing_tangent import cross_tangent
 from frictionid.shooting.law_derivatives import Slopes, by_theta, slopes
@@ -62,7 +62,7 @@ def advance_tangent(
         tangent.q[i] += np.multiply(h / 2, tangent.w[i], out=out)
     advance_memory(model, tangent, rates)
     if crossing is not None and start is not None:
-        slow = model.plant.slow_like(before.w)
+        slow = model.plant.slow_like(of_parts(before.w, model.turns))
         cross_tangent(tangent, start, before.w[crossing.rows], crossing, h[crossing.rows], slow)
 
 

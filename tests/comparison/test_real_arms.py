@@ -18,7 +18,10 @@ from frictionid.evaluation import Split, make_folds
 pytestmark = pytest.mark.real
 
 COLLECTION = {"tx40": "staubli_tx40", "tiago": "tiago_arm"}
-EVERY = {"tx40": 1.0, "tiago": 8.0}  # [s]: fewer and shorter predictions than the suite's, and folds, for time's sake
+EVERY = {
+    "tx40": 1.0,
+    "tiago": 8.0,
+}  # [s]: fewer and shorter predictions than the suite's, and folds, for time's sake
 
 
 @pytest.fixture(scope="module", params=COLLECTION)
