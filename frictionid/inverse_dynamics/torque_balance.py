@@ -95,15 +95,8 @@ class TorqueBalance:
         return replace(problem, r=r, G=G, masked=True)
 
     def resolving(self, use: Array) -> TorqueBalance:
-        """The balance that resolves no speed slower than all sliding windows in use (K,).
-
-        A Stribeck peak at slower ones could be of any size.
-        """
-        w = np.abs(self.nodes.inputs.w[self.stencil]).max(axis=1)
-        shows = (use[:, None] & self.slides) @ (self.dataset.mechanism.friction_map != 0).T
-        least = np.where(shows, w, np.inf).min(axis=0, initial=np.inf)
-        slowest = np.maximum(self.slowest, np.where(np.isfinite(least), least, 0.0))
-        return replace(self, slowest=slowest)
+        """The balance with the slowest speeds that the windows in use (K,) resolve."""
+        return replace(self, slowest=_slowest(self, self.slides & use[:, None]))
 
 
 class _Part(NamedTuple):
@@ -167,17 +160,18 @@ def torque_balance(
     return replace(balance, slides=slides, slowest=_slowest(balance, slides))
 
 
-def _slowest(balance: TorqueBalance, slides: Array) -> Array:
-    """Slowest speeds (R, m) that each recording resolves in the rows that count.
+def _slowest(balance: TorqueBalance, counts: Array) -> Array:
+    """Slowest speeds (R, m) that each recording resolves in the rows that count (K, n).
 
     What sets in below the speeds of these rows leaves no trace: friction that falls off there would
-    be of any size. Of a joint they are no less than those of all but 1 % of its rows.
+    be of any size. Of a part they are no less than those of all but 1 % of its rows.
     """
     least = np.abs(balance.nodes.inputs.w[balance.stencil]).min(axis=1)
+    shows = counts @ (balance.dataset.mechanism.friction_map != 0).T
     out = np.array(balance.slowest)
-    for i, j in np.argwhere(np.ones((len(out), slides.shape[1]), dtype=bool)):
-        own = least[(balance.recording == i) & slides[:, j], j]
-        out[i, j] = max(out[i, j], np.quantile(own, _SLOW_ROWS)) if len(own) else out[i, j]
+    for i, k in np.ndindex(*out.shape):
+        own = least[(balance.recording == i) & shows[:, k], k]
+        out[i, k] = max(out[i, k], np.quantile(own, _SLOW_ROWS)) if len(own) else out[i, k]
     return out
 
 

@@ -78,12 +78,12 @@ def test_inverse_dynamics_finds_the_friction_of_all_three(dataset):
     assert names[-2:] == ["coulomb of motor", "viscous of motor"]
 
 
-def test_no_speed_is_resolved_that_is_slower_than_all_windows(dataset):
+def test_no_speed_is_resolved_that_is_slower_than_the_windows_in_use(dataset):
     balance = torque_balance(dataset, states_of(dataset, INTEGRAL.states, None), 0.05, 0.004)
-    w = np.abs(balance.nodes.inputs.w[balance.stencil]).max(axis=1)
-    fast = (w > 0.4).all(axis=1)
-    assert (w[fast].min(axis=0) > 2 * balance.slowest[0]).all()
-    np.testing.assert_array_equal(balance.resolving(fast).slowest[0], w[fast].min(axis=0))
+    least = np.abs(balance.nodes.inputs.w[balance.stencil]).min(axis=1)
+    fast = (least > 0.4).all(axis=1)
+    assert 20 < fast.sum() < len(fast) / 2 and (balance.slowest < 0.3).all()
+    assert (balance.resolving(fast).slowest > 0.4).all()
 
 
 @pytest.mark.parametrize(
