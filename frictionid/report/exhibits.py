@@ -38,7 +38,7 @@ from frictionid.report.shooting_tables import (
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
 from frictionid.report.tables import Table
 from frictionid.report.verdict import Verdict, verdict_of
-from frictionid.report.verdict_table import verdict_numbers, verdict_table
+from frictionid.report.verdict_table import marked, verdict_numbers, verdict_table
 
 BAND = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
 
@@ -147,7 +147,7 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
         return Exhibits(tuple(tables), tuple(pictures))
     if verdict.candidates:
         tables.append(standings_of(verdict, stem))
-    tables += fitted_tables(section, stem)
+    tables += [t._replace(table=marked(t.table, verdict)) for t in fitted_tables(section, stem)]
     pictures = [*fitted_pictures(section, names, stem), *pictures]
     out = Exhibits(tuple(tables), tuple(pictures))
     fits = [fit.model for fit in shooting_fits(section, names.fits)]

@@ -124,6 +124,7 @@ _LATEX = {
     "|": r"\textbar{}",
     "±": r"$\pm$",
     "≈": r"$\approx$",
+    "†": r"$\dagger$",
     "−": r"$-$",
     "²": r"$^2$",
     INFINITE: r"$\infty$",

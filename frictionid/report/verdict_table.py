@@ -14,6 +14,7 @@ from frictionid.report.sections import Model
 from frictionid.report.tables import Cell, Column, Table, line
 from frictionid.report.verdict import Verdict
 
+DAGGER = "†"
 _SAME = 1e-3  # of the number of residuals
 
 
@@ -101,6 +102,24 @@ def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
         for row in zip(*texts, strict=True)
     ]
     return Table(_caption(verdict), f"verdict-{verdict.dataset}", columns, tuple(lines))
+
+
+def marked(table: Table, verdict: Verdict) -> Table:
+    """A table in which the names of models that are not plausible carry a dagger."""
+    names = {model.name for model in verdict.failed}
+    if not any(cell.text in names for row in table.lines for cell in row.cells):
+        return table
+    lines = [
+        row._replace(
+            cells=tuple(
+                cell._replace(text=f"{cell.text} {DAGGER}") if cell.text in names else cell
+                for cell in row.cells
+            )
+        )
+        for row in table.lines
+    ]
+    caption = f"{table.caption} {DAGGER} Not plausible, see the summary."
+    return table._replace(lines=tuple(lines), caption=caption)
 
 
 def _caption(verdict: Verdict) -> str:

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from fixtures import result_folders as made
 
+from frictionid.report.difference_table import difference_table
 from frictionid.report.summary_table import summary_of, summary_table
+from frictionid.report.tables import latex
 from frictionid.report.verdict import verdict_of
 from frictionid.report.verdict_document import verdict_document
-from frictionid.report.verdict_table import verdict_numbers, verdict_table
+from frictionid.report.verdict_table import marked, verdict_numbers, verdict_table
 
 GRID = made.about()["velocity"]
 
@@ -58,6 +60,13 @@ def test_friction_that_drives_the_motion_is_named_everywhere(tmp_path):
     (data,) = json.loads(json.dumps(verdict_document([verdict])))["datasets"]
     wrong = {c["name"]: c["implausible"] for c in data["candidates"]}
     assert wrong["good"] == [] and "drives the motion" in wrong["odd"][0]
+
+
+def test_other_tables_mark_the_name(tmp_path):
+    own = section(tmp_path, [task("odd", 0.2, turned=True), task("good", 0.4)])
+    table = marked(difference_table(own.fitted), verdict_of(own))
+    assert [line.cells[0].text for line in table.lines] == ["odd †", "good"]
+    assert "† Not plausible" in table.caption and r"$\dagger$" in latex(table)
 
 
 def test_without_failures_no_table_has_the_column(tmp_path):

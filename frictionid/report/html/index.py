@@ -45,6 +45,7 @@ from frictionid.report.sections import Model, Section, SummaryData
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
 from frictionid.report.tables import Cell, Column, Table
 from frictionid.report.verdict import Verdict
+from frictionid.report.verdict_table import marked
 
 ROOM = 3_200_000  # bytes of figures inside the page
 
@@ -157,6 +158,7 @@ def part_of(
 ) -> Part:
     """What the page shows of one data set that was fitted."""
     data, chosen = section.fitted, chosen_of(section, verdict)
+    families = family_table(section)
     return Part(
         anchor=names.stems[section.dataset, section.dataset],
         section=section,
@@ -173,7 +175,7 @@ def part_of(
             _scored(own, verdict, chosen, exhibits[section.dataset, own.dataset], names)
             for own in section.data
         ],
-        families=family_table(section),
+        families=families and marked(families, verdict),
         notes=_notes(section),
         memory=_memory_lines(data),
     )
