@@ -42,6 +42,7 @@ from frictionid.report.exhibits import (
 )
 from frictionid.report.figures.style import drawn
 from frictionid.report.sections import Section, sections_of
+from frictionid.report.side_by_side import SideBySide, side_by_side
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
 from frictionid.report.tables import html
 from frictionid.report.terminal import verdict
@@ -200,6 +201,22 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
     def verdicts(self) -> tuple[Verdict, ...]:
         """The verdicts on all data sets that were fitted."""
         return tuple(map(verdict_of, self._sections))
+
+    def against(self, other: Comparison) -> SideBySide:
+        """What changes from this comparison to another one, and whether they can be compared.
+
+        Raises
+        ------
+        InputError
+            Where no data set was fitted in both.
+        """
+        return side_by_side(self.results, other.results)
+
+    @property
+    def page(self) -> Path | None:
+        """Path of the page index.html in the result folder; None without one."""
+        path = self.results.folder / "index.html"
+        return path.resolve() if self.results.folder != Path() and path.exists() else None
 
     @property
     def plots(self) -> tuple[str, ...]:

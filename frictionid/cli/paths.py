@@ -36,6 +36,10 @@ def _results(folder: Path) -> Path:
     return folder
 
 
+def _other_results(folder: Path | None) -> Path | None:
+    return None if folder is None else _results(folder)
+
+
 def _models_and_dataset(paths: list[Path]) -> list[Path]:
     for path in paths[:-1]:
         present(path)
@@ -56,6 +60,10 @@ SuitePath = Annotated[
 ]
 ResultFolder = Annotated[
     Path, typer.Argument(help="Result folder of a comparison.", callback=_results)
+]
+OtherFolder = Annotated[
+    Path | None,
+    typer.Argument(help="A second one, to say what changed.", callback=_other_results),
 ]
 ModelPath = Annotated[Path, typer.Argument(help="Model file.", callback=present)]
 ModelsAndDataset = Annotated[

@@ -1,15 +1,32 @@
-"""frictionid report: make tables and figures of a result folder anew."""
+"""frictionid report: make page, tables and figures of a result folder anew, or compare two."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from frictionid.cli.options import Json, Replace, Require
-from frictionid.cli.paths import ResultFolder
+from frictionid.cli.paths import OtherFolder, ResultFolder
+from frictionid.errors import InputError
 
 
 def report(
-    folder: ResultFolder, json: Json = False, replace: Replace = False, require: Require = None
+    folder: ResultFolder,
+    other: OtherFolder = None,
+    json: Json = False,
+    replace: Replace = False,
+    require: Require = None,
 ) -> None:
-    """Rebuild scores.csv, tables and figures of a result folder, without fitting anything."""
+    """Rebuild page, tables and figures of a result folder, or say what changed to another one.
+
+    Nothing is fitted. With two folders nothing is written.
+    """
+    if other is not None:
+        if replace or require:
+            raise InputError(
+                "two folders are compared and nothing is written: without --replace and --require"
+            )
+        _side_by_side(folder, other, json)
+        return
     from frictionid.api.comparison import load_comparison
     from frictionid.cli.requirements import check_requirements, exit_unless_met
     from frictionid.comparison.result_folder import lock
@@ -23,3 +40,11 @@ def report(
         build(results, replace=replace)
     print(results_json(results)) if json else show(results)
     exit_unless_met(results, require)
+
+
+def _side_by_side(folder: Path, other: Path, json: bool) -> None:
+    from frictionid.api.comparison import load_comparison
+    from frictionid.report import show_side_by_side, side_by_side_json
+
+    found = load_comparison(folder).against(load_comparison(other))
+    print(side_by_side_json(found)) if json else show_side_by_side(found)

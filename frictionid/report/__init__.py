@@ -20,7 +20,9 @@ from frictionid.report.terminal import (
     show_fit,
     show_refined,
     show_scores,
+    show_side_by_side,
     show_summary,
+    side_by_side_json,
 )
 from frictionid.report.write import build
 
@@ -31,5 +33,7 @@ __all__ = [
     "show_fit",
     "show_refined",
     "show_scores",
+    "show_side_by_side",
     "show_summary",
+    "side_by_side_json",
 ]

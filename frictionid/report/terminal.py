@@ -17,6 +17,12 @@ from frictionid.report.estimates import Estimate, estimates, interval, value_tex
 from frictionid.report.render import render
 from frictionid.report.sections import Section, score_tables, sections_of
 from frictionid.report.shooting_results import shooting_results
+from frictionid.report.side_by_side import (
+    SideBySide,
+    change_table,
+    comparable_lines,
+    score_table,
+)
 from frictionid.report.summary_table import (
     DETAILS,
     Summary,
@@ -73,6 +79,34 @@ def results_json(results: Results) -> str:
             for data in section.data
         ],
     }
+    return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
+
+
+def show_side_by_side(found: SideBySide) -> None:
+    """Print whether two results can be compared, and what changed."""
+    out = console()
+    for text in comparable_lines(found):
+        out.print(text, markup=False, soft_wrap=True)
+    if found.scores:
+        show_table(score_table(found))
+    changes = {
+        "setting": found.settings,
+        "version": found.versions,
+        "model of one result": found.missing,
+        "parameter": found.parameters,
+    }
+    for what, own in changes.items():
+        if own:
+            show_table(change_table(own, what))
+        else:
+            out.print(f"{what}: nothing changed", markup=False)
+
+
+def side_by_side_json(found: SideBySide) -> str:
+    """Two results side by side as JSON text; null for what is not finite."""
+    document = found._asdict() | {"comparable": found.comparable}
+    for name in ("settings", "versions", "scores", "parameters", "missing"):
+        document[name] = [entry._asdict() for entry in document[name]]
     return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
 
 
