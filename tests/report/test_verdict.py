@@ -66,6 +66,18 @@ def test_without_folds_every_question_is_not_evaluated_with_a_reason(tmp_path):
     assert all("errors are known of 2 folds" in q.reason for q in found.questions)
 
 
+def test_without_predictions_there_is_no_verdict_but_a_reason(tmp_path):
+    found = verdict(tmp_path, [made.task("a", {"made": made.rows(0.3, 0.2, horizons=())})])
+    assert found.sentence == "No verdict: the comparison predicts no motion."
+    assert [c.name for c in found.candidates] == ["a"]  # its checks stand, all the same
+
+
+def test_no_friction_can_be_enough(tmp_path):
+    found = verdict(tmp_path, [model("none", 0.203, role="none"), model("rich", 0.2, size=9)])
+    assert (found.recommended, found.kind) == ("none", "simple_enough")
+    assert found.sentence.startswith("No friction is needed")
+
+
 def test_the_document_says_every_question_with_its_answer(tmp_path, monkeypatch):
     made.undraw(monkeypatch)
     folder = made.built(made.typical(tmp_path))
