@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from frictionid import mechanics as mechanisms  # noqa: F401
+    from frictionid.api.align import Aligned as Aligned
+    from frictionid.api.align import align as align
     from frictionid.api.check import Verdict as Verdict
     from frictionid.api.check import check as check
     from frictionid.api.compare import compare as compare
@@ -35,6 +37,10 @@ if TYPE_CHECKING:
     from frictionid.api.suggest import suggest as suggest
     from frictionid.api.suggest_trajectories import suggest_trajectories as suggest_trajectories
     from frictionid.api.suites import run_suite as run_suite
+    from frictionid.api.track import Tracked as Tracked
+    from frictionid.api.track import track as track
+    from frictionid.api.tune import Tuned as Tuned
+    from frictionid.api.tune import tune as tune
     from frictionid.comparison.fit_model import fit_model as fit_model
     from frictionid.data.readers.dataset import load_dataset as load_dataset
     from frictionid.data.recordings import Dataset as Dataset
@@ -85,6 +91,7 @@ if TYPE_CHECKING:
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}
 _HOME = {
+    "Aligned": "frictionid.api.align",
     "AsymmetricCoulombViscous": "frictionid.friction.laws",
     "AsymmetricFilmLag": "frictionid.friction.laws",
     "AsymmetricLuGre": "frictionid.friction.laws",
@@ -128,9 +135,12 @@ _HOME = {
     "Split": "frictionid.evaluation.folds",
     "Stribeck": "frictionid.friction.laws",
     "TorchModule": "frictionid.friction.laws",
+    "Tracked": "frictionid.api.track",
     "TrueMotion": "frictionid.data.recordings",
+    "Tuned": "frictionid.api.tune",
     "Verdict": "frictionid.api.check",
     "WindowMLP": "frictionid.friction.laws",
+    "align": "frictionid.api.align",
     "check": "frictionid.api.check",
     "compare": "frictionid.api.compare",
     "evaluate": "frictionid.api.evaluate",
@@ -150,6 +160,8 @@ _HOME = {
     "simulate": "frictionid.api.simulate",
     "suggest": "frictionid.api.suggest",
     "suggest_trajectories": "frictionid.api.suggest_trajectories",
+    "track": "frictionid.api.track",
+    "tune": "frictionid.api.tune",
 }
 
 __all__ = ["__version__", *_HOME, *_ROOMS]

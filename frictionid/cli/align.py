@@ -36,40 +36,24 @@ def align(
 ) -> None:
     """Estimate offset and drift between two clocks from the motion itself (docs/drive.md)."""
     import json as texts
-    import math
 
-    import tomli_w
+    from frictionid.api.align import align as aligned
 
-    from frictionid.acquire.align.align_files import AlignmentOptions, align_files, load_rig
-    from frictionid.acquire.align.alignment_text import alignment_document, alignment_text
-    from frictionid.acquire.align.recording_folder import (
-        add_recording,
-        check_place,
-        recording_name,
+    found = aligned(
+        *(angles, torque, rig),
+        name=name,
+        marker=marker,
+        offset=offset,
+        hold=hold,
+        folder=out,
+        replace=replace,
     )
-    from frictionid.errors import InputError
-    from frictionid.files import write_bytes, write_text
-    from frictionid.report.figures.alignment import alignment_pictures
-
-    if hold not in ("linear", "previous"):
-        raise InputError(f"--hold {hold!r} is unknown; known: linear, previous")
-    if offset is not None and not math.isfinite(offset):
-        raise InputError(f"--offset {offset} must be a finite number of seconds")
-    name = name or recording_name(angles)
-    settings = load_rig(rig)
-    head = settings.head(hold)
-    check_place(out, name, head, replace)
-    one = align_files(angles, torque, settings, AlignmentOptions(marker, offset, hold))
-    pictures = alignment_pictures(one)
-    add_recording(out, name, head, one.angle, one.torque)
-    document = alignment_document(one.alignment, one.marker, one.responses, one.sources)
-    write_text(out / f"{name}.align.toml", tomli_w.dumps(document))
-    for kind, picture in pictures.items():
-        write_bytes(out / f"{name}.{kind}.png", picture)
     if json:
-        print(texts.dumps(document, indent=1))
+        print(texts.dumps(found.document, indent=1))
         return
-    print(alignment_text(one.alignment, one.mechanism, one.marker, one.responses))
-    for warning in one.warnings:
-        print(f"warning  {warning}")
-    print(f"written to {out}: {name}, {len(one.angle.time)} angles, {len(one.torque.time)} torques")
+    print(found)
+    one = found.found
+    print(
+        f"written to {out}: {found.name}, {len(one.angle.time)} angles, "
+        f"{len(one.torque.time)} torques"
+    )

@@ -12,7 +12,6 @@ from frictionid.cli.options import Json, Replace
 
 if TYPE_CHECKING:
     from frictionid.acquire.camera.angles import Angles
-    from frictionid.acquire.camera.source import Source
 
 
 class Method(StrEnum):
@@ -48,12 +47,10 @@ def track(
         return _propose(video, rig, replace, json)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
-    from frictionid.acquire.camera.angles import angles_csv
     from frictionid.acquire.camera.marker_setup import load_marker_setup
     from frictionid.acquire.camera.source import open_source
-    from frictionid.acquire.camera.track import track as tracked
+    from frictionid.api.track import track as tracked
     from frictionid.cli.progress import counted
-    from frictionid.files import write_text
     from frictionid.outputs import check_outputs
 
     check_outputs((out, sheet, overlay), (Path(video), rig), replace=replace)
@@ -62,16 +59,17 @@ def track(
     if source.kind == "live" and (overlay or sheet):
         raise InputError("--overlay and --sheet need a video: a live camera shows its frames once")
     with counted(source.count or 0, source.name) as count:
-        angles = tracked(source, markers, method.value, lambda _: count(""))
-    write_text(out, angles_csv(angles))
+        found = tracked(source, markers, method=method.value, done=lambda _: count(""))
+    found.save(out)
     if sheet is not None:
-        _write_sheet(source, angles, sheet)
+        found.save_sheet(sheet)
     if overlay is not None:
-        _write_overlay(source, angles, overlay)
+        found.save_overlay(overlay)
     if json:
-        print(_as_json(angles, [p for p in (out, sheet, overlay) if p is not None]), end="")
+        written = [p for p in (out, sheet, overlay) if p is not None]
+        print(_as_json(found.angles, written), end="")
         return None
-    _print_summary(angles)
+    print(found)
     print(f"written to {out}")
     if sheet is not None:
         print(f"contact sheet in {sheet}")
@@ -108,22 +106,6 @@ def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
     print(f"links: {lengths} px\nwritten to {rig}")
 
 
-def _write_sheet(source: Source, angles: Angles, sheet: Path) -> None:
-    import cv2
-
-    from frictionid.acquire.camera.overlay import contact_sheet
-    from frictionid.files import write_bytes
-
-    picture = contact_sheet(source.frames(), angles, source.size)
-    write_bytes(sheet, cv2.imencode(".png", picture)[1].tobytes())
-
-
-def _write_overlay(source: Source, angles: Angles, overlay: Path) -> None:
-    from frictionid.acquire.camera.overlay import write_overlay
-
-    write_overlay(source, angles, overlay)
-
-
 def _as_json(angles: Angles, written: list[Path]) -> str:
     """Number of frames by state, median standard deviation [rad] of each joint, and the camera."""
     import numpy as np
@@ -139,20 +121,3 @@ def _as_json(angles: Angles, written: list[Path]) -> str:
             "written": written,
         }
     )
-
-
-def _print_summary(angles: Angles) -> None:
-    import numpy as np
-
-    counts = {s: angles.state.count(s) for s in ("found", "predicted", "lost")}
-    states = ", ".join(f"{c} {s}" for s, c in counts.items() if c or s == "found")
-    print(f"{len(angles.state)} frames: {states}")
-    for j, sigma in enumerate(np.nanmedian(angles.sigma, axis=0), start=1):
-        print(f"q{j}: median standard deviation {np.degrees(sigma):.3f} deg")
-    shape = angles.calibration.plane.shape
-    if any(shape):
-        _, _, right, down, bulge = shape
-        print(f"camera: slant {right:+.3f}, {down:+.3f}, lens {bulge:+.3f} per half diagonal")
-    if angles.sync_led is not None:
-        name, brightness = angles.sync_led
-        print(f"{name}: brightness {brightness.min():.3f} to {brightness.max():.3f}")

@@ -29,48 +29,23 @@ def tune(
     trust: Trust = False,
 ) -> None:
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
-    from joblib import cpu_count
-
+    from frictionid.api.tune import open_tuning
     from frictionid.cli.progress import counted
-    from frictionid.comparison.result_folder import lock
-    from frictionid.comparison.suite import load_suite
-    from frictionid.comparison.tuning import study_specs, tuning_tasks
-    from frictionid.comparison.tuning import tune as search
-    from frictionid.outputs import check_unchanged, check_writable
-    from frictionid.report.terminal import show_table
-    from frictionid.report.tuning import outcome_json, score_table, settings_tables, write_outcome
+    from frictionid.report.tuning import outcome_json
 
-    table = load_suite(suite)
-    tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
-    folder = out or Path("report") / f"{table.name}-tune"
-    check_writable(folder)
+    opened = open_tuning(suite, data=data, out=out, trials=trials, trust=trust)
     try:
-        tasks = tuning_tasks(table, suite, data, trust=trust)
-        total = tuning.trials * len(study_specs(tasks, tuning))
-        with (
-            lock(folder, ["journal.log"], "tuning"),
-            counted(total, f"tuning ({table.name})") as done,
-        ):
-            check_unchanged(folder, replace=replace)
-            results = search(
-                tasks,
-                tuning,
-                folder,
-                resume=resume,
-                replace_trials=replace,
-                jobs=jobs or cpu_count(),
-                done=done,
-            )
-            page = write_outcome(folder, results, tuning.objective, suite, replace=replace)
+        with counted(opened.total, f"tuning ({opened.name})") as done:
+            tuned = opened.run(jobs=jobs, resume=resume, replace=replace, done=done)
     except KeyboardInterrupt:
         typer.echo(
-            f"frictionid: interrupted; what is done stays in {folder}: finish it with --resume",
+            f"frictionid: interrupted; what is done stays in {opened.folder}: finish it with "
+            "--resume",
             err=True,
         )
         raise typer.Exit(130) from None
     if json:
-        print(outcome_json(results, page), end="")
+        print(outcome_json(tuned.studies, tuned.page), end="")
         return
-    for shown in (score_table(results, tuning.objective), *settings_tables(results)):
-        show_table(shown)
-    print(f"written to {page.resolve()}")
+    tuned.show()
+    print(f"written to {tuned.page.resolve()}")

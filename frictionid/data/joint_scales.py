@@ -42,8 +42,10 @@ def joint_scales(position_units: Sequence[str], angles: Sequence[Signal]) -> Joi
     >>> time = np.linspace(0.0, 4.0, 401)
     >>> slide, turn = 2e-3 * np.sin(3.0 * time), 8.0 * np.sin(3.0 * time)
     >>> scales = joint_scales(("m", "rad"), [Signal(time, np.stack([slide, turn], axis=1))])
-    >>> scales.size.round(6), scales.fast.round(3), scales.slow.round(6)
-    (array([0.001, 1.   ]), array([ 0.006, 23.905]), array([1.2e-04, 1.0e-01]))
+    >>> scales.size.round(6).tolist(), scales.fast.round(3).tolist()
+    ([0.001, 1.0], [0.006, 23.906])
+    >>> scales.slow.round(6).tolist()
+    [0.00012, 0.1]
     """
     noise = np.max([_noise(a.value) for a in angles], axis=0)
     fast = np.max([_fast(a, noise) for a in angles], axis=0)

@@ -9,6 +9,7 @@ from fixtures.command_line import run_command
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import frictionid as fid
 from frictionid.acquire.align import Clock, align
 from frictionid.acquire.align.angles_file import read_angles
 from frictionid.acquire.align.cross_correlation import check_spans
@@ -247,6 +248,11 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
         picture = (tmp_path / "data" / f"day.{kind}.png").read_bytes()
         assert picture.startswith(b"\x89PNG")
         assert len(picture) > 10_000
+    same = fid.align(*(tmp_path / n for n in ("day.csv", "log.csv", "rig.toml")), hold="previous")
+    assert same.document == document and str(same) in out  # the command calls this function
+    np.testing.assert_allclose(
+        same.dataset.recordings[0].torque.time, recording.torque.time, atol=1e-8
+    )
     # a second recording joins; the same name only when it may replace
     again = ("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
     assert "has a recording 'day'" in call(*again)[2]

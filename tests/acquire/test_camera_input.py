@@ -8,6 +8,7 @@ from importlib import import_module
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from fixtures.command_line import run_command
 from fixtures.simulated_films import (
@@ -22,6 +23,7 @@ from fixtures.simulated_films import (
     motion,
 )
 
+import frictionid as fid
 from frictionid import load_dataset
 from frictionid.acquire.camera.marker_setup import (
     Links,
@@ -105,6 +107,9 @@ def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, monkey
     assert angle.sigma.shape == angle.value.shape
     assert np.abs(angle.value - MOTION.angle.value[: len(angle.value)]).max() < 0.01
     assert cv2.imread(str(tmp_path / "s.png")) is not None
+    same = fid.track(place / "even.mov", place / "rig.toml")  # the command calls it
+    assert str(same) in out
+    pd.testing.assert_frame_equal(same.frame, pd.read_csv(tmp_path / "a.csv"))
 
 
 def test_setup_proposes_a_rig_that_tracks(tmp_path, monkeypatch, capsys):

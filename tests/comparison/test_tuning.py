@@ -7,10 +7,12 @@ import tomllib
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import dataset, disturbed, write_suite
 
+import frictionid as fid
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space, Tuning
@@ -370,5 +372,7 @@ def test_the_command_writes_page_and_suite(place, monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "factor" in out and str(place / "t" / "summary.md") in out
     assert (place / "t" / "tiny.toml").exists() and (place / "t" / "journal.log").exists()
+    again = fid.tune("suite.toml", out="t", jobs=1, resume=True)  # what the command calls
+    assert str(again) in out and len(again.frame) == len(pd.read_csv(place / "t" / "trials.csv"))
     monkeypatch.setattr("sys.argv", ["frictionid", "tune", "suite.toml", "--out", "."])
     assert main() == 2 and "holds no tuning but" in capsys.readouterr().err
