@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from frictionid.errors import InputError
 
-_RATE = 60.0  # [Hz]
-WINDOWS = (5 / _RATE, 10 / _RATE, 20 / _RATE)
+WINDOWS = (5 / 60, 10 / 60, 20 / 60)
+_RATE = 30.0  # [Hz]
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Settings:
     """How friction is refined by shooting.
 
     windows : lengths [s] of the windows, one stage after the other (5, 10 and 20 samples at 60 Hz);
-        left as they are, they have no fewer samples where these are farther apart
+        left as they are, they have no fewer samples than at 30 Hz where these are farther apart
     iterations : at most so many in the last stage; the others, which only lead there, have 4
     tolerance : a stage ends when no parameter moves by more than this share of its standard error
     huber : residuals beyond so many standard deviations count less
@@ -49,7 +49,7 @@ class Settings:
         """The settings for samples so far apart [s]: windows that were not given follow them.
 
         >>> [round(60 * w) for w in Settings().at(1 / 60).windows], Settings().at(1.0).windows
-        ([5, 10, 20], (5.0, 10.0, 20.0))
+        ([5, 10, 20], (2.5, 5.0, 10.0))
         """
         if self.windows != WINDOWS or _RATE * sample_time <= 1.0:
             return self
