@@ -26,6 +26,7 @@ def fit(
     fixed: Sequence[str] = (),
     windows: float | Sequence[float] | None = None,
     iterations: int | None = None,
+    consistent: bool = False,
     calibration: Any = None,
     settings: Mapping[str, Any] | None = None,
     sample_time: float | None = None,
@@ -54,6 +55,8 @@ def fit(
         Lengths of the windows of shooting.
     iterations : int, optional
         Of shooting, at most.
+    consistent : bool
+        Whether base parameters of inverse dynamics must be those of bodies that there can be.
     calibration : Fit, Friction or path of a model file, optional
         Its base parameters, delay, gain, bias and offset are held; blocks that are free have its
         standard errors as priors.
@@ -87,6 +90,7 @@ def fit(
         fixed=fixed,
         windows=windows,
         iterations=iterations,
+        consistent=consistent,
         calibration=calibration,
     )
     made = fitted(dataset, identifier, chosen, protocol, count("seed", seed))

@@ -26,6 +26,7 @@ def method_of(
     fixed: Sequence[str] = (),
     windows: float | Sequence[float] | None = None,
     iterations: int | None = None,
+    consistent: bool = False,
     calibration: Any = None,
 ) -> Method:
     """Method of a name: "one_step" by a recipe, or "shooting" or "inverse_dynamics" from there.
@@ -45,8 +46,10 @@ def method_of(
     'study'
     """
     if not isinstance(method, str):
-        if free is not None or fixed or windows is not None or iterations is not None:
-            raise InputError("free, fixed, windows and iterations go with the name of a method")
+        if free is not None or fixed or windows is not None or iterations is not None or consistent:
+            raise InputError(
+                "free, fixed, windows, iterations and consistent go with the name of a method"
+            )
         return method
     if method not in METHODS:
         raise InputError(f"method = {method!r} is unknown; {nearest(method, METHODS)}")
@@ -58,6 +61,7 @@ def method_of(
         "fixed": _names(fixed) or None,
         "windows": None if windows is None else numbers("windows", windows),
         "iterations": iterations,
+        "consistent": consistent or None,
     }
     given = {key: value for key, value in shots.items() if value is not None}
     if method == "one_step":

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from frictionid.cli.options import (
+    Consistent,
     Fixed,
     Free,
     Iterations,
@@ -45,6 +46,7 @@ def fit(
     fixed: Fixed = None,
     windows: Windows = None,
     iterations: Iterations = None,
+    consistent: Consistent = False,
     calibration: KnownCalibration = None,
     figure: Annotated[
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
@@ -67,7 +69,7 @@ def fit(
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)
     chosen = identifier_of(identifier, settings(set_ or []))
-    method = _method(recipe, by, free, fixed or [], windows, iterations, calibration)
+    method = _method(recipe, by, free, fixed or [], windows, iterations, calibration, consistent)
     method.check(chosen)
     if figure is not None:
         check_drawable(chosen)
@@ -106,6 +108,7 @@ def _method(
     windows: str | None,
     iterations: int | None,
     calibration: Path | None,
+    consistent: bool,
 ) -> Method:
     """Method that the options name."""
     from frictionid.api.methods import method_of
@@ -113,10 +116,12 @@ def _method(
 
     if by not in (None, "shooting", "inverse_dynamics"):
         raise InputError(f"--by {by!r} is unknown; known are shooting, inverse_dynamics")
-    if by is None and (free or fixed or windows is not None or iterations is not None):
+    if by is None and (
+        free or fixed or consistent or windows is not None or iterations is not None
+    ):
         raise InputError(
             "--free and --fixed need --by shooting or --by inverse_dynamics; --windows and "
-            "--iterations need --by shooting"
+            "--iterations need --by shooting, --consistent needs --by inverse_dynamics"
         )
     return method_of(
         by or "one_step",
@@ -126,6 +131,7 @@ def _method(
         windows=None if windows is None else _seconds(windows),
         iterations=iterations,
         calibration=calibration,
+        consistent=consistent,
     )
 
 

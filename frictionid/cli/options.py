@@ -51,3 +51,6 @@ Windows = Annotated[
     str | None, typer.Option(help="Lengths of the windows of shooting [s], e.g. 0.1,0.3.")
 ]
 Iterations = Annotated[int | None, typer.Option(min=1, help="Iterations of shooting at most.")]
+Consistent = Annotated[
+    bool, typer.Option("--consistent", help="Inverse dynamics: inertias that bodies can have.")
+]

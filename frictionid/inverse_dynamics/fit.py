@@ -18,6 +18,7 @@ from frictionid.identifiers import Identifier
 from frictionid.identifiers.grams import clusters
 from frictionid.identifiers.one_step_fit import checked_fit
 from frictionid.identifiers.residual import speed_range
+from frictionid.inverse_dynamics.consistent import made_consistent
 from frictionid.inverse_dynamics.residual import TorqueProblem, left_to_friction, logged_gain
 from frictionid.inverse_dynamics.settings import TorqueSettings
 from frictionid.inverse_dynamics.solve import TorqueSolution, normal_equations, solve
@@ -71,6 +72,8 @@ def fit_torques(
     dropped: list[Dropped] = []
     while True:
         solution, problem = _best(identifier, balance, blocks, settings, use, seed)
+        if settings.consistent:
+            solution = made_consistent(problem, solution, use, settings)
         result = _result(problem, solution, given, use)
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)

@@ -17,6 +17,8 @@ class TorqueSettings:
     huber : residuals beyond so many standard deviations count less
     significance : a block of sensors (delay, gain, bias) whose deviation from an ideal sensor has a
         larger p-value is left out, and the fit repeated without it; 1 keeps all
+    consistent : whether base parameters must be those of bodies that there can be, of a URDF or
+        MJCF, see `mechanics.rigid_body.consistent`
     """
 
     window: float = 0.05
@@ -24,6 +26,7 @@ class TorqueSettings:
     iterations: int = 60
     huber: float = 2.5
     significance: float = 0.01
+    consistent: bool = False
 
     def __post_init__(self) -> None:
         for name in ("window", "node_time", "iterations", "huber", "significance"):
