@@ -10,7 +10,8 @@ import pytest
 from fixtures import result_folders as made
 
 from frictionid.comparison.results import load_results
-from frictionid.report.html.motion_chart import side_view
+from frictionid.report.figures.style import Style
+from frictionid.report.html.motion_chart import motion_chart, side_view
 from frictionid.report.recommended import parameter_rows
 from frictionid.report.sections import sections_of
 from frictionid.report.verdict import verdict_of
@@ -132,6 +133,18 @@ def test_an_arm_is_seen_from_the_side_in_which_it_is_widest():
     np.testing.assert_allclose(seen, flat, atol=1e-12)
 
 
+def test_coupled_parts_have_friction_but_no_angle_to_draw():
+    example = made.example("made", "median", joints=2)
+    style = Style("#0072B2", "-")
+    chart = motion_chart(example, made.description(3), style)
+    assert [key for key in chart.layout if key.startswith("yaxis")] == ["yaxis1", "yaxis2"]
+    still = {**example, "band": 0.0 * example["band"]}
+    assert (
+        "band" in chart.words
+        and "band" not in motion_chart(still, made.description(2), style).words
+    )
+
+
 # --- In a browser ---------------------------------------------------------------------------------
 
 
@@ -205,6 +218,10 @@ def test_the_mechanism_moves_when_play_is_pressed(seen):
     view = seen[0]
     chart = view.query_selector(".chart:has(.updatemenu-button)")
     chart.scroll_into_view_if_needed()
+    box = chart.bounding_box()
+    for control in (".updatemenu-button", ".slider-rail-rect"):
+        own = chart.query_selector(control).bounding_box()
+        assert box["y"] <= own["y"] and own["y"] + own["height"] <= box["y"] + box["height"]
     lines = "[...c.querySelectorAll('.scatterlayer path.js-line')]"
     before = view.evaluate(f"(c) => {lines}.map((p) => p.getAttribute('d'))", chart)
     assert len(before) == 2  # measured and predicted

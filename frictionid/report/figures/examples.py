@@ -23,14 +23,15 @@ def example_motions(model: Model, data: SummaryData, style: Style) -> Any:
     shown, description = examples_of(model, data), data.description
     if not shown:
         return None
-    picture = figure(0.65 + 1.5 * len(description.joints))
-    axes = picture.subplots(len(description.joints), len(shown), sharex="col", squeeze=False)
+    names = description.joints[: len(shown[0]["measured"][0])]  # coupled parts have no angle
+    picture = figure(0.65 + 1.5 * len(names))
+    axes = picture.subplots(len(names), len(shown), sharex="col", squeeze=False)
     for column, example in zip(axes.T, shown, strict=True):
         for joint, axis in enumerate(column):
             _panel(axis, example, joint, style)
         heading = f"{example['place']}: {title_of(example['recording'], example['start_s'])}"
         column[0].set_title(heading, fontsize=7, loc="left")
-    for joint, (axis, name) in enumerate(zip(axes[:, 0], description.joints, strict=True)):
+    for joint, (axis, name) in enumerate(zip(axes[:, 0], names, strict=True)):
         axis.set_ylabel(f"{name} [{description.position_units[joint]}]")
     picture.supxlabel("time since the start of the prediction [s]", fontsize=8)
     key = {"measured": line(MEASURED, linewidth=4), model.name: line(style.colour)}

@@ -223,7 +223,7 @@ def _fit_lines(section: Section, names: Names) -> list[str]:
     for fit in shooting_fits(section, names.fits):
         found = {"found": fit.results}
         texts = [render(f"shooting_{p}.j2", found, markup=False) for p in ("head", "terminal")]
-        return [f"What {fit.model.name} identifies", *lines_of("\n".join(texts))]
+        return [f"What {fit.model.name} identifies", *lines_of("\n".join(texts).replace("`", ""))]
     return []
 
 

@@ -36,9 +36,11 @@ def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart
     some = thinned(len(time), MOST)
     widths = example.get("band")
     half = None if widths is None else as_array(widths)
+    if half is not None and not half.any():
+        half = None  # fixed numbers, the same in every fold
     traces, axes = [], {}
-    n = len(data.joints)
-    for j, name in enumerate(data.joints):
+    n = len(example["measured"][0])  # coupled parts have no angle
+    for j, name in enumerate(data.joints[:n]):
         panel = {"xaxis": "x", "yaxis": f"y{j + 1}"}
         measured, predicted = (as_array(example[part])[:, j] for part in PARTS)
         limits = limits_of(measured, predicted)
@@ -91,7 +93,7 @@ def animation(example: Example, style: Style) -> Chart | None:
     step = 1e3 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     controls = {"updatemenus": [_buttons(step)], "sliders": [_slider(time)]}
     words = "The mechanism, measured (grey) against predicted, in real time."
-    return Chart("", words, traces, layout({**_plane(lines), **controls}), frames, height=420)
+    return Chart("", words, traces, layout({**_plane(lines), **controls}), frames, height=440)
 
 
 def side_view(lines: list[Array]) -> list[Array]:
@@ -113,13 +115,13 @@ def _plane(lines: list[Array]) -> dict[str, Any]:
     """Axes with the same scale, around everything that is ever drawn."""
     every = np.concatenate([own.reshape(-1, 2) for own in lines])
     low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
-    room = ROOM * max(float((high - low).max()), 1e-3)
-    ends = [[float(a - room), float(b + room)] for a, b in zip(low, high, strict=True)]
-    shown = {"constrain": "domain", "nticks": 5, "automargin": False}
+    reach = (0.5 + ROOM) * max(float((high - low).max()), 1e-3)
+    ends = [[float(middle - reach), float(middle + reach)] for middle in (low + high) / 2]
+    shown = {"constrain": "domain", "nticks": 5, "automargin": False, "tickangle": 0}
     return {
         "xaxis": axis("x [m]", {"range": ends[0], **shown}),
         "yaxis": axis("height [m]", {"range": ends[1], "scaleanchor": "x", **shown}),
-        "margin": {"l": 52, "r": 10, "t": 34, "b": 112, "autoexpand": False},
+        "margin": {"l": 52, "r": 10, "t": 34, "b": 130, "autoexpand": False},
     }
 
 
@@ -136,7 +138,7 @@ def _buttons(step: float) -> dict[str, Any]:
         "type": "buttons",
         "direction": "left",
         "x": 0,
-        "y": -0.22,
+        "y": -0.17,  # below the labels of the axis
         "xanchor": "left",
         "yanchor": "top",
         "showactive": False,
@@ -156,7 +158,7 @@ def _slider(time: Array) -> dict[str, Any]:
         "steps": steps,
         "x": 0,
         "len": 1.0,
-        "y": -0.42,
+        "y": -0.28,  # below the buttons
         "yanchor": "top",
         "pad": {"t": 0, "b": 0},
         "ticklen": 0,
