@@ -165,13 +165,12 @@ def predict(
     Returns
     -------
     DataFrame
-        Columns recording, start_s, time_s, ahead_s; for each joint j the angle predicted qj, the
-        velocity predicted wj (not of whole recordings) and the angle measured measured_qj; SI.
+        As `frictionid.predicted_motion` gives it.
 
     Raises
     ------
     InputError
-        Where model and data have different joints, or recordings are too short.
+        Where model and data do not go together.
     """
     friction, dataset = friction_of(model), dataset_of(data)
     ahead, begin = number("horizon", horizon), optional_number("start", start)
