@@ -56,6 +56,16 @@ def test_derivatives_are_the_same(both):
     np.testing.assert_allclose(ours.by_w, theirs.by_w, atol=1e-12)
 
 
+def test_drawings_are_the_same(both):
+    q, _ = states((5, 3))
+    ours, theirs = (m.points(q) for m in both)
+    assert ours.shape == (5, 3, 3, 2)  # the origin, the elbow, the lower link's centre of mass
+    # the URDF draws base, shoulder, elbow and the centre of mass, in space
+    np.testing.assert_allclose(theirs[..., 1:, ::2], ours, atol=1e-12)
+    np.testing.assert_allclose(theirs[..., 1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(np.diff(ours, axis=-2)[..., 0, :], axis=-1), 0.25)
+
+
 def test_a_centre_of_mass_beside_the_link_and_a_rotor_have_parameters_of_their_own(both):
     assert both[1].base_names == (
         *("mx_upper", "mz_upper", "Iyy_upper"),
