@@ -149,7 +149,8 @@ def _first(
 
 
 def _cost(residual: Array, weights: Array) -> Array:
-    return np.einsum("fk,fki->f", weights, residual**2)
+    cost: Array = (weights * (residual**2).sum(axis=-1)).sum(axis=-1)
+    return cost
 
 
 def _prior_cost(theta: Array, mean: Array, precision: Array) -> Array:

@@ -129,10 +129,12 @@ class Linearised(NamedTuple):
             for rows, own in self.stretches():
                 J = own.jacobian(theta[part]).reshape(len(theta[part]), own.problem.r.size, N)
                 weight = np.repeat(weights[part, rows], self.joints, 1)
-                weighted = np.swapaxes(J * weight[..., None], 1, 2)
-                e = residual[part, rows].reshape(len(J), -1, 1)
-                descent[part] += (weighted @ e)[..., 0]
-                hessian[part] += weighted @ J
+                weighted = np.ascontiguousarray(np.swapaxes(J * weight[..., None], 1, 2))
+                e = np.ascontiguousarray(residual[part, rows]).reshape(len(J), -1)
+                # fold by fold: a batch of them would be rounded otherwise than each one alone
+                for f, (own_weighted, own_J, own_e) in enumerate(zip(weighted, J, e, strict=True)):
+                    descent[first + f] += own_weighted @ own_e
+                    hessian[first + f] += own_weighted @ own_J
         self.check_finite(descent, hessian)
         return descent, hessian
 

@@ -280,7 +280,7 @@ def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
     assert set(table["fit"]) == {"integral"} and set(table["fold"]) == {"0", "1", "2", "all"}
     assert set(table["score"]) == {
         *("one_step_euler", "one_step_integral", "rollout_angle", "rollout_angle_truth"),
-        *("curve_error", "n_parameters"),
+        *("curve_error", "n_parameters", "effective_parameters", "dissipated_energy"),
     }
     assert set(table["statistic"]) == {"mean", "rms", "median", "q90", "diverged", "count"}
     assert set(table["horizon_s"].dropna()) == {0.1, 0.3}
