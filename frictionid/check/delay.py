@@ -21,6 +21,7 @@ WIDEST = 0.6
 COARSE, FINE, STEP = 0.02, 0.001, 0.002
 # Half-width of the interval in standard errors; few blocks and friction's shape widen it from 2.
 WIDE = 2.5
+_WINDOWS = 20_000  # of all delays that are looked at together
 
 
 class Delay(NamedTuple):
@@ -93,11 +94,13 @@ def _refined(
 
 
 def _profile(rows: Rows, torque: SignalIntegrals, nominal: Array, lags: Array) -> Array:
-    """Sums of squares (D,) with each of the delays, one after the other: few rows are kept."""
+    """Sums of squares (D,) with each of the delays, some at a time: few rows are kept."""
     middle = rows.means(torque, lags[len(lags) // 2])
     fit = partial_regression(rows, middle, nominal, uncertain_mechanism=True)
     required = rows.required(nominal)
-    left = (fit.residual(rows.means(torque, lag) - required) for lag in lags)
+    most = max(_WINDOWS // len(rows.start), 1)
+    parts = (rows.means(torque, lags[i : i + most]) for i in range(0, len(lags), most))
+    left = (fit.residual(mean - required) for means in parts for mean in means)
     return np.array([residual @ residual for residual in left])
 
 

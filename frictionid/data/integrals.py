@@ -147,7 +147,7 @@ def window_means(
     """
     late = np.asarray(delay, float)
     edges = np.stack([start, stop], axis=1)[..., None] - late.ravel()
-    _, area, _ = _at(log, recording, edges.reshape(len(start), 2 * late.size))
+    area = _area(log, recording, edges.reshape(len(start), 2 * late.size))
     change = np.diff(area.reshape(*edges.shape, area.shape[-1]), axis=1)[:, 0]  # (K, delays, n)
     mean = np.moveaxis(change / (stop - start)[:, None, None], 1, 0)
     return mean.reshape(*late.shape, *mean.shape[1:])
@@ -173,20 +173,32 @@ def pieces_of(log: SignalIntegrals, recording: Array, edges: Array) -> Pieces:
     return Pieces(*(np.ascontiguousarray(np.moveaxis(x, 1, 0)) for x in out))
 
 
+def _area(log: SignalIntegrals, recording: Array, time: Array) -> Array:
+    """Area (k, m, n) at times (k, m) of recordings (k,)."""
+    index, d, beyond = _place(log, recording, time)
+    v, rise, area, _ = (x[index] for x in log[-4:])
+    area = area + (v + rise * d / 2) * d
+    return area + (v + rise * d) * beyond if beyond.any() else area
+
+
 def _at(log: SignalIntegrals, recording: Array, time: Array) -> tuple[Array, Array, Array]:
     """Value, area and area2 (k, m, n) at times (k, m) of recordings (k,)."""
+    index, d, beyond = _place(log, recording, time)
+    v, rise, area, area2 = (x[index] for x in log[-4:])
+    value = v + rise * d
+    area2 = area2 + (area + (v / 2 + rise * d / 6) * d) * d
+    area = area + (v + rise * d / 2) * d
+    if beyond.any():
+        area2 = area2 + (area + value * beyond / 2) * beyond
+        area = area + value * beyond
+    return value, area, area2
+
+
+def _place(log: SignalIntegrals, recording: Array, time: Array) -> tuple[Array, Array, Array]:
+    """Sample (k, m) before each time, and times (k, m, 1) since then and beyond the log's ends."""
     local = time - log.begin[recording][:, None]
     inside = np.clip(local, 0.0, log.clock[log.last][recording][:, None])
     key = inside + log.apart * recording[:, None]
     index = np.searchsorted(log.key, key.ravel(), side="right").reshape(key.shape) - 1
     index = np.maximum(index, log.first[recording][:, None])
-    d = (inside - log.clock[index])[..., None]
-    v, rise, area, area2 = (x[index] for x in log[-4:])
-    value = v + rise * d
-    area2 = area2 + (area + (v / 2 + rise * d / 6) * d) * d
-    area = area + (v + rise * d / 2) * d
-    beyond = (local - inside)[..., None]
-    if beyond.any():
-        area2 = area2 + (area + value * beyond / 2) * beyond
-        area = area + value * beyond
-    return value, area, area2
+    return index, (inside - log.clock[index])[..., None], (local - inside)[..., None]

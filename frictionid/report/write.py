@@ -46,7 +46,7 @@ def _contents(results: Results) -> dict[str, bytes]:
                     own = own._replace(pictures=(*own.pictures, *beside(results, section, names)))
                 exhibits[section.dataset, data.dataset] = own
                 for picture in (*own.pictures, *own.shooting_pictures, *own.linked_pictures):
-                    files = rendered(picture.figure)
+                    files = rendered(picture.figure, ("svg", "pdf"))
                     drawn[picture.stem] = files.get("svg", b"")
                     contents |= {f"figures/{picture.stem}.{k}": v for k, v in files.items()}
                 for table in (*own.tables, *own.shooting, *own.linked):

@@ -242,7 +242,7 @@ def test_a_folder_holds_the_same_comparison(data, tmp_path):
     read = fid.load_comparison(out, laws=[Own])
     for bench in (written, read):
         np.testing.assert_array_equal(bench["Own"].friction.theta, memory["Own"].friction.theta)
-    assert (out / "summary.md").read_text() and list((out / "figures").glob("*.png"))
+    assert (out / "summary.md").read_text() and list((out / "figures").glob("*.svg"))
     with pytest.raises(fid.InputError, match="is no comparison|holds no comparison|holds"):
         (tmp_path / "other").mkdir()
         (tmp_path / "other" / "mine.txt").write_text("mine")

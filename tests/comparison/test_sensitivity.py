@@ -9,15 +9,19 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.command_line import run_command
-from fixtures.tiny_pendulums import dataset, write_suite
+from fixtures.tiny_pendulums import compare_into, dataset, write_suite
 from scipy.integrate import solve_ivp
 
 import frictionid as fid
+from frictionid.comparison.results import load_results
 from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
 from frictionid.comparison.sensitivity.split import training_and_test
 from frictionid.comparison.sensitivity.study import with_and_without_inertia
 from frictionid.comparison.sensitivity.variations import Variation, sensitive_parameters, varied
 from frictionid.errors import InputError
+from frictionid.report.exhibits import names_of
+from frictionid.report.sections import sections_of
+from frictionid.report.sensitivity_beside import beside
 from frictionid.shooting import Shooting
 
 NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", "recordings")}
@@ -162,19 +166,20 @@ def test_the_command_writes_a_page_and_computes_nothing_twice(suite, monkeypatch
 
 
 def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(suite, monkeypatch, capsys):
-    def run(*words):
-        assert run_command(monkeypatch, capsys, suite.parent, *words, "--replace")[0] == 0
-
-    run("sensitivity", suite.name, "--jobs", 1)
-    run("compare", suite.name, "--jobs", 1)
-    page = suite.parent / "report" / "small" / "index.html"
-    assert ">Sensitivity<" in page.read_text()
+    words = "sensitivity", suite.name, "--jobs", 1, "--replace"
+    assert run_command(monkeypatch, capsys, suite.parent, *words)[0] == 0
+    folder = suite.parent / "report" / "small"
+    compare_into(suite, folder)
+    results = load_results(folder)
+    (section,) = sections_of(results)
+    names = names_of([section])
+    stems = [picture.stem for picture in beside(results, section, names)]
+    assert stems == [f"{kind}--tiny--coulomb_viscous" for kind in ("tornado", "amounts")]
     provenance = suite.parent / "report" / "small-sensitivity" / "provenance.json"
     document = json.loads(provenance.read_text())
     document["data"]["tiny"] = {"00.csv": "of other recordings"}
     provenance.write_text(json.dumps(document))
-    run("report", page.parent)
-    assert ">Sensitivity<" not in page.read_text()
+    assert list(beside(results, section, names)) == []
 
 
 def test_unknown_names_end_in_one_line(suite, monkeypatch, capsys):

@@ -282,7 +282,7 @@ def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
         *("one_step_euler", "one_step_integral", "rollout_angle", "rollout_angle_truth"),
         *("curve_error", "n_parameters", "effective_parameters", "dissipated_energy"),
     }
-    assert set(table["statistic"]) == {"mean", "rms", "median", "q90", "diverged", "count"}
+    assert set(table["statistic"]) == {"mean", "rms", "median", "q90", "diverged", "count", "ratio"}
     assert set(table["horizon_s"].dropna()) == {0.1, 0.3}
     assert set(table["unit"]) == {"rad/s", "rad", "1"}
     assert table["value"].notna().all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import shutil
 import subprocess
@@ -27,6 +28,9 @@ from frictionid.identifiers import Frictionless, LeastSquares, Published
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
 from frictionid.outputs import replace_files
 from frictionid.report import build, show
+from frictionid.report.exhibits import exhibits_of, names_of
+from frictionid.report.figures.style import drawing, rendered
+from frictionid.report.sections import sections_of
 from frictionid.report.tables import escape_latex
 from frictionid.report.verdict import verdict_of
 
@@ -276,7 +280,7 @@ def test_without_rollouts_or_examples_the_rest_is_there(tmp_path):
     task = made.task("a", {"made": made.rows(0.3, 0.2, horizons=())}, motions=False)
     made.built(made.write(tmp_path, [task]))
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {
-        f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("png", "pdf", "svg")
+        f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("pdf", "svg")
     }
 
 
@@ -331,15 +335,30 @@ def test_odd_names_are_escaped_in_latex(odd):
 
 def test_every_figure_is_drawn_whatever_the_names(odd, typical, computed):
     for folder in (odd, typical, computed):
-        pictures = sorted((folder / "figures").glob("*.png"))
+        pictures = list(pictures_of(folder))
         assert len(pictures) >= 4
-        for path in pictures:
-            image = matplotlib.image.imread(path)[..., :3]
+        for picture in pictures:
+            with drawing():
+                shot = io.BytesIO(rendered(picture.figure, ["png"])["png"])
+            image = matplotlib.image.imread(shot)[..., :3]
             assert image.shape[1] == 1440
             drawn = (image < 0.9).any(axis=-1)
             halves = [half.mean() for half in np.array_split(drawn, 2, axis=1)]
-            assert min(halves) > 0.005, path
-            assert path.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+            assert min(halves) > 0.005, picture.stem
+            path = folder / "figures" / f"{picture.stem}.pdf"
+            assert path.read_bytes().startswith(b"%PDF")
+            assert b"<svg" in path.with_suffix(".svg").read_bytes()
+
+
+def pictures_of(folder):
+    """All pictures of a report."""
+    sections = sections_of(load_results(folder))
+    names = names_of(sections)
+    with drawing():
+        for section in sections:
+            for data in section.data:
+                own = exhibits_of(section, data, names, verdict_of(section))
+                yield from (*own.pictures, *own.shooting_pictures, *own.linked_pictures)
 
 
 def test_links_of_the_page_lead_somewhere(typical):

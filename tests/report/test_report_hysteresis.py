@@ -162,8 +162,8 @@ def test_what_a_suite_asks_for_is_shown_and_told(compared):
     assert load_suite(file).protocol.loops == HysteresisSettings(frequency=(2.0,))
     section = made.section(folder)
     assert [model.identifier for model in with_memory(section)] == ["film_lag"]
-    names = {path.name for path in (folder / "figures").glob("*.png")}
-    assert {"loops--tiny--integral.png", "speeds--tiny.png"} <= names
+    names = {path.name for path in (folder / "figures").glob("*.svg")}
+    assert {"loops--tiny--integral.svg", "speeds--tiny.svg"} <= names
     table = loop_table(section)
     assert {line.cells[0].text for line in table.lines} == {"film_lag"}
     assert table.caption in made.words(folder)

@@ -269,7 +269,7 @@ def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
     path.write_text(json.dumps(task))
     made.built(tmp_path / "old")
     some = refined not in (None, "nothing")
-    assert (tmp_path / "old" / "figures" / "correlation--pendulum--stribeck.png").exists() == some
+    assert (tmp_path / "old" / "figures" / "correlation--pendulum--stribeck.svg").exists() == some
     assert ("Parameters with intervals" in made.words(tmp_path / "old")) == some
 
 
@@ -332,7 +332,7 @@ def test_many_parameters_have_a_picture_and_a_short_table(tmp_path):
     text = page(tmp_path, made.shot(many))
     assert text.count("30 numbers") == 2
     assert len(pd.read_csv(tmp_path / "tables" / "shooting--made--law.csv")) == 60
-    assert (tmp_path / "figures" / "correlation--made--law.png").exists()
+    assert (tmp_path / "figures" / "correlation--made--law.svg").exists()
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -368,7 +368,7 @@ def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
     refined["correlation"] = [[float("nan")] * 2, [float("nan"), 1.0]]
     text = page(tmp_path, refined)
     assert "at its bound" in text
-    assert (tmp_path / "figures" / "correlation--made--law.png").stat().st_size > 1000
+    assert (tmp_path / "figures" / "correlation--made--law.svg").stat().st_size > 1000
 
 
 def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_only(tmp_path):
