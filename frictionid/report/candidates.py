@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,15 +98,24 @@ class Contrast:
 def candidates_of(data: SummaryData, column: str) -> list[Candidate]:
     """All models of a data set that can be recommended, with their checks, as in the tables.
 
+    Given numbers that were fitted to these recordings are none: nothing is held out of them.
+
     column : of the score that is compared
     """
-    models = data.of_role(*CANDIDATES)
+    models = [model for model in data.of_role(*CANDIDATES) if not _has_seen(model, data)]
     errors = _fold_errors(data, models, column)
     own = [
         Candidate(model, e, complexity_of(data, model))
         for model, e in zip(models, errors, strict=True)
     ]
     return [replace(c, checks=checks_of(c.model, data, _control(c, own))) for c in own]
+
+
+def _has_seen(model: Model, data: SummaryData) -> bool:
+    """Whether a given model's file says that it was fitted to files of the data set."""
+    files = model.document.get("provenance", {}).get("data", {})
+    known = set(files.values()) if isinstance(files, Mapping) else set()
+    return model.role == "given" and bool(known & data.description.hashes)
 
 
 def complexity_of(data: SummaryData, model: Model) -> float:

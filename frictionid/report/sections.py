@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,6 +42,7 @@ class DataDescription:
     true_parameters : what a simulation knows of each block of parameters
     mechanism, own_base : the nominal mechanism, and what recordings add to its base parameters
     velocities, speeds : (N, n) samples and their distribution; None in older folders
+    hashes : of its files
     """
 
     joints: tuple[str, ...]
@@ -59,6 +60,7 @@ class DataDescription:
     own_base: Any
     velocities: Array | None
     speeds: Mapping[str, Any] | None
+    hashes: frozenset[str] = frozenset()
 
     @property
     def angle_unit(self) -> str:
@@ -89,7 +91,8 @@ def description_of(document: Mapping[str, Any]) -> DataDescription:
         joints=tuple(map(str, document["joints"])),
         torque_units=_each(document, "torque_unit"),
         position_units=_each(document, "position_unit", "angle_unit"),
-        **{key: int(document[key]) for key in ("recordings", "samples")},
+        recordings=int(document["recordings"]),
+        samples=int(document["samples"]),
         seconds=float(document["seconds"]),
         velocity=velocity,
         truth=None if truth is None else np.asarray(truth, dtype=float),
@@ -282,13 +285,20 @@ def _section(results: Results, dataset: str) -> Section:
     data = [
         _summary_data(
             results.scores.loc[numbers],
-            (name, dataset, description_of(results.datasets[name])),
+            (name, dataset, _description(results, name)),
             [m for m in models if name in tasks[m.task]["rows"]],
             horizons,
         )
         for name in scored
     ]
     return Section(dataset, recipes, tuple(models), tuple(data))
+
+
+def _description(results: Results, dataset: str) -> DataDescription:
+    """A data set's description, with the hashes of its files."""
+    hashes = results.provenance.get("data", {}).get(dataset, {})
+    own = description_of(results.datasets[dataset])
+    return replace(own, hashes=frozenset(map(str, hashes.values())))
 
 
 def _model(

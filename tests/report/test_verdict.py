@@ -53,6 +53,17 @@ def test_the_truth_is_never_recommended(tmp_path):
     assert answer == "no"
 
 
+def test_published_numbers_that_were_fitted_to_these_recordings_are_never_recommended(tmp_path):
+    paper = model("paper", 0.1, role="given")
+    tasks = [model("ours", 0.2), paper]
+    assert verdict(tmp_path / "a", tasks).recommended == "paper"
+    paper["model"]["provenance"] = {"data": {"any.csv": "of these"}}
+    seen = {"made": {"run.csv": "of these"}}
+    assert verdict(tmp_path / "b", tasks, data=seen).recommended == "ours"
+    others = {"made": {"run.csv": "of others"}}
+    assert verdict(tmp_path / "c", tasks, data=others).recommended == "paper"
+
+
 def test_a_model_that_diverges_in_a_fold_is_not_recommended(tmp_path):
     found = verdict(tmp_path, [model("plain", 0.1, noise=[0, 0, 0, float("inf")]), model("b", 0.2)])
     assert found.recommended == "b" and found.candidate("plain").standing == "diverged"
