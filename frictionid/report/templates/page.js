@@ -34,7 +34,7 @@ async function library() {
   script.textContent = await new Response(stream).text();
   document.head.append(script);
 }
-const settings = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+const settings = { responsive: true, displayModeBar: false };  // the bar would lie over the legends
 async function draw(place) {
   const chart = JSON.parse(document.getElementById(place.id + "-data").textContent);
   await Plotly.newPlot(place, chart.data, chart.layout, settings);
