@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from fixtures.random_machines import MECHANISMS, assert_same_terms, close, physical, states
+from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
 
 from frictionid.arrays import plain
 from frictionid.data.plants import plant_of
@@ -32,12 +32,12 @@ def test_plant_passes_its_parameters_to_the_mechanism(name):
     plant, p = Plant.from_parameters(mechanism, v), mechanism.base(v)
     q, w = states(mechanism, rng, (20,))
     u = rng.normal(size=q.shape)
-    close(plant.p, p)
+    assert_close(plant.p, p)
     assert plant.n == mechanism.n
     assert_same_terms(plant.terms(q, w), mechanism.terms(p, q, w))
     for ours, theirs in zip(plant.dynamics(q, w), mechanism.dynamics(p, q, w), strict=True):
-        close(ours, theirs)
-    close(plant.load(q, w, u), mechanism.load(v, q, w, u))
+        assert_close(ours, theirs)
+    assert_close(plant.load(q, w, u), mechanism.load(v, q, w, u))
 
 
 def test_an_index_picks_rows_of_everything():
@@ -51,8 +51,8 @@ def test_an_index_picks_rows_of_everything():
     assert {k: x.tolist() for k, x in picked.parameters.items()} == {
         k: x.tolist() for k, x in expected.items()
     }
-    close(picked.p, mechanism.base(expected))
-    close(picked.load(q, w, 0.0 * q), mechanism.load(expected, q, w, 0.0 * q))
+    assert_close(picked.p, mechanism.base(expected))
+    assert_close(picked.load(q, w, 0.0 * q), mechanism.load(expected, q, w, 0.0 * q))
     assert plant[1].p.shape == (6,)
 
 

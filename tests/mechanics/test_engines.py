@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from fixtures.random_machines import close, physical, states
+from fixtures.random_machines import assert_close, physical, states
 
 from frictionid.arrays import solve, times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
@@ -163,9 +163,9 @@ def test_mujoco_agrees(name):
             force = data.cfrc_int[model.body(f"link{j}").id][3:]
             load[i, j] = np.linalg.norm(force)
     np.testing.assert_allclose(case.a, a, rtol=1e-8, atol=1e-8)
-    close(case.h, h, 1e-8)
-    close(case.energy, energy, 1e-8)
-    close(case.load, load, 1e-8)
+    assert_close(case.h, h, 1e-8)
+    assert_close(case.energy, energy, 1e-8)
+    assert_close(case.load, load, 1e-8)
 
 
 def test_signs_are_those_of_mujoco(name):
@@ -233,8 +233,8 @@ def test_pinocchio_agrees(name):
         pinocchio.rnea(model, data, q, w, case.a[i])
         load[i] = [np.linalg.norm(data.f[j + 1].linear) for j in range(len(q))]
     np.testing.assert_allclose(case.a, a, rtol=1e-8, atol=1e-8)
-    close(case.energy, energy, 1e-8)
-    close(case.load, load, 1e-8)
+    assert_close(case.energy, energy, 1e-8)
+    assert_close(case.load, load, 1e-8)
 
 
 def test_pinocchio_forward_dynamics_agree_without_rotors(name):

@@ -8,8 +8,8 @@ import torch
 from fixtures.random_machines import (
     MECHANISMS,
     STEP,
+    assert_close,
     assert_same_terms,
-    close,
     gradient,
     physical,
     random_case,
@@ -39,13 +39,15 @@ def test_mass_matrix_is_symmetric_and_positive_definite(mechanism):
 def test_momentum_is_the_velocity_gradient_of_the_energy(mechanism):
     p, q, w = random_case(mechanism, 2)
     t = mechanism.terms(p, q, w)
-    close(t.momentum, gradient(lambda w: mechanism.terms(p, q, w).energy, w))
-    close(t.momentum, np.einsum("...ij,...j", t.M, w))
+    assert_close(t.momentum, gradient(lambda w: mechanism.terms(p, q, w).energy, w))
+    assert_close(t.momentum, np.einsum("...ij,...j", t.M, w))
 
 
 def test_mass_matrix_is_the_velocity_gradient_of_the_momentum(mechanism):
     p, q, w = random_case(mechanism, 3)
-    close(mechanism.terms(p, q, w).M, gradient(lambda w: mechanism.terms(p, q, w).momentum, w))
+    assert_close(
+        mechanism.terms(p, q, w).M, gradient(lambda w: mechanism.terms(p, q, w).momentum, w)
+    )
 
 
 def test_dl_dq_is_the_angle_gradient_of_the_lagrangian(mechanism):
@@ -55,23 +57,23 @@ def test_dl_dq_is_the_angle_gradient_of_the_lagrangian(mechanism):
         t = mechanism.terms(p, q, w)
         return (t.momentum * w).sum(-1) - t.energy  # T - V = 2 T - (T + V)
 
-    close(mechanism.terms(p, q, w).dLdq, gradient(lagrangian, q))
+    assert_close(mechanism.terms(p, q, w).dLdq, gradient(lagrangian, q))
 
 
 def test_h_is_dl_dq_without_the_change_of_the_mass_matrix(mechanism):
     p, q, w = random_case(mechanism, 5)
     t = mechanism.terms(p, q, w)
     change = gradient(lambda q: times(mechanism.inertia(p, q), w), q)  # d(M w)/dq
-    close(t.h, t.dLdq - np.einsum("...ij,...j", change, w))
+    assert_close(t.h, t.dLdq - np.einsum("...ij,...j", change, w))
 
 
 def test_dynamics_and_inertia_are_parts_of_terms(mechanism):
     p, q, w = random_case(mechanism, 6)
     t = mechanism.terms(p, q, w)
     M, h = mechanism.dynamics(p, q, w)
-    close(M, t.M)
-    close(h, t.h)
-    close(mechanism.inertia(p, q), t.M)
+    assert_close(M, t.M)
+    assert_close(h, t.h)
+    assert_close(mechanism.inertia(p, q), t.M)
 
 
 def test_motors_act_on_the_driven_joints(mechanism):
@@ -98,7 +100,7 @@ def test_power_of_motors_and_friction_is_the_change_of_energy(mechanism):
     t = mechanism.terms(p, q, w)
     a = solve(t.M, t.h + times(t.B, u) - Tf)
     along = mechanism.terms(p, q + 1j * STEP * w, w + 1j * STEP * a).energy
-    close(along.imag / STEP, (w * (times(t.B, u) - Tf)).sum(-1))
+    assert_close(along.imag / STEP, (w * (times(t.B, u) - Tf)).sum(-1))
 
 
 @pytest.mark.parametrize("name", ["acrobot", "acrobot-relative", "double_pendulum-11", "pendulum"])
@@ -136,7 +138,7 @@ def test_linear_in_the_base_parameters(mechanism):
     one, two = mechanism.terms(p1, q, w), mechanism.terms(p2, q, w)
     both = mechanism.terms(2.0 * p1 + p2, q, w)
     for name in ("M", "h", "momentum", "dLdq", "energy"):
-        close(getattr(both, name), 2.0 * getattr(one, name) + getattr(two, name))
+        assert_close(getattr(both, name), 2.0 * getattr(one, name) + getattr(two, name))
 
 
 def test_motion_shows_every_base_parameter_by_itself(mechanism):
@@ -155,7 +157,7 @@ def assert_same_motion(mechanism, one, other):
     """Physical parameters differ, base parameters and motion do not."""
     assert one != other
     p1, p2 = mechanism.base(one), mechanism.base(other)
-    close(p1, p2)
+    assert_close(p1, p2)
     q, w = states(mechanism, np.random.default_rng(16))
     assert_same_terms(mechanism.terms(p1, q, w), mechanism.terms(p2, q, w))
 
@@ -217,7 +219,7 @@ def test_torch_gives_what_numpy_gives(mechanism):
     out = mechanism.terms(mechanism.base(tv), tq, tw)
     assert all(isinstance(x, torch.Tensor) and x.dtype == torch.float64 for x in out)
     assert_same_terms(mechanism.terms(mechanism.base(v), q, w), type(out)(*map(np.asarray, out)))
-    close(mechanism.load(tv, tq, tw, tu).numpy(), mechanism.load(v, q, w, u))
+    assert_close(mechanism.load(tv, tq, tw, tu).numpy(), mechanism.load(v, q, w, u))
 
 
 def test_autograd_of_the_lagrangian_gives_momentum_and_dl_dq(mechanism):
@@ -227,8 +229,8 @@ def test_autograd_of_the_lagrangian_gives_momentum_and_dl_dq(mechanism):
     t = mechanism.terms(p, q, w)
     energy_q, momentum = torch.autograd.grad(t.energy.sum(), (q, w), retain_graph=True)
     (twice_kinetic_q,) = torch.autograd.grad((t.momentum * w).sum(), q)
-    close(momentum.numpy(), t.momentum.detach().numpy())
-    close((twice_kinetic_q - energy_q).numpy(), t.dLdq.detach().numpy())
+    assert_close(momentum.numpy(), t.momentum.detach().numpy())
+    assert_close((twice_kinetic_q - energy_q).numpy(), t.dLdq.detach().numpy())
 
 
 def test_gradients_pass_from_the_motion_to_the_physical_parameters():
@@ -248,11 +250,11 @@ def test_batch_gives_what_each_row_gives_alone(mechanism):
     together, load = mechanism.terms(p, q, w), mechanism.load(v, q, w, u)
     for i in range(4):
         one = {k: float(x[i]) for k, x in v.items()}
-        close(p[i], mechanism.base(one))
+        assert_close(p[i], mechanism.base(one))
         alone = mechanism.terms(p[i], q[i], w[i])
         rows = [x if k == "B" else x[i] for k, x in together._asdict().items()]
         assert_same_terms(alone, type(alone)(*rows))
-        close(load[i], mechanism.load(one, q[i], w[i], u[i]))
+        assert_close(load[i], mechanism.load(one, q[i], w[i], u[i]))
 
 
 def test_parameter_batches_broadcast_against_states(mechanism):
@@ -265,10 +267,10 @@ def test_parameter_batches_broadcast_against_states(mechanism):
     assert t.M.shape == (3, 5, n, n)
     assert t.h.shape == t.dLdq.shape == t.momentum.shape == (3, 5, n)
     assert t.energy.shape == (3, 5)
-    close(t.h[2], mechanism.terms(p[2], q, w).h)
+    assert_close(t.h[2], mechanism.terms(p[2], q, w).h)
     one_state = mechanism.terms(p, q[0], w[0])
     assert one_state.M.shape == (3, n, n)
-    close(one_state.M, t.M[:, 0])
+    assert_close(one_state.M, t.M[:, 0])
 
 
 def test_one_parameter_per_row_and_the_others_common():
@@ -276,11 +278,11 @@ def test_one_parameter_per_row_and_the_others_common():
     m = acrobot()
     p = m.base({"m4": np.array([0.0, 0.084])})
     assert p.shape == (2, 6)
-    close(p[1], m.base({}))
-    close(p[0], m.base({"m4": 0.0}))
+    assert_close(p[1], m.base({}))
+    assert_close(p[0], m.base({"m4": 0.0}))
     q, w = np.zeros((2, 2)), np.zeros((2, 2))
     load = m.load({"m4": np.array([0.0, 0.084])}, q, w, q)
-    close(load[0] - load[1], np.full(2, -0.084 * 9.81), 1e-10)
+    assert_close(load[0] - load[1], np.full(2, -0.084 * 9.81), 1e-10)
 
 
 def test_whole_numbers_are_taken_as_floats():
@@ -295,9 +297,9 @@ def test_a_motors_constants_are_parameters_that_move_nothing():
     assert motor.base_names == plain.base_names
     assert set(motor.defaults) - set(plain.defaults) == {"kt", "R"}
     physical = {"mass": 0.3, "length": 0.2, "rotor": 0.01}
-    close(motor.base({**physical, "kt": 0.4, "R": 3.0}), plain.base(physical))
+    assert_close(motor.base({**physical, "kt": 0.4, "R": 3.0}), plain.base(physical))
     q, w, u = np.random.default_rng(0).normal(size=(3, 4, 1))
-    close(motor.load(physical, q, w, u), plain.load(physical, q, w, u))
+    assert_close(motor.load(physical, q, w, u), plain.load(physical, q, w, u))
     with pytest.raises(ValueError, match="motor = 'yes' must be true or false"):
         pendulum(motor="yes")
 

@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
 from fixtures.paths import ROOT
-from fixtures.random_machines import close
+from fixtures.random_machines import assert_close
 
 from frictionid import load_dataset
 from frictionid.arrays import solve, times
@@ -80,7 +80,7 @@ def test_mujoco_agrees_on_the_cart_pole():
     for k in range(20):
         data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q[k], w[k], u[k] * m.motors
         mujoco.mj_forward(model, data)
-        close(a[k], data.qacc, 1e-9)
+        assert_close(a[k], data.qacc, 1e-9)
 
 
 def test_one_step_fits_and_shooting_find_the_friction_of_both_joints(recorded):
@@ -128,8 +128,8 @@ def test_bodies_of_a_built_in_mechanism_give_its_equations():
     assert len(found.base_names) == len(told.base_names) == 6
     for name in ("M", "h", "momentum", "dLdq", "energy"):
         one, other = (getattr(m.terms(m.base(values), q, w), name) for m in (told, found))
-        close(one, other)
-    close(told.load(values, q, w, u), found.load(values, q, w, u))
+        assert_close(one, other)
+    assert_close(told.load(values, q, w, u), found.load(values, q, w, u))
 
 
 def test_coefficients_that_are_sums_of_others_are_no_base_parameters():

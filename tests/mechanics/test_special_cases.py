@@ -2,7 +2,14 @@
 
 import numpy as np
 import pytest
-from fixtures.random_machines import MECHANISMS, STEP, assert_same_terms, close, physical, states
+from fixtures.random_machines import (
+    MECHANISMS,
+    STEP,
+    assert_close,
+    assert_same_terms,
+    physical,
+    states,
+)
 
 from frictionid.arrays import solve, times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
@@ -21,11 +28,11 @@ def test_double_pendulum_without_a_second_link_is_a_pendulum():
     p = single.base({"mass": m1, "length": r1, "inertia": I1 - m1 * r1**2, "rotor": Ir, "gear": gr})
     q, w = states(double, rng)
     a, b = double.terms(one, q, w), single.terms(p, q[:, :1], w[:, :1])
-    close(a.M[:, :1, :1], b.M)
+    assert_close(a.M[:, :1, :1], b.M)
     for name in ("h", "momentum", "dLdq"):
-        close(getattr(a, name)[:, :1], getattr(b, name))
+        assert_close(getattr(a, name)[:, :1], getattr(b, name))
         assert (getattr(a, name)[:, 1] == 0.0).all()
-    close(a.energy, b.energy)
+    assert_close(a.energy, b.energy)
 
 
 def test_double_pendulum_with_its_elbow_locked_straight_is_a_pendulum():
@@ -39,9 +46,9 @@ def test_double_pendulum_with_its_elbow_locked_straight_is_a_pendulum():
     q, w = states(single, rng)
     a = double.terms(double.base(v), np.append(q, 0.0 * q, 1), np.append(w, 0.0 * w, 1))
     b = single.terms(single.base(same), q, w)
-    close(a.M[:, :1, :1], b.M)
-    close(a.h[:, :1], b.h)
-    close(a.energy, b.energy)
+    assert_close(a.M[:, :1, :1], b.M)
+    assert_close(a.h[:, :1], b.h)
+    assert_close(a.energy, b.energy)
 
 
 @pytest.mark.parametrize("inertias", ["printed", "shapes"])
@@ -91,10 +98,12 @@ def test_the_printed_energy_differs_in_the_inertia_of_link_2_alone(inertias):
     q, w = states(absolute, rng)
     a = absolute.terms(absolute.base(v), q, w)
     r = relative.terms(relative.base(v), q, w)
-    close(a.M - r.M, np.broadcast_to(J2 * np.array([[1.0, 1.0], [1.0, 0.0]]), a.M.shape), 1e-10)
-    close(a.energy - r.energy, 0.5 * J2 * ((w.sum(-1)) ** 2 - w[:, 1] ** 2), 1e-10)
-    close(a.h, r.h)
-    close(a.dLdq, r.dLdq)
+    assert_close(
+        a.M - r.M, np.broadcast_to(J2 * np.array([[1.0, 1.0], [1.0, 0.0]]), a.M.shape), 1e-10
+    )
+    assert_close(a.energy - r.energy, 0.5 * J2 * ((w.sum(-1)) ** 2 - w[:, 1] ** 2), 1e-10)
+    assert_close(a.h, r.h)
+    assert_close(a.dLdq, r.dLdq)
 
 
 @pytest.mark.parametrize(
@@ -144,8 +153,8 @@ def test_double_pendulum_has_the_matrices_of_its_makers():
     G2 = -m2 * g * r2 * np.sin(q1 + q2)
     C = m2 * l1 * r2 * np.sin(q2) * np.stack([2 * w1 * w2 + w2**2, -(w1**2)])
     t = m.terms(m.base(v), q, w)
-    close(t.M, np.stack([M11, M12, M12, M22], -1).reshape(-1, 2, 2))
-    close(t.h, np.stack([G1, G2], -1) + C.T)
+    assert_close(t.M, np.stack([M11, M12, M12, M22], -1).reshape(-1, 2, 2))
+    assert_close(t.h, np.stack([G1, G2], -1) + C.T)
 
 
 def test_pendulum_has_its_textbook_equation():
@@ -155,8 +164,8 @@ def test_pendulum_has_its_textbook_equation():
     q, w = states(m, rng)
     t = m.terms(m.base(v), q, w)
     I = v["mass"] * v["length"] ** 2 + v["inertia"] + v["gear"] ** 2 * v["rotor"]  # noqa: E741
-    close(t.M[:, 0, 0], I)
-    close(t.h[:, 0], -v["mass"] * v["g"] * v["length"] * np.sin(q[:, 0]))
+    assert_close(t.M[:, 0, 0], I)
+    assert_close(t.h[:, 0], -v["mass"] * v["g"] * v["length"] * np.sin(q[:, 0]))
 
 
 # ---------------------------------------------------------------- bearing forces
@@ -174,7 +183,7 @@ def test_bearings_of_a_hanging_machine_carry_its_weight(name):
         "double_pendulum": (("m1", "m2"), ("m2",)),
         "pendulum": (("mass",),),
     }[mechanism.kind]
-    close(load, np.array([v["g"] * sum(v[k] for k in names) for names in beyond]))
+    assert_close(load, np.array([v["g"] * sum(v[k] for k in names) for names in beyond]))
 
 
 def test_bearing_force_of_a_swinging_pendulum_by_newton():
@@ -188,7 +197,7 @@ def test_bearing_force_of_a_swinging_pendulum_by_newton():
     a = ((t.h + u) / t.M[..., 0])[:, 0]
     along = v["g"] * np.cos(q[:, 0]) + v["length"] * w[:, 0] ** 2
     across = v["length"] * a + v["g"] * np.sin(q[:, 0])
-    close(m.load(v, q, w, u)[:, 0], v["mass"] * np.hypot(along, across))
+    assert_close(m.load(v, q, w, u)[:, 0], v["mass"] * np.hypot(along, across))
 
 
 @pytest.mark.parametrize("name", ["acrobot", "acrobot-shapes", "double_pendulum-11"])
@@ -206,7 +215,7 @@ def test_bearing_force_is_the_change_of_momentum_beyond_it(name):
         now = momentum_beyond(name, v, joint, q + 1j * STEP * w, w + 1j * STEP * a)
         force = now.imag / STEP
         force[:, 1] += v["g"] * masses_beyond(name, v, joint)
-        close(mechanism.load(v, q, w, u)[:, joint], np.hypot(*force.T))
+        assert_close(mechanism.load(v, q, w, u)[:, joint], np.hypot(*force.T))
 
 
 def points(name, v):

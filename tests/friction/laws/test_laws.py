@@ -149,11 +149,12 @@ def test_laws_are_nested_no_friction_in_coulomb_in_stribeck_in_asymmetric_stribe
     def torque(law, *theta):
         return law.torque(np.array([theta]), x, ())
 
-    same = np.testing.assert_allclose
-    same(torque(CoulombViscous(), 0.0, 0.0), torque(NoFriction()), atol=0.0)
-    same(torque(Stribeck(), fc, 0.0, ws, fv), torque(CoulombViscous(), fc, fv), rtol=1e-15)
-    asymmetric = torque(AsymmetricStribeck(), fc, fc, fp, fp, ws, fv)
-    same(asymmetric, torque(Stribeck(), fc, fp, ws, fv), rtol=1e-14)
+    coulomb, stribeck = torque(CoulombViscous(), fc, fv), torque(Stribeck(), fc, fp, ws, fv)
+    none, flat = torque(CoulombViscous(), 0.0, 0.0), torque(Stribeck(), fc, 0.0, ws, fv)
+    alike = torque(AsymmetricStribeck(), fc, fc, fp, fp, ws, fv)
+    np.testing.assert_allclose(none, torque(NoFriction()), atol=0.0)
+    np.testing.assert_allclose(flat, coulomb, rtol=1e-15)
+    np.testing.assert_allclose(alike, stribeck, rtol=1e-14)
 
 
 def test_turning_the_axis_round_swaps_the_directions():
