@@ -118,18 +118,18 @@ def test_a_data_set_and_the_module_beside_it_are_read_with_trust(recorded, tmp_p
 
 
 def test_bodies_of_a_built_in_mechanism_give_its_equations():
-    """The double pendulum, whose base parameters are then found and not told."""
-    told = double_pendulum()
-    d = told.description
+    """The double pendulum, whose base parameters are then found and not given."""
+    given = double_pendulum()
+    d = given.description
     joints = [Joint(name, q) for name, q in zip(d.joints, d.q, strict=True)]
     found = from_bodies(d.bodies, joints, d.parameters, rotors=d.rotors)
     values = {"m1": 0.6, "m2": 0.4, "I1": 0.02, "I2": 0.014, "Ir": 1e-5, "gr": 6.0}
     q, w, u = np.random.default_rng(1).normal(size=(3, 50, 2))
-    assert len(found.base_names) == len(told.base_names) == 6
+    assert len(found.base_names) == len(given.base_names) == 6
     for name in ("M", "h", "momentum", "dLdq", "energy"):
-        one, other = (getattr(m.terms(m.base(values), q, w), name) for m in (told, found))
+        one, other = (getattr(m.terms(m.base(values), q, w), name) for m in (given, found))
         assert_close(one, other)
-    assert_close(told.load(values, q, w, u), found.load(values, q, w, u))
+    assert_close(given.load(values, q, w, u), found.load(values, q, w, u))
 
 
 def test_coefficients_that_are_sums_of_others_are_no_base_parameters():
