@@ -105,7 +105,7 @@ $(CORE): pyproject.toml constraints.txt $(if $(BROKEN),ALWAYS)
 	@pwd -P >.venv/place
 
 $(TEST): $(CORE)
-	@echo "Adding pytest, MuJoCo, Pinocchio to .venv: 0.1 GB to download, 0.5 GB on disk, half a minute."
+	@echo "Adding pytest, MuJoCo, Pinocchio, CasADi, ONNX to .venv: 0.3 GB to download, 0.8 GB on disk, a minute."
 	$(call install,'.[test]')
 
 $(DEV): $(CORE)
