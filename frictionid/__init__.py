@@ -144,6 +144,7 @@ _HOME = {
     "check": "frictionid.api.check",
     "compare": "frictionid.api.compare",
     "evaluate": "frictionid.api.evaluate",
+    "export": "frictionid.api.export",
     "fit": "frictionid.api.fit",
     "fit_model": "frictionid.comparison.fit_model",
     "identifiers": "frictionid.api.listing",

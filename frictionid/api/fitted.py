@@ -275,6 +275,30 @@ class Fit:
         """
         save_model(self.friction, Path(path), LAWS)
 
+    def export(
+        self, to: str, out: str | Path, *, settings: Any = None, replace: bool = False
+    ) -> Any:
+        """Write the friction for a simulator, a controller or a drive.
+
+        Parameters
+        ----------
+        to : str
+            The format, such as "c", "python" or "mujoco"; docs/export.md has all.
+        out : str or Path
+            File to write.
+        settings : ExportSettings, optional
+        replace : bool
+            Whether files that exist may be written over.
+
+        Returns
+        -------
+        Exported
+            See `frictionid.export`.
+        """
+        from frictionid.api.export import export  # which knows fits
+
+        return export(self, to, out, settings=settings, replace=replace)
+
     @property
     def _document(self) -> Mapping[str, Any]:
         """Result document of shooting; empty where there is none."""

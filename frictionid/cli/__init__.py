@@ -14,6 +14,7 @@ from frictionid.cli.compare import compare
 from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.excite import excite
+from frictionid.cli.export import export
 from frictionid.cli.fit import fit
 from frictionid.cli.identifiers import identifiers
 from frictionid.cli.init import init
@@ -47,6 +48,7 @@ for command in (
     fit,
     evaluate,
     predict,
+    export,
     report,
     simulate,
     suggest,

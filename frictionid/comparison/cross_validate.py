@@ -34,7 +34,9 @@ from frictionid.evaluation import (
     score_frame,
     score_model,
     score_value,
+    speeds,
     trajectory_folds,
+    with_speeds,
 )
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
 from frictionid.evaluation.plausibility import Beyond, beyond_motion
@@ -185,7 +187,7 @@ def score(
     return Result(
         scores=scores,
         friction=folds,
-        overall=overall,
+        overall=with_speeds(overall, speeds(prepared.dataset, prepared.smoothed)),
         curves=lines,
         motions=tuple(motions),
         tests=tests,

@@ -12,7 +12,15 @@ from frictionid.comparison.methods import Fit, Method
 from frictionid.comparison.training_set import training_set
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset
-from frictionid.evaluation import EstimatedStates, Prepared, Protocol, screened, velocity_grid
+from frictionid.evaluation import (
+    EstimatedStates,
+    Prepared,
+    Protocol,
+    screened,
+    speeds,
+    velocity_grid,
+    with_speeds,
+)
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
 from frictionid.identifiers.formulation import INTEGRAL
@@ -102,4 +110,5 @@ def fitted(
     if fit.refined is not None:
         w = training.problems[recipe.first_step.name].nodes.inputs.w
         provenance["refined"] = document_of(fit.refined, dataset, velocity_grid(w))
-    return Fitted(replace(friction, provenance=provenance), fit)
+    known = replace(friction, provenance=provenance)
+    return Fitted(with_speeds(known, speeds(dataset, prepared.smoothed)), fit)

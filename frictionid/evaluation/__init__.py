@@ -6,6 +6,7 @@ from frictionid.evaluation.curves import (
     curves,
     member_curves,
     velocity_grid,
+    with_speeds,
 )
 from frictionid.evaluation.folds import Folds, Split, make_folds
 from frictionid.evaluation.free_run import (
@@ -84,5 +85,6 @@ __all__ = [
     "with_calibration",
     "with_motor_torque",
     "with_parameters",
+    "with_speeds",
     "without_physics",
 ]

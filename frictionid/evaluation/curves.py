@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -69,3 +70,9 @@ def curve_scores(errors: Array, overall: Array) -> Iterator[Score]:
     for fold, error in [*((str(f), e) for f, e in enumerate(errors)), ("all", overall)]:
         for j in np.flatnonzero(np.isfinite(error)):
             yield Score(fold, "curve_error", "rms", joint=str(j + 1), value=float(error[j]))
+
+
+def with_speeds(friction: Friction, w: Array) -> Friction:
+    """Friction whose provenance has the greatest speed of each part in the data, from w (K, m)."""
+    reach = [float(f"{speed:.6g}") for speed in np.abs(w).max(axis=0)]
+    return replace(friction, provenance={**friction.provenance, "speeds": reach})

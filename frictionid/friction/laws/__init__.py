@@ -7,6 +7,7 @@ from frictionid.friction.laws.ensemble import Ensemble, members_of
 from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.friction.laws.gear_load import GearLoad
 from frictionid.friction.laws.library import Library
+from frictionid.friction.laws.linear_outside import LinearOutside
 from frictionid.friction.laws.load_dependent import LoadDependent, LoadDependentStribeck
 from frictionid.friction.laws.lstm import LSTM
 from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
@@ -39,6 +40,7 @@ __all__ = [
     "FilmLag",
     "GearLoad",
     "Library",
+    "LinearOutside",
     "LoadDependent",
     "LoadDependentStribeck",
     "LuGre",

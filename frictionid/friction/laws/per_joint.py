@@ -200,7 +200,8 @@ class PerJoint(Law):
 
     def _joined(self, columns: Iterator[Array]) -> Array:
         arrays = np.broadcast_arrays(*columns)
-        return np.asarray(namespace(*arrays).concat(arrays, axis=-1))
+        joined: Array = namespace(*arrays).concat(arrays, axis=-1)
+        return joined
 
     def _packed(self, memories: list[Memory]) -> Memory:
         """Memories of the joints as entries for all, zero where a joint has fewer."""

@@ -79,4 +79,5 @@ class Table(Law):
         xp = namespace(x.w)
         speed = xp.abs(x.w)
         for low, high in pairwise(self.speeds):
-            yield xp.clip((speed - low) / (high - low), 0.0, 1.0)
+            share = (speed - low) / (high - low)
+            yield xp.minimum(xp.maximum(share, 0.0 * share), 1.0 + 0.0 * share)

@@ -1,0 +1,48 @@
+"""frictionid export: a fitted friction for simulators, controllers and drives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from frictionid.cli.options import Json, Replace, Trust
+from frictionid.cli.paths import ModelPath, present
+
+
+def export(
+    model: ModelPath,
+    to: Annotated[str, typer.Option(help="Format; docs/export.md lists them.")],
+    out: Annotated[Path, typer.Option(help="File to write; others stand beside it.")],
+    dataset: Annotated[
+        Path | None,
+        typer.Option(help="Data set that names the joints and shows what is lost."),
+    ] = None,
+    into: Annotated[
+        Path | None, typer.Option(help="File of a mechanism whose joints are given friction.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="Prefix of names in code.")] = "friction",
+    precision: Annotated[
+        Literal["double", "float"], typer.Option(help="Numbers in code: double, or float.")
+    ] = "double",
+    json: Json = False,
+    replace: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Write a fitted friction in the format of a simulator, a controller or a drive."""
+    from frictionid.api.export import export as write
+    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.export.formats import ExportSettings
+    from frictionid.files import json_text
+
+    chosen = ExportSettings(name, precision, present(into))
+    data = None if dataset is None else load_dataset(dataset, trust=trust)
+    done = write(model, to, out, data=data, settings=chosen, replace=replace)
+    if json:
+        print(json_text({"lost": done.lost, "written": done.paths}), end="")
+        return
+    for sentence in done.lost:
+        print(sentence)
+    for path in done.paths:
+        print(f"written to {path}")

@@ -1,0 +1,1 @@
+"""Friction as code and files for simulators, controllers and drives, one format per file."""
