@@ -9,6 +9,7 @@ from frictionid.mechanics.from_bodies import Joint, from_bodies
 from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.mechanism import Mechanism, Parameter, Partials, Terms
 from frictionid.mechanics.mechanism_table import as_mechanism, mechanism_of
+from frictionid.mechanics.mjcf_text import mjcf_of
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.plant import Plant
 from frictionid.mechanics.rigid_body.described import mjcf, urdf
@@ -37,6 +38,7 @@ __all__ = [
     "linear_axis",
     "mechanism_of",
     "mjcf",
+    "mjcf_of",
     "pendulum",
     "unit_inertia",
     "urdf",

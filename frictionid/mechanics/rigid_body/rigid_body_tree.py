@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -142,6 +142,12 @@ class RigidBodyTree(Mechanism):
         rotors = self._rotor_inertias({**self.defaults, **parameters})
         R = self.tree.rotors
         return np.abs(force - ((solve(M, h + force) @ R.T) * rotors) @ R)
+
+    def with_parameters(self, values: Mapping[str, float]) -> tuple[Tree, Array]:
+        """The tree with a payload of these parameters, and the inertias (r,) of its rotors."""
+        inertial = self._inertial({**self.defaults, **values})
+        bodies = inertial[: 10 * self.n].reshape(self.n, 10)
+        return replace(self.tree, inertia=bodies), inertial[10 * self.n :]
 
     def _rotor_inertias(self, values: Mapping[str, Any]) -> Array:
         arrays = [np.asarray(values[name], dtype=float) for name in self.tree.rotor_names]

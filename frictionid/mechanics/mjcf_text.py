@@ -1,0 +1,171 @@
+"""A mechanism as MJCF, the format of MuJoCo: its links, joints, rotors and motors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.mechanics.links_of_bodies import Links, links_of_bodies
+from frictionid.mechanics.mechanism import Mechanism
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
+from frictionid.mechanics.rigid_body.robot import matrix_of
+from frictionid.mechanics.symbolic import SymbolicMechanism
+
+_LEAST = 1e-14  # [kg, kg m^2]: MuJoCo takes no link whose mass or inertia is below 1e-15
+_SHARE = 1e-9  # of the inertia, by which rounding may make it one that no body has
+
+
+def mjcf_of(
+    mechanism: Mechanism,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    timestep: float = 0.001,
+) -> str:
+    """MJCF of a mechanism without its friction: accelerations in MuJoCo are those of ours.
+
+    Joints have the names, zeros and directions of the mechanism, and its order but for branches;
+    motors take N m (or N) as `ctrl`. The plane of built-in mechanisms is the x-z plane, z upwards.
+    An armature is what one joint's rotor adds there, gr^2 Ir. What turns with several joints, as a
+    rotor on a moving link at w1 - gr w2, is the armature of a tendon, and couples them as in our M;
+    MuJoCo has these since 3.3.1, other engines that read MJCF may drop them. What MJCF cannot hold:
+    positions that are not measured against the link before, springs that are not linear, and
+    inertias that no body has.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    parameters : mapping of str to float, optional
+        Physical parameters in place of the mechanism's own, SI.
+    timestep : float
+        Of MuJoCo's RK4 steps [s].
+
+    Raises
+    ------
+    InputError
+        For parameters that are missing or impossible, and for what MJCF cannot hold.
+
+    Examples
+    --------
+    >>> from frictionid.mechanics import pendulum
+    >>> print(mjcf_of(pendulum(mass=0.5, length=0.25, inertia=0.125)))
+    <mujoco model="pendulum">
+      <compiler angle="radian"/>
+      <option timestep="0.001" integrator="RK4" gravity="0.0 0.0 -9.81"/>
+      <worldbody>
+        <body name="link 1" pos="0.0 0.0 0.0" quat="1.0 0.0 0.0 0.0">
+          <joint name="joint 1" type="hinge" axis="0.0 -1.0 0.0" armature="0.0"/>
+          <inertial pos="0.0 0.0 -0.25" mass="0.5" fullinertia="0.125 0.125 0.125 0.0 0.0 0.0"/>
+        </body>
+      </worldbody>
+      <actuator>
+        <motor name="joint 1" joint="joint 1"/>
+      </actuator>
+    </mujoco>
+    """
+    links = _links(mechanism, mechanism.nominal(parameters))
+    tree = links.tree
+    own = (np.abs(tree.rotors) > 0).sum(axis=1) == 1
+    armature = (tree.rotors[own] ** 2 * links.rotors[own, None]).sum(axis=0)
+    root = [j for j in range(tree.n) if tree.parent[j] < 0]
+    lines = [
+        f"<mujoco model={quoteattr(mechanism.kind)}>",
+        '  <compiler angle="radian"/>',
+        f'  <option timestep="{float(timestep)!r}" integrator="RK4" '
+        f'gravity="{_text(tree.gravity)}"/>',
+        "  <worldbody>",
+        *(line for j in root for line in _body(links, armature, j, "    ")),
+        "  </worldbody>",
+    ]
+    if (~own).any():
+        lines += ["  <tendon>"]
+        for k in np.flatnonzero(~own):
+            lines += _tendon(tree.rotor_names[k], links.rotors[k], tree.rotors[k], tree.joints)
+        lines += ["  </tendon>"]
+    driven = [name for name, motor in zip(tree.joints, mechanism.driven, strict=True) if motor]
+    if driven:
+        motors = (f"    <motor name={quoteattr(j)} joint={quoteattr(j)}/>" for j in driven)
+        lines += ["  <actuator>", *motors, "  </actuator>"]
+    return "\n".join([*lines, "</mujoco>"])
+
+
+def _links(mechanism: Mechanism, values: Mapping[str, float]) -> Links:
+    if isinstance(mechanism, SymbolicMechanism):
+        return links_of_bodies(mechanism.description, values)
+    if isinstance(mechanism, RigidBodyTree):
+        tree, rotors = mechanism.with_parameters(values)
+        return Links(tree, rotors, np.zeros(tree.n), np.zeros(tree.n))
+    raise InputError(
+        f"{mechanism.kind}: only mechanisms of bodies, or of a URDF or MJCF, can be written as "
+        "MJCF; describe its bodies (frictionid.mechanisms.from_bodies)"
+    )
+
+
+def _body(links: Links, armature: Array, j: int, indent: str) -> list[str]:
+    tree = links.tree
+    kind = "slide" if tree.prismatic[j] else "hinge"
+    spring = ""
+    if links.stiffness[j]:
+        spring = f' stiffness="{float(links.stiffness[j])!r}" springref="{float(links.slack[j])!r}"'
+    beyond = [k for k in range(tree.n) if tree.parent[k] == j]
+    return [
+        f'{indent}<body name={quoteattr(tree.bodies[j])} pos="{_text(tree.shift[j])}" '
+        f'quat="{_text(_quaternion(tree.turn[j]))}">',
+        f'{indent}  <joint name={quoteattr(tree.joints[j])} type="{kind}" '
+        f'axis="{_text(tree.axis[j])}" armature="{float(armature[j])!r}"{spring}/>',
+        f"{indent}  {_inertial(tree.inertia[j], tree.bodies[j])}",
+        *(line for k in beyond for line in _body(links, armature, k, indent + "  ")),
+        f"{indent}</body>",
+    ]
+
+
+def _inertial(inertia: Array, name: str) -> str:
+    """The inertial element of inertial parameters (10,) about the joint's frame."""
+    mass = inertia[0]
+    centre = inertia[1:4] / mass if mass > 0 else np.zeros(3)
+    own = matrix_of(inertia[4:]) - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    axes = np.linalg.eigvalsh(own)
+    short = _LEAST + 1e-12 * np.trace(own) - min(axes[0], axes[0] + axes[1] - axes[2])
+    # what MuJoCo asks of rounded numbers: no inertia at all, or a plate's, is a little more
+    if mass < 0 or short > _LEAST + _SHARE * max(np.trace(own), inertia[4::3].sum(), 0.0):
+        raise InputError(
+            f"{name}: mass {mass:.4g} kg and inertias {_text(axes.round(9))} kg m^2 about its "
+            "centre of mass are those of no body, which MJCF cannot hold: correct its parameters"
+        )
+    own = own + max(short, 0.0) * np.eye(3)
+    six = (own[0, 0], own[1, 1], own[2, 2], own[0, 1], own[0, 2], own[1, 2])
+    return (
+        f'<inertial pos="{_text(centre)}" mass="{max(float(mass), _LEAST)!r}" '
+        f'fullinertia="{_text(np.array(six))}"/>'
+    )
+
+
+def _tendon(name: str, inertia: float, row: Array, joints: tuple[str, ...]) -> list[str]:
+    """A tendon that moves with several joints, and whose armature is a rotor's inertia."""
+    turns = (
+        f'      <joint joint={quoteattr(joint)} coef="{float(turn)!r}"/>'
+        for joint, turn in zip(joints, row, strict=True)
+        if turn
+    )
+    head = f'    <fixed name={quoteattr(name)} armature="{float(inertia)!r}">'
+    return [head, *turns, "    </fixed>"]
+
+
+def _quaternion(R: Array) -> Array:
+    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), its largest entry positive."""
+    trace = np.trace(R)
+    squares = np.array([1 + trace, *(1 - trace + 2 * np.diag(R))]) / 4
+    k = int(np.argmax(squares))
+    w = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+    K = np.zeros((4, 4))
+    K[0, 0], K[0, 1:], K[1:, 0] = 4 * squares[0], w, w
+    K[1:, 1:] = R + R.T
+    K[np.arange(1, 4), np.arange(1, 4)] = 4 * squares[1:]
+    return K[k] / np.linalg.norm(K[k])
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(v) + 0.0) for v in values)
