@@ -70,7 +70,7 @@ def rollout(
         raise InputError(f"the step {method!r} is unknown; known are {known}")
     xp = namespace(start.q, u)
     sizes = _step_sizes(plant, friction, dt, refine) if method == "rk4" else []
-    state, alive = _begin(plant, friction, start, u, dt), None
+    state, alive = begin(plant, friction, start, u[0], dt[0]), None
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
@@ -78,27 +78,36 @@ def rollout(
                 state = adaptive_step(plant, friction, state, u[k], dt[k][..., None], sizes[k])
             else:
                 state = _ONE_STEP[method](plant, friction, state, u[k], dt[k][..., None])
-        wild = ~((xp.abs(state.w) / plant.slow_like(state.w)).sum(-1) < _RUNAWAY)
+        wild = diverged(plant, state)
         if bool(wild.any()):
             state, alive = _freeze(state, wild, alive)
         # a memory of samples takes in the newest one with the torque logged with it
         newest = u[min(k + 1, u.shape[0] - 1)]
-        state = _sampled(plant, friction, state, newest, dt[k][..., None])
+        state = sampled(plant, friction, state, newest, dt[k][..., None])
         q.append(_masked(state.q, alive))
         w.append(_masked(state.w, alive))
     return Rollout(xp.stack(q), xp.stack(w))
 
 
-def _begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:
-    """Start state with the batch axes of everything that takes part, and with a memory."""
+def begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:
+    """Start state with the batch axes of everything that takes part, and with a memory.
+
+    u (..., n) [N m] and dt (...) [s] are those of the first interval.
+    """
     xp = namespace(start.q)
-    batches = (friction.theta.shape[:-2], dt.shape[1:], plant.p.shape[:-1])
-    shape = np.broadcast_shapes(start.q.shape, u.shape[1:], *((*own, 1) for own in batches))
+    batches = (friction.theta.shape[:-2], dt.shape, plant.p.shape[:-1])
+    shape = np.broadcast_shapes(start.q.shape, u.shape, *((*own, 1) for own in batches))
     state = State(xp.broadcast_to(start.q, shape), xp.broadcast_to(start.w, shape), start.memory)
     if state.memory:
         return state
-    x = inputs(plant, friction, state, u[0])
+    x = inputs(plant, friction, state, u)
     return state._replace(memory=friction.law.start(friction.theta, x))
+
+
+def diverged(plant: Plant, state: State) -> Array:
+    """Rows (...) in which a joint is faster than any machine's, or no number."""
+    xp = namespace(state.w)
+    return ~((xp.abs(state.w) / plant.slow_like(state.w)).sum(-1) < _RUNAWAY)
 
 
 def _step_sizes(plant: Plant, friction: Friction, dt: Array, refine: int) -> list[StepSize]:
@@ -109,8 +118,8 @@ def _step_sizes(plant: Plant, friction: Friction, dt: Array, refine: int) -> lis
     return [StepSize(refine * count, finest.fine) for count in counts]
 
 
-def _sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
-    """Memory of laws that advance once a sample."""
+def sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
+    """The state with the memory of laws that advance once a sample, dt (..., 1) after the last."""
     law = friction.law
     if not state.memory or law.sample_time is None:
         return state
