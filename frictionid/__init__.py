@@ -88,6 +88,10 @@ if TYPE_CHECKING:
     from frictionid.identifiers import Published as Published
     from frictionid.identifiers import Regressor as Regressor
     from frictionid.identifiers import SINDy as SINDy
+    from frictionid.use.gym_env import Episode as Episode
+    from frictionid.use.gym_env import FrictionEnv as FrictionEnv
+    from frictionid.use.gym_env import FrictionVectorEnv as FrictionVectorEnv
+    from frictionid.use.simulator import Simulator as Simulator
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}
 _HOME = {
@@ -104,8 +108,11 @@ _HOME = {
     "Dahl": "frictionid.friction.laws",
     "Dataset": "frictionid.data.recordings",
     "FilmLag": "frictionid.friction.laws",
+    "Episode": "frictionid.use.gym_env",
     "Fit": "frictionid.api.fitted",
     "Friction": "frictionid.friction",
+    "FrictionEnv": "frictionid.use.gym_env",
+    "FrictionVectorEnv": "frictionid.use.gym_env",
     "Frictionless": "frictionid.identifiers",
     "GearLoad": "frictionid.friction.laws",
     "Identifier": "frictionid.identifiers",
@@ -131,6 +138,7 @@ _HOME = {
     "Ripple": "frictionid.friction.laws",
     "SINDy": "frictionid.identifiers",
     "Signal": "frictionid.data.signals",
+    "Simulator": "frictionid.use.simulator",
     "Spline": "frictionid.friction.laws",
     "Split": "frictionid.evaluation.folds",
     "Stribeck": "frictionid.friction.laws",
