@@ -95,4 +95,7 @@ def times(M: Array, b: Array) -> Array:
     >>> times(np.eye(2), np.array([1.0, 2.0]))
     array([1., 2.])
     """
-    return (M * b[..., None, :]).sum(-1)
+    out = M[..., 0] * b[..., None, 0]
+    for j in range(1, b.shape[-1]):  # sums over short last axes are slow
+        out = out + M[..., j] * b[..., None, j]
+    return out

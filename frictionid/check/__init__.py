@@ -1,6 +1,7 @@
 """Checks of recordings before any fit: what is wrong with them, and what they identify.
 
-motion, balance_windows   smoothed motion, and momentum balances over short windows
+motion, balances, balance_windows
+                          smoothed motion, and momentum balances over short windows
 regression                least squares of base parameters and friction
 partial_regression        one suspected error at a time, beside unknown friction
 facts                     clock, joints and noise

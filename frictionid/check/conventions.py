@@ -16,8 +16,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows, rows_of, sliding_speeds
-from frictionid.check.motion import Measured, Speeds, mapped_motion
+from frictionid.check.balance_windows import WIDTH
+from frictionid.check.balances import Rows, Samples, balances_of
+from frictionid.check.motion import Measured, characteristic_speeds
 from frictionid.data.gears import Gears
 
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
@@ -30,6 +31,8 @@ FLOOR = 0.02
 # A hypothesis that makes the mechanism's terms smaller than this share of the torque explains
 # nothing: free friction alone would take all of it.
 MATTERS = 0.3
+# Samples of all maps together whose balances are made in one go.
+_SAMPLES = 500_000
 # A gear has the other sign where that leaves e^-GEAR of the squares of the joint that it changes
 # most, in this many windows at least. (A real arm of six joints: 0.53 and more.)
 GEAR, SHOWN = 0.4, 40
@@ -162,8 +165,8 @@ def scores(measured: Measured) -> list[Scored]:
     )
     maps = {_key(c): (c.angle, c.zero) for c in candidates}
     rows = dict(zip(maps, _rows(measured, list(maps.values())), strict=True))
-    torques = {key: r.means(measured.torque) for key, r in rows.items()}
-    given, *others = (scored(c, rows[_key(c)], torques[_key(c)] @ c.torque.T) for c in candidates)
+    torque = next(iter(rows.values())).means(measured.torque)
+    given, *others = (scored(c, rows[_key(c)], torque @ c.torque.T) for c in candidates)
     # to turn a joint that nothing else depends on is no fault
     return [given, *(s for s in others if not (s.of_gears and _same(s, given)))]
 
@@ -186,16 +189,22 @@ def _same(one: Scored, other: Scored) -> bool:
 
 
 def _rows(measured: Measured, maps: Sequence[tuple[Array, Array | float]]) -> Iterator[Rows]:
-    """Rows of all recordings under each map, made in one go: as if they were more recordings."""
-    groups = [[mapped_motion(m, *map_) for m in measured.motions] for map_ in maps]
-    R = len(measured.motions)
-    each = [sliding_speeds(measured.mechanism, group) for group in groups]
-    speeds = Speeds(*(np.repeat(np.array(v), R, axis=0) for v in zip(*each, strict=True)))
-    nominal = np.tile(measured.nominal, (len(maps), 1))[None]
-    rows = rows_of(measured.mechanism, [m for group in groups for m in group], nominal, speeds)
-    for i in range(len(maps)):
-        part = rows.where(rows.recording // R == i).of(measured)
-        yield part._replace(recording=part.recording - i * R)
+    """Rows at the nominal parameters under each map, as many maps at once as memory allows."""
+    mechanism, acts = measured.mechanism, measured.mechanism.friction_map
+    given = measured.balances.samples
+    windows = given.windows(WIDTH)
+    noise = np.array([motion.velocity_noise for motion in measured.motions])
+    some = max(_SAMPLES // len(given.time), 1)
+    for first in range(0, len(maps), some):
+        angle = np.array([map_ for map_, _ in maps[first : first + some]])
+        zero = np.array([zero + np.zeros(mechanism.n) for _, zero in maps[first : first + some]])
+        turn = np.swapaxes(angle, 1, 2)
+        q, w = (given.q - zero[:, None]) @ turn + zero[:, None], given.w @ turn
+        scatter = np.sqrt(noise**2 @ turn**2 @ acts.T**2)
+        speeds = characteristic_speeds(w @ acts.T, scatter)
+        samples = Samples(given.time, q, w, given.sizes)
+        for balances in balances_of(mechanism, samples, measured.nominal, *speeds).each():
+            yield balances.rows(windows).without(measured.dead)
 
 
 def log_unexplained(rows: Rows, torque: Array) -> Array:

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, Rows
-from frictionid.check.partial_regression import PartialEstimate, partial_regression
+from frictionid.check.balance_windows import MIN_WINDOWS
+from frictionid.check.balances import Rows
+from frictionid.check.partial_regression import Nuisance, PartialEstimate, nuisance_of
 from frictionid.data.integrals import SignalIntegrals
 
 # Largest delay searched [s]; steps [s] of both searches and of the derivative.
@@ -56,13 +57,13 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     if inside.moving.any(1).sum() < MIN_WINDOWS:
         return None
     lags = np.arange(-np.floor(widest / COARSE), np.floor(widest / COARSE) + 1) * COARSE
-    profile = _profile(inside, torque, nominal, lags)
+    profile = _profile(_Given.of(inside, nominal), torque, lags)
     coarse = float(lags[np.argmin(profile)])
-    near = _inside(rows, abs(coarse) + COARSE)
+    near = _Given.of(_inside(rows, abs(coarse) + COARSE), nominal)
     fine = coarse + np.arange(-COARSE, COARSE + FINE / 2, FINE)
-    best = float(fine[np.argmin(_profile(near, torque, nominal, fine))])
-    best, step = _refined(near, torque, nominal, best)
-    without = float(_profile(near, torque, nominal, np.zeros(1))[0])
+    best = float(fine[np.argmin(_profile(near, torque, fine))])
+    best, step = _refined(near, torque, best)
+    without = float(_profile(near, torque, np.zeros(1))[0])
     explained = 1.0 - step.left / max(without, 1e-300)
     return Delay(best, step.error, explained, lags, profile / profile.min())
 
@@ -76,32 +77,41 @@ def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) 
     near = _inside(longer, abs(delay.seconds) + COARSE)
     if near.moving.any(1).sum() < MIN_WINDOWS:
         return delay
-    other, step = _refined(near, torque, nominal, delay.seconds)
+    other, step = _refined(_Given.of(near, nominal), torque, delay.seconds)
     beyond = np.sqrt(max((other - delay.seconds) ** 2 - step.error**2, 0.0))
     return delay._replace(error=float(np.hypot(delay.error, beyond)))
 
 
-def _refined(
-    rows: Rows, torque: SignalIntegrals, nominal: Array, best: float
-) -> tuple[float, PartialEstimate]:
+class _Given(NamedTuple):
+    """Rows, what may be unknown in their balances, and what the nominal mechanism needs (K, n)."""
+
+    rows: Rows
+    nuisance: Nuisance
+    required: Array
+
+    @staticmethod
+    def of(rows: Rows, nominal: Array) -> _Given:
+        nuisance = nuisance_of(rows, nominal, uncertain_mechanism=True)
+        return _Given(rows, nuisance, rows.required(nominal))
+
+
+def _refined(given: _Given, torque: SignalIntegrals, best: float) -> tuple[float, PartialEstimate]:
     """Delay [s] by Gauss-Newton from a near one, and the last step."""
     for _ in range(3):
-        early, middle, late = rows.means(torque, [best - STEP, best, best + STEP])
-        fit = partial_regression(rows, middle, nominal, uncertain_mechanism=True)
-        step = fit.estimate(middle - rows.required(nominal), (early - late) / (2 * STEP))
+        early, middle, late = given.rows.means(torque, [best - STEP, best, best + STEP])
+        fit = given.nuisance.beside(middle)
+        step = fit.estimate(middle - given.required, (early - late) / (2 * STEP))
         best += float(np.clip(step.value, -COARSE, COARSE))
     return best, step
 
 
-def _profile(rows: Rows, torque: SignalIntegrals, nominal: Array, lags: Array) -> Array:
+def _profile(given: _Given, torque: SignalIntegrals, lags: Array) -> Array:
     """Sums of squares (D,) with each of the delays, some at a time: few rows are kept."""
-    middle = rows.means(torque, lags[len(lags) // 2])
-    fit = partial_regression(rows, middle, nominal, uncertain_mechanism=True)
-    required = rows.required(nominal)
-    most = max(_WINDOWS // len(rows.start), 1)
-    parts = (rows.means(torque, lags[i : i + most]) for i in range(0, len(lags), most))
-    left = (fit.residual(mean - required) for means in parts for mean in means)
-    return np.array([residual @ residual for residual in left])
+    fit = given.nuisance.beside(given.rows.means(torque, lags[len(lags) // 2]))
+    most = max(_WINDOWS // len(given.rows.start), 1)
+    parts = (given.rows.means(torque, lags[i : i + most]) for i in range(0, len(lags), most))
+    left = [(fit.residual(means - given.required) ** 2).sum(-1) for means in parts]
+    return np.concatenate(left)
 
 
 def _shortest(rows: Rows) -> float:

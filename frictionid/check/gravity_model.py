@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import NamedTuple
+
 import numpy as np
 
 from frictionid.arrays import Array
@@ -9,29 +12,32 @@ from frictionid.check.findings import Finding
 from frictionid.check.motion import Measured
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
-from frictionid.mechanics import Mechanism
 
 # Residual of most samples over the torque's own size: friction and inertia leave more in any
 # measurement. A few samples may differ (the controller's start and end, glitches).
 EQUAL, MOST = 0.02, 0.8
 _SAMPLES = 500  # of a recording that are used
+_FEWEST = 30  # of a recording that a statement needs
+_TOGETHER = 50_000  # samples whose gravity is evaluated in one go
+
+# Share of a torque that b + sum of gravity terms leaves, by recording and joint (from 0), of those
+# torques that are such a function.
+GravityShares = Mapping[tuple[str, int], float]
 
 
-def gravity_models(measured: Measured) -> list[Finding]:
+def gravity_findings(measured: Measured, shares: GravityShares) -> list[Finding]:
     """Findings of joints whose torque is a function of the angles, b + sum of gravity terms."""
     out = []
-    mechanism = measured.mechanism
-    for j in np.flatnonzero(mechanism.driven).tolist():
-        acts = [i for i, r in enumerate(measured.dataset.recordings) if r.torque.value[:, j].any()]
-        shares = {i: gravity_share(measured.dataset.recordings[i], mechanism, j) for i in acts}
-        commands = {i: share for i, share in shares.items() if share is not None}
+    for j in np.flatnonzero(measured.mechanism.driven).tolist():
+        acts = [r.name for r in measured.dataset.recordings if r.torque.value[:, j].any()]
+        commands = {name: shares[name, j] for name in acts if (name, j) in shares}
         if commands:
-            out.append(_finding(measured.dataset, j, commands, len(commands) == len(acts)))
+            out.append(_finding(j, commands, len(commands) == len(acts)))
     return out
 
 
-def _finding(dataset: Dataset, j: int, shares: dict[int, float], everywhere: bool) -> Finding:
-    names = ", ".join(repr(dataset.recordings[i].name) for i in list(shares)[:3])
+def _finding(j: int, shares: Mapping[str, float], everywhere: bool) -> Finding:
+    names = ", ".join(repr(name) for name in list(shares)[:3])
     where = "" if everywhere else f" in {names}{' and others' if len(shares) > 3 else ''}"
     worst = max(shares.values())
     return Finding(
@@ -45,34 +51,73 @@ def _finding(dataset: Dataset, j: int, shares: dict[int, float], everywhere: boo
     )
 
 
-def gravity_share(recording: Recording, mechanism: Mechanism, j: int) -> float | None:
-    """Share of torque j that b + sum of gravity terms leaves, None where it is no such function.
+class _Log(NamedTuple):
+    """Some samples (S,) of a recording's torques, with the angles that a controller knew then.
+
+    torque (S, n) ; q (2, S, n) : angles at these samples, and at the samples before
+    """
+
+    name: str
+    torque: Array
+    q: Array
+
+
+def gravity_shares(dataset: Dataset) -> GravityShares:
+    """Torques that equal a gravity model, and the share of each that it leaves.
 
     Shares are of most samples, so that a few glitches make neither the torque nor the model.
     """
-    keep = slice(None, None, max(len(recording.torque.time) // _SAMPLES, 1))
-    time, torque = recording.torque.time[keep], recording.torque.value[keep, j]
-    if len(time) < 30:
+    logs = [_log(r) for r in dataset.recordings if len(r.torque.time) >= _FEWEST]
+    out: dict[tuple[str, int], float] = {}
+    some, count = [], 0
+    for i, log in enumerate(logs):
+        some.append(log)
+        count += log.q[..., 0].size
+        if count >= _TOGETHER or i == len(logs) - 1:
+            out |= _shares(dataset, some)
+            some, count = [], 0
+    return out
+
+
+def _log(recording: Recording) -> _Log:
+    torque = recording.torque
+    keep = slice(None, None, max(len(torque.time) // _SAMPLES, 1))
+    time, dt = torque.time[keep], float(np.median(np.diff(torque.time)))
+    q = np.stack([sample(recording.angle, time - late) for late in (0.0, dt)])
+    return _Log(recording.name, torque.value[keep], q)
+
+
+def _shares(dataset: Dataset, logs: list[_Log]) -> dict[tuple[str, int], float]:
+    mechanism, n = dataset.mechanism, dataset.mechanism.n
+    q = np.concatenate([log.q.reshape(-1, n) for log in logs])
+    unit = np.eye(len(mechanism.base_names))[:, None, :]
+    gravity = -mechanism.terms(unit, q, np.zeros_like(q)).dLdq
+    ends = np.cumsum([log.q[..., 0].size for log in logs])[:-1]
+    out = {}
+    for log, own in zip(logs, np.split(gravity, ends, axis=1), strict=True):
+        for j in np.flatnonzero(mechanism.driven).tolist():
+            # a controller computes from the sample before or from this one
+            share = _share(log.torque[:, j], np.split(own[..., j].T, 2))
+            if share is not None:
+                out[log.name, j] = share
+    return out
+
+
+def _share(torque: Array, gravity: list[Array]) -> float | None:
+    """Share of a torque (S,) that the best of some gravity terms (S, nb) leaves, None if much."""
+    if len(torque) < _FEWEST:
         return None
     size, varies = _most(np.abs(torque)), _most(np.abs(torque - np.median(torque)))
     if size < 1e-9 or varies < 0.05 * size:
         return None
-    dt = float(np.median(np.diff(recording.torque.time)))
-    # a controller computes from the sample before or from this one
-    left = min(_residual(recording, mechanism, j, time - late, torque) for late in (0.0, dt))
-    share = left / size
+    share = min(_residual(terms, torque) for terms in gravity) / size
     return share if share < EQUAL else None
 
 
-def _residual(
-    recording: Recording, mechanism: Mechanism, j: int, time: Array, torque: Array
-) -> float:
-    """Residual [N m] of most samples after a robust fit of gravity at the angles of some times."""
-    q = sample(recording.angle, time)
-    unit = np.eye(len(mechanism.base_names))[:, None, :]
-    gravity = -mechanism.terms(unit, q, np.zeros_like(q)).dLdq[..., j].T
-    columns = np.column_stack([gravity[:, np.abs(gravity).max(0) > 0], np.ones(len(q))])
-    use = np.ones(len(q), dtype=bool)
+def _residual(gravity: Array, torque: Array) -> float:
+    """Residual [N m] of most samples after a robust fit of gravity terms (S, nb)."""
+    columns = np.column_stack([gravity[:, np.abs(gravity).max(0) > 0], np.ones(len(torque))])
+    use = np.ones(len(torque), dtype=bool)
     for _ in range(4):  # trimmed least squares: the samples that fit best decide
         x = np.linalg.lstsq(columns[use], torque[use], rcond=1e-10)[0]
         left = np.abs(torque - columns @ x)

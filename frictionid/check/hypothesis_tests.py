@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, Rows, unit_rows
+from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, windows_of
+from frictionid.check.balances import Rows
 from frictionid.check.conventions import MARGIN, Scored, better, log_unexplained, scored, scores
 from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent
@@ -58,7 +59,7 @@ class HypothesisTests:
 
 def untested(measured: Measured) -> HypothesisTests:
     """No results, the data as they are."""
-    rows = unit_rows(measured.mechanism, measured.motions).of(measured)
+    rows = windows_of(measured.balances).without(measured.dead)
     return HypothesisTests(measured, rows, rows)
 
 
@@ -74,7 +75,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
     if fitting:
         best = fitting[0].convention
         corrected = measured.mapped(best.angle, best.torque, best.zero)
-        rows = unit_rows(corrected.mechanism, corrected.motions).of(corrected)
+        rows = windows_of(corrected.balances).without(corrected.dead)
         delay = delay_of(rows, corrected.torque, nominal)
     longer = _longer_rows(corrected, rows)
     if delay is not None and longer is not None:
@@ -107,7 +108,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
 
 def _longer_rows(measured: Measured, rows: Rows) -> Rows | None:
     """Rows of longer windows, unless joints hardly move one way for so long."""
-    longer = unit_rows(measured.mechanism, measured.motions, width=LONGER).of(measured)
+    longer = windows_of(measured.balances, LONGER).without(measured.dead)
     count = rows.moving.sum(0)
     enough = longer.moving.sum(0) >= np.maximum(MIN_WINDOWS, 0.15 * count)
     return longer if enough[count >= MIN_WINDOWS].all() else None

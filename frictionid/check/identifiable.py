@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import sliding_speeds
 from frictionid.check.facts import JointFacts
 from frictionid.check.findings import percent
 from frictionid.check.hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
+from frictionid.check.motion import sliding_speeds
 from frictionid.check.regression import Estimate
 
 # A number counts as identified where its standard error is below this share of it,

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows
-from frictionid.check.partial_regression import partial_regression
+from frictionid.check.balances import Rows
+from frictionid.check.partial_regression import PartialRegression
 from frictionid.mechanics import Plant
 
 
@@ -45,13 +45,15 @@ class _Candidate(NamedTuple):
     share: float
 
 
-def model_errors(plant: Plant, rows: Rows, torque: Array) -> tuple[ModelError, ...]:
+def model_errors(
+    plant: Plant, rows: Rows, torque: Array, fit: PartialRegression
+) -> tuple[ModelError, ...]:
     """All errors, the one that explains most first.
 
-    plant : nominal, one batch entry per recording ; rows : of unit vectors ; torque (K, n) [N m]
+    plant : nominal, one batch entry per recording ; rows : of unit vectors ; torque (K, n) [N m] ;
+    fit : of these rows, with the friction of each joint free
     """
     nominal = np.asarray(plant.p)
-    fit = partial_regression(rows, torque, nominal)
     target = torque - rows.required(nominal)
     without = max(float(np.sum(fit.residual(target) ** 2)), 1e-300)
     out = []

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.balances import Balances, Samples, balances_of
 from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import padded_series
@@ -99,10 +100,29 @@ class Speeds(NamedTuple):
 
 def speeds_of(motions: Sequence[Motion]) -> Speeds:
     """Characteristic speeds of the joints over all motions, (n,) each."""
-    noise = np.median([m.velocity_noise for m in motions], axis=0)
-    fast = np.quantile(np.abs(np.concatenate([m.states.w for m in motions])), 0.95, axis=0)
+    noise = np.array([m.velocity_noise for m in motions])
+    return characteristic_speeds(np.concatenate([m.states.w for m in motions]), noise)
+
+
+def characteristic_speeds(w: Array, noise: Array) -> Speeds:
+    """Characteristic speeds (..., n) of velocities w (..., T, n) with the noise (..., R, n)."""
+    noise = np.median(noise, axis=-2)
+    fast = np.quantile(np.abs(w), 0.95, axis=-2)
     threshold = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
     return Speeds(threshold, np.maximum(fast, 1e-12))
+
+
+def sliding_speeds(mechanism: Mechanism, motions: Sequence[Motion]) -> Speeds:
+    """Characteristic speeds (m,) where parts slide: of the joints, then of coupled parts."""
+    if not mechanism.coupled:
+        return speeds_of(motions)
+    return speeds_of([mapped_motion(motion, mechanism.friction_map) for motion in motions])
+
+
+def unit_balances(mechanism: Mechanism, motions: Sequence[Motion]) -> Balances:
+    """Balances of the motions for the units of the base parameters: responses to them."""
+    samples = Samples.of([motion.states for motion in motions])
+    return balances_of(mechanism, samples, None, *sliding_speeds(mechanism, motions))
 
 
 def mapped_motion(motion: Motion, map_: Array, zero: Array | float = 0.0) -> Motion:
@@ -153,6 +173,11 @@ class Measured:
     def speeds(self) -> Speeds:
         """Characteristic speeds of the joints."""
         return speeds_of(self.motions)
+
+    @cached_property
+    def balances(self) -> Balances:
+        """Balances of the motions for the units of the base parameters."""
+        return unit_balances(self.mechanism, self.motions)
 
     def without(self, recordings: set[int]) -> Measured:
         """The data without some recordings, or all of them where none would remain."""

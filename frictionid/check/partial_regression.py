@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows
+from frictionid.check.balances import Rows
 from frictionid.check.regression import block_numbers, friction_columns
 
 # Prior standard deviation of the mechanism's parameters where they are a nuisance, as a share.
@@ -44,9 +44,11 @@ class PartialRegression(NamedTuple):
 
     def residual(self, torque: Array) -> Array:
         """Weighted torques (..., K, n) without their nuisance part, (..., N)."""
-        flat = (torque * self.weight)[..., self.moving]
-        flat = np.concatenate([flat, np.zeros((*flat.shape[:-1], self.priors))], axis=-1)
-        out: Array = flat - (flat @ self.Q) @ self.Q.T
+        at = np.flatnonzero(self.moving)
+        out = np.zeros((*torque.shape[:-2], len(at) + self.priors))
+        every = (torque * self.weight).reshape(*torque.shape[:-2], self.moving.size)
+        out[..., : len(at)] = every.take(at, axis=-1)
+        out -= (out @ self.Q) @ self.Q.T
         return out
 
     def estimate(self, target: Array, column: Array) -> PartialEstimate:
@@ -71,36 +73,58 @@ class PartialRegression(NamedTuple):
         return float(((t - value * c) ** 2).sum() / max(float((t**2).sum()), 1e-300))
 
 
-def partial_regression(
-    rows: Rows, torque: Array, nominal: Array, *, uncertain_mechanism: bool = False
-) -> PartialRegression:
-    """Partial regression on rows of unit parameter vectors, with free friction as nuisance.
+class Nuisance(NamedTuple):
+    """What may be unknown anyway in the balances of some rows, for any torque.
+
+    columns (N, P) of the balances that count, with the rows that hold the mechanism last; level
+    (n,) mean squares of each joint's nominal terms; for the rest see `PartialRegression`
+    """
+
+    moving: Array
+    columns: Array
+    level: Array
+    block: Array
+    priors: int
+
+    def beside(self, torque: Array) -> PartialRegression:
+        """Partial regression beside it of torques (K, n) [N m] like this one."""
+        moving, N = self.moving, len(self.columns) - self.priors
+        level = self.level + _mean_squares(moving, torque)
+        # the inverse of the error expected of each joint: a share of its terms
+        weight = 1.0 / np.sqrt(np.where(level > 0, level, 1.0)) / MODEL
+        A = self.columns.copy()
+        A[:N] *= np.broadcast_to(weight, moving.shape)[moving][:, None]
+        size = np.sqrt((A**2).sum(0))
+        U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
+        return PartialRegression(moving, weight, U[:, s > 1e-9 * s[0]], self.block, self.priors)
+
+
+def nuisance_of(rows: Rows, nominal: Array, *, uncertain_mechanism: bool = False) -> Nuisance:
+    """Free friction of rows of unit parameter vectors, and perhaps changes of the mechanism.
 
     nominal (R, nb) base parameters; `uncertain_mechanism` makes changes of them a nuisance, too,
     held by a prior of PARAMETER_PRIOR.
     """
-    moving = rows.moving
-    terms = rows.at(nominal)
-    weight = _weight(moving, np.stack([terms.inertia[..., 0], terms.gravity[..., 0], torque]))
+    moving, terms = rows.moving, rows.at(nominal)
     columns = friction_columns(rows)
     priors = nominal.shape[1] if uncertain_mechanism else 0
     if uncertain_mechanism:
-        columns = np.concatenate(
-            [columns, rows.regressor * (PARAMETER_PRIOR * np.abs(nominal[0]))], axis=-1
-        )
-    A = (columns * weight[:, None])[moving]
-    A = np.concatenate([A, np.eye(A.shape[1])[A.shape[1] - priors :]])
-    size = np.sqrt((A**2).sum(0))
-    U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
-    Q = U[:, s > 1e-9 * s[0]]
+        changes = rows.regressor * (PARAMETER_PRIOR * np.abs(nominal[0]))
+        columns = np.concatenate([columns, changes], axis=-1)
+    P = columns.shape[-1]
+    columns = np.concatenate([columns[moving], np.eye(P)[P - priors :]])
     block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
     block = np.append(block, block.max() + 1 + np.arange(priors)) if priors else block
-    return PartialRegression(moving, weight, Q, block, priors)
+    level = sum(_mean_squares(moving, x[..., 0]) for x in (terms.inertia, terms.gravity))
+    return Nuisance(moving, columns, np.asarray(level), block, priors)
 
 
-def _weight(moving: Array, terms: Array) -> Array:
-    """Inverse of the error expected of each joint: a share of its terms."""
+def partial_regression(rows: Rows, torque: Array, nominal: Array) -> PartialRegression:
+    """Partial regression on rows of unit parameter vectors, with free friction as nuisance."""
+    return nuisance_of(rows, nominal).beside(torque)
+
+
+def _mean_squares(moving: Array, values: Array) -> Array:
+    """Mean squares (n,) of values (K, n) over the rows of each joint that count."""
     count = np.maximum(moving.sum(0), 1)
-    level = (np.where(moving, terms, 0.0) ** 2).sum((0, 1)) / count
-    out: Array = 1.0 / np.sqrt(np.where(level > 0, level, 1.0)) / MODEL
-    return out
+    return np.asarray((np.where(moving, values, 0.0) ** 2).sum(0) / count)

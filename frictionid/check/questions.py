@@ -75,7 +75,8 @@ def _conventions(scored: Sequence[Scored]) -> Question:
     mirrors = [s for s, a in zip(others, advantages, strict=True) if abs(a) < ALIKE]
     worse = [s for s, a in zip(others, advantages, strict=True) if abs(a) >= ALIKE]
     left = f"as given {percent_unexplained(given.score)} of the torque stays unexplained"
-    best = min(worse, key=lambda s: s.score, default=None)
+    # of some that look the same the first
+    best = min(worse, key=lambda s: round(s.score, 6), default=None)
     if best is not None:
         words = best.convention.words
         left += f'; the best alternative ("{words}") leaves {percent_unexplained(best.score)}'

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import WIDTH, Rows
+from frictionid.check.balance_windows import WIDTH
+from frictionid.check.balances import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.model_errors import ModelError, model_errors
 from frictionid.check.motion import Measured
-from frictionid.check.partial_regression import MODEL, partial_regression
+from frictionid.check.partial_regression import MODEL, PartialRegression, partial_regression
 
 # Nominal numbers of real machines are rarely better than this share; friction that grows with the
 # torque shows from this share of it.
@@ -77,8 +78,8 @@ def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
     return Misfit(
         MODEL * float(np.sqrt(left @ left / count)),
         MODEL * float(np.sqrt(np.sum(moving * noise**2))),
-        model_errors(measured.plant, rows, torque),
-        free_share(rows, torque, nominal),
+        model_errors(measured.plant, rows, torque, fit),
+        free_share(rows, torque, nominal, fit),
         *_worst(measured, left, number),
     )
 
@@ -97,9 +98,8 @@ def _worst(measured: Measured, left: Array, number: Array) -> tuple[str, float]:
     return name, MODEL * float(np.sqrt(each[i] if alone else squares.sum() / counts.sum()))
 
 
-def free_share(rows: Rows, torque: Array, nominal: Array) -> float:
+def free_share(rows: Rows, torque: Array, nominal: Array, fit: PartialRegression) -> float:
     """Sum of squares with all base parameters free, over the one with the nominal ones."""
-    fit = partial_regression(rows, torque, nominal)
     target = fit.residual(torque - rows.required(nominal))
     columns = fit.residual(np.moveaxis(rows.regressor, -1, 0)).T
     size = np.sqrt((columns**2).sum(0))

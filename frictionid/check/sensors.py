@@ -17,7 +17,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
+from frictionid.check.balance_windows import MIN_WINDOWS, windows_of
+from frictionid.check.balances import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.motion import Measured, Motion
 from frictionid.data.recordings import Dataset
@@ -142,7 +143,7 @@ def frozen_torques(measured: Measured) -> list[Frozen]:
     ]
     if not intervals:
         return []
-    rows = unit_rows(measured.mechanism, measured.motions, width=WIDTH)
+    rows = windows_of(measured.balances, WIDTH)
     torque = rows.means(measured.torque)
     friction = torque - rows.required(measured.nominal)
     out = []

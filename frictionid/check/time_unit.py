@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.check.balance_windows import Rows, rows_of
+from frictionid.check.balance_windows import windows_of
+from frictionid.check.balances import Rows
 from frictionid.check.conventions import MARGIN, log_unexplained
 from frictionid.check.findings import Finding, percent
 from frictionid.check.motion import Measured, motions_of
@@ -49,7 +50,7 @@ def in_seconds(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     factor = fitting[0]
     corrected = _scaled(dataset, factor)
     measured = Measured.of(corrected, motions_of(corrected.recordings))
-    rows = rows_of(measured.mechanism, measured.motions, measured.nominal[None])
+    rows = windows_of(measured.balances).at(measured.nominal)
     given, found = (_score(one, rows, measured) for one in (factor, 1.0))
     if not found < given - MARGIN:
         return dataset, []

@@ -19,10 +19,9 @@ from frictionid.check.fine_structure import (
     repeated,
     unexplained_noise,
 )
-from frictionid.check.gravity_model import gravity_share
+from frictionid.check.gravity_model import GravityShares, gravity_shares
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
-from frictionid.mechanics import Mechanism
 
 Source = Literal["measured", "commanded", "modelled", "cannot tell"]
 
@@ -71,7 +70,9 @@ class TorqueSource(NamedTuple):
         return f"torque {self.joint} {verdict}: {self.words}"
 
 
-def torque_sources(dataset: Dataset) -> tuple[TorqueSource, ...]:
+def torque_sources(
+    dataset: Dataset, commanded: GravityShares | None = None
+) -> tuple[TorqueSource, ...]:
     """Source of each motor's torque; none for joints without motor or without any torque.
 
     Examples
@@ -87,6 +88,7 @@ def torque_sources(dataset: Dataset) -> tuple[TorqueSource, ...]:
     measured
     """
     mechanism = dataset.mechanism
+    commanded = gravity_shares(dataset) if commanded is None else commanded
     out = []
     for j in np.flatnonzero(mechanism.driven).tolist():
         if dataset.torque_at == "command":
@@ -94,7 +96,7 @@ def torque_sources(dataset: Dataset) -> tuple[TorqueSource, ...]:
             declared = 'it is declared so (torque.at = "command")'
             out += [TorqueSource(j + 1, "commanded", declared, names)] if names else []
             continue
-        shown = [(r.name, _evidence(r, mechanism, j)) for r in dataset.recordings]
+        shown = [(r.name, _evidence(r, j, commanded.get((r.name, j)))) for r in dataset.recordings]
         known = [(name, evidence) for name, evidence in shown if evidence is not None]
         if known:
             out.append(_together(j + 1, known))
@@ -116,8 +118,11 @@ def _together(joint: int, shown: Sequence[tuple[str, Evidence]]) -> TorqueSource
     return TorqueSource(joint, decided[0][1].source, decided[0][1].words, names)
 
 
-def _evidence(recording: Recording, mechanism: Mechanism, j: int) -> Evidence | None:
-    """What a recording shows of motor j; None where its torque is zero or too short."""
+def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | None:
+    """What a recording shows of motor j; None where its torque is zero or too short.
+
+    share : of the torque that a gravity model leaves, None where it is no such function
+    """
     torque = recording.torque
     time, value = torque.time[:MOST], torque.value[:MOST, j]
     level = float(np.sqrt(np.mean(value**2)))
@@ -126,7 +131,6 @@ def _evidence(recording: Recording, mechanism: Mechanism, j: int) -> Evidence | 
     computed = _modelled(recording, time, value)
     if computed is not None:
         return computed
-    share = gravity_share(recording, mechanism, j)
     if share is not None:
         return Evidence("commanded", f"it equals a gravity model to {percent(share)}")
     return next(_by_noise(recording.angle, time, value, level))

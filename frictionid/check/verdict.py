@@ -6,13 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import adaptive_rows, is_blurred
+from frictionid.check.balance_windows import adapted, is_blurred
 from frictionid.check.conventions import Scored
 from frictionid.check.coverage import advice, still_joints
 from frictionid.check.delay import Delay
 from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
 from frictionid.check.findings import LEVELS, Finding
-from frictionid.check.gravity_model import gravity_models
+from frictionid.check.gravity_model import GravityShares, gravity_findings, gravity_shares
 from frictionid.check.hypothesis_tests import HypothesisTests, run_tests, untested
 from frictionid.check.identifiable import Identifiable, identifiable
 from frictionid.check.log_faults import dead_torques, log_findings
@@ -134,10 +134,11 @@ def judge(
     leave and correct. `findings` were made before; for the rest see `check`.
     """
     facts = joints_of(dataset.recordings, motions)
-    screening = screened(Measured.of(dataset, motions))
+    commanded = gravity_shares(dataset)
+    screening = screened(Measured.of(dataset, motions), commanded)
     tests = untested(screening.usable) if screening.command else run_tests(screening.usable)
     regression, estimate = _least_squares(tests)
-    sources = torque_sources(dataset)
+    sources = torque_sources(dataset, commanded)
     model = _compared(regression, estimate, published) if published else None
     everything = _worst_first(
         [
@@ -174,17 +175,18 @@ def judge(
     )
 
 
-def screened(measured: Measured) -> Screening:
+def screened(measured: Measured, commanded: GravityShares) -> Screening:
     """Frozen readings and commanded torques; recordings with frozen readings are left out.
 
     Their fault would look like others in all that follows.
     """
+    dead = dead_torques(measured)
+    measured = replace(measured, dead=tuple(dead))
     angles = frozen_angles(measured)
     moving = measured.without({f.recording for f in angles})
     torques = frozen_torques(moving)
-    dead = dead_torques(measured)
-    usable = replace(moving.without({f.recording for f in torques}), dead=tuple(dead))
-    commands = gravity_models(usable)
+    usable = moving.without({f.recording for f in torques})
+    commands = gravity_findings(usable, commanded)
     findings = (
         *commands,
         *frozen_findings(measured, angles, "angle"),
@@ -198,7 +200,7 @@ def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
     measured = tests.measured
     rows = tests.rows
     if not is_blurred(measured.motions):
-        rows = adaptive_rows(measured.mechanism, measured.motions).of(measured)
+        rows = adapted(measured.balances, measured.motions).without(measured.dead)
     torque = rows.means(measured.torque, tests.shift)
     mechanism, nominal = measured.mechanism, measured.nominal
     estimate = regress(rows, torque, mechanism, nominal)

@@ -176,7 +176,7 @@ def pieces_of(log: SignalIntegrals, recording: Array, edges: Array) -> Pieces:
 def _area(log: SignalIntegrals, recording: Array, time: Array) -> Array:
     """Area (k, m, n) at times (k, m) of recordings (k,)."""
     index, d, beyond = _place(log, recording, time)
-    v, rise, area, _ = (x[index] for x in log[-4:])
+    v, rise, area = (x.take(index, axis=0) for x in (log.value, log.rise, log.area))
     area = area + (v + rise * d / 2) * d
     return area + (v + rise * d) * beyond if beyond.any() else area
 
@@ -184,7 +184,7 @@ def _area(log: SignalIntegrals, recording: Array, time: Array) -> Array:
 def _at(log: SignalIntegrals, recording: Array, time: Array) -> tuple[Array, Array, Array]:
     """Value, area and area2 (k, m, n) at times (k, m) of recordings (k,)."""
     index, d, beyond = _place(log, recording, time)
-    v, rise, area, area2 = (x[index] for x in log[-4:])
+    v, rise, area, area2 = (x.take(index, axis=0) for x in log[-4:])
     value = v + rise * d
     area2 = area2 + (area + (v / 2 + rise * d / 6) * d) * d
     area = area + (v + rise * d / 2) * d
@@ -194,7 +194,9 @@ def _at(log: SignalIntegrals, recording: Array, time: Array) -> tuple[Array, Arr
     return value, area, area2
 
 
-def _place(log: SignalIntegrals, recording: Array, time: Array) -> tuple[Array, Array, Array]:
+def _place(
+    log: SignalIntegrals, recording: Array, time: Array
+) -> tuple[NDArray[np.intp], Array, Array]:
     """Sample (k, m) before each time, and times (k, m, 1) since then and beyond the log's ends."""
     local = time - log.begin[recording][:, None]
     inside = np.clip(local, 0.0, log.clock[log.last][recording][:, None])

@@ -26,9 +26,13 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     """
     mechanism = dataset.mechanism
     _check_columns(dataset, mechanism)
-    each = [mechanism.nominal({**(parameters or {}), **r.parameters}) for r in dataset.recordings]
+    # most recordings have the same parameters: these are completed and checked once
+    own = [tuple(sorted(r.parameters.items())) for r in dataset.recordings]
+    different = list(dict.fromkeys(own))
+    each = [mechanism.nominal({**(parameters or {}), **dict(some)}) for some in different]
+    at = np.array([different.index(some) for some in own])
     plant = Plant.from_parameters(
-        mechanism, {k: np.array([e[k] for e in each]) for k in mechanism.defaults}
+        mechanism, {k: np.array([e[k] for e in each])[at] for k in mechanism.defaults}
     )
     return replace(plant, slow=tuple(dataset.scales.slow.tolist()))
 

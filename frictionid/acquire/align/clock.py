@@ -11,7 +11,8 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 from frictionid.acquire.align.cross_correlation import CoarseOffset, around, coarse_offset
 from frictionid.acquire.align.drifting import Drifting, drifting
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import Rows, unit_rows
+from frictionid.check.balance_windows import unit_rows
+from frictionid.check.balances import Rows
 from frictionid.check.delay import delay_of
 from frictionid.check.motion import motions_of
 from frictionid.check.partial_regression import PARAMETER_PRIOR

@@ -9,7 +9,8 @@ import numpy as np
 from frictionid.acquire.align.align_files import AlignedRecording
 from frictionid.acquire.align.drive_response import DriveResponse
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, Rows, unit_rows
+from frictionid.check.balance_windows import MIN_WINDOWS, unit_rows
+from frictionid.check.balances import Rows
 from frictionid.check.motion import motions_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
