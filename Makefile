@@ -9,6 +9,8 @@ DOCS := .venv/frictionid.docs
 
 # Each worker computes on one thread: two workers with two threads each are slower on two cores.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
+# Tests start commands more than a hundred times: bytecode is kept wherever the shell says otherwise.
+COMPILED := PYTHONDONTWRITEBYTECODE=
 
 .PHONY: help compare compare-all test damage check format bench docs clean ALWAYS
 .DEFAULT_GOAL := help
@@ -25,7 +27,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 	  $(BIN)/frictionid compare comparisons/$$suite.toml --resume $(ARGS) || exit; done
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
-	@$(ONE_THREAD) $(BIN)/pytest -n 2 $(ARGS)
+	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 $(ARGS)
 
 damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes)
 	@$(ONE_THREAD) $(BIN)/python tests/damage.py $(ARGS)

@@ -22,10 +22,26 @@ def namespace(*arrays: Array) -> Any:
     >>> float(namespace(np.zeros(2), 1.0).cos(np.zeros(1))[0])
     1.0
     """
-    found = [a for a in arrays if hasattr(a, "shape")]
-    if all(type(a) is np.ndarray for a in found):  # to look further is a sixth of a rollout's time
-        return _NUMPY
-    return array_namespace(*found)
+    for a in arrays:  # to look further is a sixth of a rollout's time
+        if type(a) is not np.ndarray and hasattr(a, "shape"):
+            return array_namespace(*(a for a in arrays if hasattr(a, "shape")))
+    return _NUMPY
+
+
+def columns(xp: Any, *entries: Array) -> Array:
+    """Arrays of one shape (...) side by side, (..., k): stack for a few, at a third of its time.
+
+    >>> columns(np, np.zeros(2), np.ones(2))
+    array([[0., 1.],
+           [0., 1.]])
+    """
+    first = entries[0]
+    if type(first) is not np.ndarray:
+        return xp.stack(entries, axis=-1)
+    out = np.empty((*first.shape, len(entries)), np.result_type(*entries))
+    for i, entry in enumerate(entries):
+        out[..., i] = entry
+    return out
 
 
 def plain(array: Array) -> Any:
@@ -64,7 +80,7 @@ def solve(M: Array, b: Array) -> Array:
         a, c, d, e = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
         x, y = b[..., 0], b[..., 1]
         det = a * e - c * d
-        return xp.stack([(e * x - c * y) / det, (a * y - d * x) / det], axis=-1)
+        return columns(xp, (e * x - c * y) / det, (a * y - d * x) / det)
     return xp.linalg.solve(M, b[..., None])[..., 0]
 
 
@@ -82,9 +98,9 @@ def inverse(M: Array) -> Array:
         return 1.0 / M
     if n == 2:
         a, c, d, e = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
-        rows = [xp.stack([e, -c], axis=-1), xp.stack([-d, a], axis=-1)]
+        flat = xp.reshape(columns(xp, e, -c, -d, a), M.shape)
         # + 0.0 turns -0.0 into 0.0, so that printed matrices look the way people write them
-        return xp.stack(rows, axis=-2) / (a * e - c * d)[..., None, None] + 0.0
+        return flat / (a * e - c * d)[..., None, None] + 0.0
     return xp.linalg.inv(M)
 
 

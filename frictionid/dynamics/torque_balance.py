@@ -8,9 +8,12 @@ of them. A part that sticks holds its A w.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
-from frictionid.arrays import Array, inverse, namespace, solve, times
+import numpy as np
+
+from frictionid.arrays import Array, columns, inverse, namespace, solve, times
 from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, driven
 from frictionid.friction import Friction, at_rest
@@ -70,9 +73,10 @@ def constrained(M: Array, f: Array, sticking: Array, turns: Array | None = None)
     M (..., n, n), f (..., n), sticking (..., m); turns (c, n) of coupled parts, as in `Balance`
     """
     xp, n = namespace(M), M.shape[-1]
-    free = 1.0 - xp.astype(sticking[..., :n], M.dtype)
+    held = xp.astype(sticking[..., :n], M.dtype)
+    free = 1.0 - held
     both = free[..., :, None] * free[..., None, :]
-    inner = M * both + _diagonal(1.0 - free)
+    inner = M * both + _diagonal(held)
     if turns is None or not bool(sticking[..., n:].any()):
         return solve(inner, f * free)
     return times(less_held(inverse(inner) * both, turns, sticking[..., n:]), f)
@@ -94,8 +98,14 @@ def less_held(inner: Array, turns: Array, sticking: Array) -> Array:
 
 
 def _diagonal(x: Array) -> Array:
-    xp = namespace(x)
-    return x[..., None] * xp.eye(x.shape[-1], dtype=x.dtype)
+    n = x.shape[-1]
+    one = _identity(n) if type(x) is np.ndarray else namespace(x).eye(n, dtype=x.dtype)
+    return x[..., None] * one
+
+
+@cache
+def _identity(n: int) -> Array:
+    return np.eye(n)
 
 
 def sticking_torque(now: Balance, candidates: Array) -> Array:
@@ -133,7 +143,7 @@ def sticking_torque(now: Balance, candidates: Array) -> Array:
             Tf[j] = new
         if not moved:
             break
-    return xp.stack(Tf, axis=-1)
+    return columns(xp, *Tf)
 
 
 def _holding(W: Array, f: Array, friction: Array, candidates: Array) -> Array:

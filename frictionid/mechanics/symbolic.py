@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from frictionid.arrays import Array, namespace, solve, times
+from frictionid.arrays import Array, columns, namespace, solve, times
 from frictionid.mechanics.description import Description
 from frictionid.mechanics.lagrange import (
     Equations,
@@ -88,7 +88,7 @@ class SymbolicMechanism(Mechanism):
 
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
         xp, flat = self._evaluate(self._code.dynamics, p, q, w)
-        h = flat[-1][..., None] if self.n == 1 else xp.stack(flat[-self.n :], axis=-1)
+        h = flat[-1][..., None] if self.n == 1 else columns(xp, *flat[-self.n :])
         return self._symmetric(xp, flat[: -self.n]), h
 
     def inertia(self, p: Array, q: Array) -> Array:
@@ -99,8 +99,7 @@ class SymbolicMechanism(Mechanism):
         n = self.n
         xp, flat = self._evaluate(self._code.terms, p, q, w)
         M = self._symmetric(xp, flat[: -2 * n - 1])
-        h = xp.stack(flat[-2 * n - 1 : -n - 1], axis=-1)
-        dLdq = xp.stack(flat[-n - 1 : -1], axis=-1)
+        h, dLdq = columns(xp, *flat[-2 * n - 1 : -n - 1]), columns(xp, *flat[-n - 1 : -1])
         B = xp.asarray(self.B, dtype=M.dtype)
         return Terms(M, h, times(M, w), dLdq, B, flat[-1])
 
@@ -165,8 +164,7 @@ class SymbolicMechanism(Mechanism):
         n = self.n
         if n == 1:  # a sixth of a prediction's time
             return upper[0][..., None, None]
-        entries = full_matrix(upper, n)
-        flat = xp.stack([entries[i, j] for i in range(n) for j in range(n)], axis=-1)
+        flat = columns(xp, *(upper[i] for i in _places(n)))
         return xp.reshape(flat, (*flat.shape[:-1], n, n))
 
     @cached_property
@@ -224,6 +222,13 @@ class _Compiled:
         accelerations = sp.symbols(f"_a0:{len(d.q)}")
         arguments = [*d.q, *d.w, *accelerations, *d.symbols]
         return scalar_code(arguments, bearing_forces(d, accelerations))
+
+
+@cache
+def _places(n: int) -> tuple[int, ...]:
+    """Place in the upper triangle, by rows, of each entry of a symmetric matrix."""
+    entries = full_matrix(range(n * (n + 1) // 2), n)
+    return tuple(entries[i, j] for i in range(n) for j in range(n))
 
 
 @cache

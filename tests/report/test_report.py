@@ -75,6 +75,20 @@ def undrawn(monkeypatch):
     made.undraw(monkeypatch)
 
 
+@pytest.fixture
+def blank(monkeypatch):
+    """Builds that write blank pictures, for tests of which files there are."""
+    made.leave_blank(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def blank_typical(tmp_path_factory):
+    """A report of a folder made by hand, with blank pictures."""
+    with pytest.MonkeyPatch.context() as patch:
+        made.leave_blank(patch)
+        return made.built(made.typical(tmp_path_factory.mktemp("blank")))
+
+
 OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
 
 
@@ -102,8 +116,9 @@ def test_a_report_made_elsewhere_has_the_same_bytes(typical, tmp_path):
     assert contents(tmp_path / "moved") == contents(typical)
 
 
-def test_a_build_leaves_no_file_of_an_earlier_one(typical, tmp_path):
-    folder = shutil.copytree(typical, tmp_path / "copy")
+@pytest.mark.usefixtures("blank")
+def test_a_build_leaves_no_file_of_an_earlier_one(blank_typical, tmp_path):
+    folder = shutil.copytree(blank_typical, tmp_path / "copy")
     before, gone = contents(folder), {}
     for place in ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json"):
         gone[place] = b"old"
@@ -114,8 +129,9 @@ def test_a_build_leaves_no_file_of_an_earlier_one(typical, tmp_path):
     assert contents(folder) == before
 
 
-def test_what_is_not_of_the_report_is_never_touched(typical, tmp_path):
-    folder = shutil.copytree(typical, tmp_path / "copy")
+@pytest.mark.usefixtures("blank")
+def test_what_is_not_of_the_report_is_never_touched(blank_typical, tmp_path):
+    folder = shutil.copytree(blank_typical, tmp_path / "copy")
     before = contents(folder)
     (folder / "figures" / "mine.png").write_text("mine")
     (folder / "notes.md").write_text("mine")
@@ -130,8 +146,9 @@ def test_what_is_not_of_the_report_is_never_touched(typical, tmp_path):
     assert contents(folder) == before | mine
 
 
-def test_links_to_other_folders_are_not_followed(typical, tmp_path):
-    folder = shutil.copytree(typical, tmp_path / "copy")
+@pytest.mark.usefixtures("blank")
+def test_links_to_other_folders_are_not_followed(blank_typical, tmp_path):
+    folder = shutil.copytree(blank_typical, tmp_path / "copy")
     shutil.move(folder / "figures", tmp_path / "elsewhere")
     (folder / "figures").symlink_to(tmp_path / "elsewhere")
     (tmp_path / "elsewhere" / "mine.png").write_text("mine")
@@ -284,6 +301,7 @@ def test_without_rollouts_or_examples_the_rest_is_there(tmp_path):
     }
 
 
+@pytest.mark.usefixtures("blank")
 def test_without_truth_no_curve_error_is_shown(tmp_path):
     task = made.task("a", {"made": made.rows(0.3, 0.2)})
     made.built(made.write(tmp_path, [task], {"made": made.about(truth=False)}))
@@ -292,6 +310,7 @@ def test_without_truth_no_curve_error_is_shown(tmp_path):
     assert "no truth is known" in made.words(tmp_path)
 
 
+@pytest.mark.usefixtures("blank")
 @pytest.mark.parametrize("role", ["none", "given", "truth"])
 def test_a_comparison_without_a_fit_is_reported_too(role, tmp_path):
     task = made.task("a", {"made": made.rows(0.3, 0.2, curve=0.1)}, role=role)

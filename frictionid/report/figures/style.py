@@ -101,10 +101,12 @@ def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
     with warnings.catch_warnings():
         # names may hold characters that the font lacks: they become boxes
         warnings.filterwarnings("ignore", message=r"Glyph .* missing")
+        if (layout := picture.get_layout_engine()) is not None:
+            layout.execute(picture)
+            picture.set_layout_engine(None)  # else each format would draw twice
         for kind in kinds:
             stream = io.BytesIO()
             picture.savefig(stream, format=kind, metadata=nothing[kind])
-            picture.set_layout_engine("none")  # it holds for the next format, too
             content = stream.getvalue()
             out[kind] = compact(content) if kind == "svg" else content
     return out
