@@ -26,8 +26,7 @@ from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import Frictionless, LeastSquares, Published
 from frictionid.identifiers.formulation import INTEGRAL, STUDY
-from frictionid.outputs import replace_files
-from frictionid.report import build, show
+from frictionid.report import show
 from frictionid.report.exhibits import exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.sections import sections_of
@@ -81,23 +80,6 @@ def blank(monkeypatch):
     made.leave_blank(monkeypatch)
 
 
-@pytest.fixture(scope="module")
-def blank_typical(tmp_path_factory):
-    """A report of a folder made by hand, with blank pictures."""
-    with pytest.MonkeyPatch.context() as patch:
-        made.leave_blank(patch)
-        return made.built(made.typical(tmp_path_factory.mktemp("blank")))
-
-
-OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
-
-
-def contents(folder):
-    """Bytes of all files but the tasks', by their names in the folder."""
-    files = [p for p in folder.rglob("*") if p.is_file() and p.parent.name != "tasks"]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
 def grid(text):
     """Cells of the first table of a Markdown text, as a browser shows them."""
     html = MarkdownIt().enable("table").render(text)
@@ -113,49 +95,7 @@ def test_a_report_made_elsewhere_has_the_same_bytes(typical, tmp_path):
     for name in ("provenance.json", "datasets.json"):
         shutil.copy(typical / name, tmp_path / "moved")
     made.built(tmp_path / "moved")
-    assert contents(tmp_path / "moved") == contents(typical)
-
-
-@pytest.mark.usefixtures("blank")
-def test_a_build_leaves_no_file_of_an_earlier_one(blank_typical, tmp_path):
-    folder = shutil.copytree(blank_typical, tmp_path / "copy")
-    before, gone = contents(folder), {}
-    for place in ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json"):
-        gone[place] = b"old"
-    everything = {name: content for name, content in before.items() if name not in OTHERS}
-    replace_files(folder, {**everything, **gone})
-    assert contents(folder).keys() == before.keys() | gone.keys()
-    made.built(folder)
-    assert contents(folder) == before
-
-
-@pytest.mark.usefixtures("blank")
-def test_what_is_not_of_the_report_is_never_touched(blank_typical, tmp_path):
-    folder = shutil.copytree(blank_typical, tmp_path / "copy")
-    before = contents(folder)
-    (folder / "figures" / "mine.png").write_text("mine")
-    (folder / "notes.md").write_text("mine")
-    made.built(folder)
-    mine = {"figures/mine.png": b"mine", "notes.md": b"mine"}
-    assert contents(folder) == before | mine
-    (folder / "summary.md").write_text("my own words")
-    with pytest.raises(InputError, match=r"summary\.md was changed.*--replace"):
-        made.built(folder)
-    assert contents(folder) == before | mine | {"summary.md": b"my own words"}
-    build(load_results(folder), replace=True)
-    assert contents(folder) == before | mine
-
-
-@pytest.mark.usefixtures("blank")
-def test_links_to_other_folders_are_not_followed(blank_typical, tmp_path):
-    folder = shutil.copytree(blank_typical, tmp_path / "copy")
-    shutil.move(folder / "figures", tmp_path / "elsewhere")
-    (folder / "figures").symlink_to(tmp_path / "elsewhere")
-    (tmp_path / "elsewhere" / "mine.png").write_text("mine")
-    before = contents(tmp_path / "elsewhere")
-    with pytest.raises(InputError, match="figures is a link to another folder"):
-        made.built(folder)
-    assert contents(tmp_path / "elsewhere") == before
+    assert made.contents(tmp_path / "moved") == made.contents(typical)
 
 
 @pytest.mark.parametrize("content", ["nothing", "no task"])

@@ -1,0 +1,62 @@
+"""The files of a report: what a build replaces, and what it never touches."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from fixtures import result_folders as made
+
+from frictionid.comparison.results import load_results
+from frictionid.errors import InputError
+from frictionid.outputs import replace_files
+from frictionid.report import build
+
+OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
+
+
+@pytest.fixture(scope="module", autouse=True)
+def typical(tmp_path_factory):
+    """A report of a folder made by hand; here all builds write blank pictures."""
+    with pytest.MonkeyPatch.context() as patch:
+        made.leave_blank(patch)
+        yield made.built(made.typical(tmp_path_factory.mktemp("typical")))
+
+
+def test_a_build_leaves_no_file_of_an_earlier_one(typical, tmp_path):
+    folder = shutil.copytree(typical, tmp_path / "copy")
+    before, gone = made.contents(folder), {}
+    for place in ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json"):
+        gone[place] = b"old"
+    everything = {name: content for name, content in before.items() if name not in OTHERS}
+    replace_files(folder, {**everything, **gone})
+    assert made.contents(folder).keys() == before.keys() | gone.keys()
+    made.built(folder)
+    assert made.contents(folder) == before
+
+
+def test_what_is_not_of_the_report_is_never_touched(typical, tmp_path):
+    folder = shutil.copytree(typical, tmp_path / "copy")
+    before = made.contents(folder)
+    (folder / "figures" / "mine.png").write_text("mine")
+    (folder / "notes.md").write_text("mine")
+    made.built(folder)
+    mine = {"figures/mine.png": b"mine", "notes.md": b"mine"}
+    assert made.contents(folder) == before | mine
+    (folder / "summary.md").write_text("my own words")
+    with pytest.raises(InputError, match=r"summary\.md was changed.*--replace"):
+        made.built(folder)
+    assert made.contents(folder) == before | mine | {"summary.md": b"my own words"}
+    build(load_results(folder), replace=True)
+    assert made.contents(folder) == before | mine
+
+
+def test_links_to_other_folders_are_not_followed(typical, tmp_path):
+    folder = shutil.copytree(typical, tmp_path / "copy")
+    shutil.move(folder / "figures", tmp_path / "elsewhere")
+    (folder / "figures").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere" / "mine.png").write_text("mine")
+    before = made.contents(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="figures is a link to another folder"):
+        made.built(folder)
+    assert made.contents(tmp_path / "elsewhere") == before
