@@ -88,6 +88,10 @@ if TYPE_CHECKING:
     from frictionid.identifiers import Published as Published
     from frictionid.identifiers import Regressor as Regressor
     from frictionid.identifiers import SINDy as SINDy
+    from frictionid.use.compensation import Compensation as Compensation
+    from frictionid.use.compensation import compensating as compensating
+    from frictionid.use.compensation import compensation_table as compensation_table
+    from frictionid.use.compensation import feed_forward as feed_forward
     from frictionid.use.gym_env import Episode as Episode
     from frictionid.use.gym_env import FrictionEnv as FrictionEnv
     from frictionid.use.gym_env import FrictionVectorEnv as FrictionVectorEnv
@@ -103,6 +107,7 @@ _HOME = {
     "AsymmetricStribeck": "frictionid.friction.laws",
     "BlackBox": "frictionid.identifiers",
     "Comparison": "frictionid.api.comparison",
+    "Compensation": "frictionid.use.compensation",
     "CompressedNetwork": "frictionid.identifiers",
     "CoulombViscous": "frictionid.friction.laws",
     "Dahl": "frictionid.friction.laws",
@@ -151,8 +156,11 @@ _HOME = {
     "align": "frictionid.api.align",
     "check": "frictionid.api.check",
     "compare": "frictionid.api.compare",
+    "compensating": "frictionid.use.compensation",
+    "compensation_table": "frictionid.use.compensation",
     "evaluate": "frictionid.api.evaluate",
     "export": "frictionid.api.export",
+    "feed_forward": "frictionid.use.compensation",
     "fit": "frictionid.api.fit",
     "fit_model": "frictionid.comparison.fit_model",
     "identifiers": "frictionid.api.listing",

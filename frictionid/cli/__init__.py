@@ -11,6 +11,7 @@ import typer
 from frictionid.cli.align import align
 from frictionid.cli.check import check
 from frictionid.cli.compare import compare
+from frictionid.cli.compensate import compensate
 from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
 from frictionid.cli.excite import excite
@@ -49,6 +50,7 @@ for command in (
     evaluate,
     predict,
     export,
+    compensate,
     report,
     simulate,
     suggest,

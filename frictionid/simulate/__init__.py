@@ -9,7 +9,7 @@ from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
 from frictionid.simulate.rig_file import load_rig
 from frictionid.simulate.simulation import simulate
 from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, Steps
-from frictionid.simulate.tracking import Controller, Fourier, track
+from frictionid.simulate.tracking import Controller, Fourier, sampled_loop, track
 from frictionid.simulate.true_friction import Curve, FilmLag, LuGre, Stribeck, TrueFriction
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "check_dataset_folder",
     "load_rig",
     "noise_free",
+    "sampled_loop",
     "simulate",
     "track",
     "write_dataset",

@@ -7,7 +7,7 @@ A robot's drives sample the angles, compute the torques, and hold them until the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -110,15 +110,47 @@ def track(
     M, h = nominal.dynamics(wanted[:, 0], wanted[:, 1])
     forward = times(M, wanted[:, 2]) - h
     kp, kd, motors = np.array(controller.kp), np.array(controller.kd), system.mechanism.motors
+    start = np.stack([*wanted[0, :2], system.friction.start(wanted[0, 1])])
+
+    def command(k: int, y: Array) -> Array:
+        off = wanted[k, :2] - y[:2]
+        torque: Array = motors * (forward[k] + kp * off[0] + kd * off[1])
+        return torque
+
+    return sampled_loop(system, command, start, time, delay=delay, gain=gain, substeps=substeps)
+
+
+def sampled_loop(
+    system: TrueSystem,
+    command: Callable[[int, Array], Array],
+    start: Array,
+    time: Array,
+    *,
+    delay: float = 0.0,
+    gain: float = 1.0,
+    substeps: int = 4,
+) -> Tracked:
+    """Motion of R machines side by side under torques that a controller commands at samples.
+
+    Parameters
+    ----------
+    system : TrueSystem
+    command : function of sample k and true states (3, R, n) to torques (R, n) [N m]
+        They are held until the next sample.
+    start : array, shape (3, R, n)
+        Angles, velocities and memory of friction, see `TrueFriction.start`.
+    time : (T,) [s], evenly spaced samples
+    delay : [s], by which a command acts later; gain : by which it acts stronger
+    substeps : steps of the integration between two samples
+    """
     width = float(time[1] - time[0])
     late, rest = divmod(delay / width, 1.0)
-    y = np.stack([*wanted[0, :2], system.friction.start(wanted[0, 1])])
+    y = start
     states, torque = np.empty((len(time), *y.shape)), np.empty((len(time), *y.shape[1:]))
     mode = next_modes(system, y, 0.0 * y[0])
     for k in range(len(time)):
         states[k] = y
-        off = wanted[k, :2] - y[:2]
-        torque[k] = motors * (forward[k] + kp * off[0] + kd * off[1])
+        torque[k] = command(k, y)
         for share, at in ((rest, k - int(late) - 1), (1.0 - rest, k - int(late))):
             if share > 1e-9 and k < len(time) - 1:
                 u = gain * torque[max(at, 0)]
