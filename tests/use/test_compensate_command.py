@@ -26,7 +26,7 @@ def test_a_table(monkeypatch, capsys, tmp_path):
     given = ("--out", "table.csv", "--speed", 5.0, *SETTINGS)
     code, out, _ = run(monkeypatch, capsys, tmp_path, *given)
     assert code == 0 and "table.csv" in out
-    rows = list(csv.DictReader((tmp_path / "table.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
     for j in range(2):
         own = [row for row in rows if row["joint"] == f"joint {j + 1}"]
         w, torque = (np.array([float(row[key]) for row in own]) for key in ("velocity", "torque"))
@@ -38,7 +38,7 @@ def test_code(monkeypatch, capsys, tmp_path):
     assert run(monkeypatch, capsys, tmp_path, *given)[0] == 0
     module = runpy.run_path(str(tmp_path / "own.py"))
     for w in (-2.0, -0.01, 0.0, 0.3, 4.0):
-        found = module["friction"]([w, w])
+        found = module["torque"]([w, w])
         np.testing.assert_allclose(found, CURVE(np.array([w]))[0], atol=1e-9)
 
 
