@@ -90,4 +90,4 @@ def export(
 def _paths(out: Path, written: Written) -> tuple[Path, ...]:
     """Where the files go: the first where the user says, the others beside it."""
     first, *others = written.files
-    return (out, *(out.with_suffix(ending) for ending in others))
+    return (out, *(out.with_name(out.stem + ending) for ending in others))

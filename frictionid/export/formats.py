@@ -53,6 +53,7 @@ Writer = Callable[[ExportedFriction, ExportSettings], Written]
 
 _MODULES = {
     "python": "frictionid.export.python_code",
+    "casadi": "frictionid.export.casadi_functions",
 }
 FORMATS = tuple(_MODULES)
 
