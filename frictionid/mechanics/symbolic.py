@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from frictionid.arrays import Array, columns, namespace, solve, times
+from frictionid.arrays import Array, namespace, solve, times
 from frictionid.mechanics.description import Description
 from frictionid.mechanics.lagrange import (
     Equations,
@@ -87,21 +87,19 @@ class SymbolicMechanism(Mechanism):
         return xp.stack(xp.broadcast_arrays(*out), axis=-1)
 
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
-        xp, flat = self._evaluate(self._code.dynamics, p, q, w)
-        h = flat[-1][..., None] if self.n == 1 else columns(xp, *flat[-self.n :])
-        return self._symmetric(xp, flat[: -self.n]), h
+        flat, zero = self._evaluate(self._code.dynamics, p, q, w)
+        return self._symmetric(flat[: -self.n], zero), _columns(flat[-self.n :], zero)
 
     def inertia(self, p: Array, q: Array) -> Array:
-        xp, flat = self._evaluate(self._code.inertia, p, q, None)
-        return self._symmetric(xp, flat)
+        return self._symmetric(*self._evaluate(self._code.inertia, p, q, None))
 
     def terms(self, p: Array, q: Array, w: Array) -> Terms:
         n = self.n
-        xp, flat = self._evaluate(self._code.terms, p, q, w)
-        M = self._symmetric(xp, flat[: -2 * n - 1])
-        h, dLdq = columns(xp, *flat[-2 * n - 1 : -n - 1]), columns(xp, *flat[-n - 1 : -1])
-        B = xp.asarray(self.B, dtype=M.dtype)
-        return Terms(M, h, times(M, w), dLdq, B, flat[-1])
+        flat, zero = self._evaluate(self._code.terms, p, q, w)
+        M = self._symmetric(flat[: -2 * n - 1], zero)
+        h, dLdq = _columns(flat[-2 * n - 1 : -n - 1], zero), _columns(flat[-n - 1 : -1], zero)
+        B = namespace(zero).asarray(self.B, dtype=M.dtype)
+        return Terms(M, h, times(M, w), dLdq, B, flat[-1] + zero)
 
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
         n, nb = self.n, len(self.base_names)
@@ -152,20 +150,17 @@ class SymbolicMechanism(Mechanism):
 
     def _evaluate(
         self, code: Callable[..., Any], p: Array, q: Array, w: Array | None
-    ) -> tuple[Any, list[Array]]:
+    ) -> tuple[Sequence[Array], Array]:
+        """Values of the code, constants as they are, and zeros of their common shape."""
         xp = namespace(q, p)
         n = range(self.n)
         state = [q[..., j] for j in n] + ([] if w is None else [w[..., j] for j in n])
         flat = code(xp, *state, *(p[..., i] for i in range(p.shape[-1])))
-        zero = 0.0 * (q[..., 0] + p[..., 0])  # constant entries take the batch shape
-        return xp, [f + zero for f in flat]
+        return flat, 0.0 * (q[..., 0] + p[..., 0])
 
-    def _symmetric(self, xp: Any, upper: Sequence[Array]) -> Array:
-        n = self.n
-        if n == 1:  # a sixth of a prediction's time
-            return upper[0][..., None, None]
-        flat = columns(xp, *(upper[i] for i in _places(n)))
-        return xp.reshape(flat, (*flat.shape[:-1], n, n))
+    def _symmetric(self, upper: Sequence[Array], zero: Array) -> Array:
+        flat = _columns([upper[i] for i in _places(self.n)], zero)
+        return flat.reshape((*flat.shape[:-1], self.n, self.n))
 
     @cached_property
     def _code(self) -> _Compiled:
@@ -222,6 +217,16 @@ class _Compiled:
         accelerations = sp.symbols(f"_a0:{len(d.q)}")
         arguments = [*d.q, *d.w, *accelerations, *d.symbols]
         return scalar_code(arguments, bearing_forces(d, accelerations))
+
+
+def _columns(entries: Sequence[Array], zero: Array) -> Array:
+    """Entries side by side (..., k), of which some are constants; zero has their shape (...)."""
+    if type(zero) is not np.ndarray:
+        return namespace(zero).stack([entry + zero for entry in entries], axis=-1)
+    out = np.empty((*zero.shape, len(entries)), np.result_type(zero, *entries))
+    for i, entry in enumerate(entries):
+        out[..., i] = entry
+    return out
 
 
 @cache

@@ -103,7 +103,9 @@ def derivative(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     M, h = system.mechanism.dynamics(system.p, q, w)
     Tf = system.torque(y, u, mode)
     a = accelerations(M, h + u, Tf, mode != 0)
-    return np.stack([w, a, system.friction.rate(w, z, mode)])
+    out = np.empty_like(y)
+    out[0], out[1], out[2] = w, a, system.friction.rate(w, z, mode)
+    return out
 
 
 def _through_events(
