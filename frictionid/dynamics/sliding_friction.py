@@ -77,9 +77,7 @@ def is_sharp(friction: Friction) -> bool:
 
 def sharpened(friction: Friction, stiction: Stiction) -> Law:
     """The law without smoothing, for joints that slide in a direction."""
-    if stiction.direction is None or not is_sharp(friction):
-        return friction.law
-    return friction.law.with_width(SHARP_WIDTH)
+    return friction.law if stiction.direction is None else friction.law.sharpened()
 
 
 def braked(Tf: Array, stiction: Stiction) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import fields
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -194,7 +195,11 @@ class Law(ABC):
     def sharpened(self) -> Law:
         """The law without smoothing, where that only stands for a step of friction at w = 0."""
         numerical = self.shape == "tanh" and 0.0 < self.width <= NUMERICAL_WIDTH
-        return self.with_width(SHARP_WIDTH) if numerical else self
+        return self._sharp if numerical else self
+
+    @cached_property
+    def _sharp(self) -> Law:
+        return self.with_width(SHARP_WIDTH)
 
     def equation(
         self, theta: Array, half: Array | None = None, position_units: Sequence[str] = ()
