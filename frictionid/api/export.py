@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace as with_fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
-from frictionid.export.formats import ExportSettings, Written, writer_of
+from frictionid.export.cost import Cost, cost_of, cost_sentence
+from frictionid.export.exported import ExportedFriction, exported
+from frictionid.export.formats import ExportSettings, Written, held_by, writer_of
+from frictionid.export.randomise import randomised
 from frictionid.files import write_bytes
 from frictionid.outputs import check_outputs
 
@@ -19,10 +22,14 @@ class Exported(NamedTuple):
 
     paths : the files
     lost : sentences; none where the target computes the same friction
+    notes : sentences on what was changed in a file, and on what else to know
+    cost : of the friction that the target holds, where it is another one and there are data
     """
 
     paths: tuple[Path, ...]
     lost: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    cost: Cost | None = None
 
 
 def export(
@@ -71,20 +78,37 @@ def export(
     dataset = data if data is None else dataset_of(data)
     if dataset is None:
         dataset = getattr(model, "data", None)
-    joints = () if dataset is None else tuple(dataset.mechanism.friction_names)
+    named = () if dataset is None else tuple(dataset.mechanism.friction_names)
+    joints = chosen.joints or named
     friction = friction_of(model)
-    if joints and len(joints) != friction.n:
+    if named and len(named) != friction.n:
         raise InputError(
-            f"the model has friction at {friction.n} parts, the data set at {len(joints)}: "
+            f"the model has friction at {friction.n} parts, the data set at {len(named)}: "
             "name the one that it was fitted to"
         )
-    written = write(exported(friction, joints, speeds), chosen)
+    own = exported(friction, joints, speeds, dataset)
+    written = write(own, chosen)
+    if chosen.randomise:
+        samples = randomised(own, chosen.randomise, chosen.seed, held_by(to))
+        written = with_fields(written, files={**written.files, "_samples.json": samples})
+    lost, cost = _lost(own, written)
     paths = _paths(Path(out), written)
     read = [path for path in (model, chosen.into) if isinstance(path, str | Path)]
     check_outputs(paths, [Path(path) for path in read], replace=replace)
     for path, content in zip(paths, written.files.values(), strict=True):
         write_bytes(path, content)
-    return Exported(paths, written.lost)
+    return Exported(paths, lost, written.notes, cost)
+
+
+def _lost(own: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Cost | None]:
+    """Sentences on what is lost, and what that costs on the data's motion."""
+    if written.held is None:
+        return written.lost, None
+    if own.data is None:
+        sentence = "name a data set (--dataset) to see what that costs in torque and after 1 s"
+        return (*written.lost, sentence), None
+    cost = cost_of(own, written.held)
+    return (*written.lost, cost_sentence(own, cost)), cost
 
 
 def _paths(out: Path, written: Written) -> tuple[Path, ...]:

@@ -26,6 +26,13 @@ def export(
     precision: Annotated[
         Literal["double", "float"], typer.Option(help="Numbers in code: double, or float.")
     ] = "double",
+    joints: Annotated[
+        str, typer.Option(help="Names of the joints in the file, in the model's order: hip,knee.")
+    ] = "",
+    randomise: Annotated[
+        int, typer.Option(min=0, help="Also write so many samples of the parameters, and ranges.")
+    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the samples.")] = 0,
     json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
@@ -36,13 +43,16 @@ def export(
     from frictionid.export.formats import ExportSettings
     from frictionid.files import json_text
 
-    chosen = ExportSettings(name, precision, present(into))
+    named = tuple(name.strip() for name in joints.split(",") if name.strip())
+    chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
     data = None if dataset is None else load_dataset(dataset, trust=trust)
     done = write(model, to, out, data=data, settings=chosen, replace=replace)
     if json:
-        print(json_text({"lost": done.lost, "written": done.paths}), end="")
+        cost = None if done.cost is None else done.cost._asdict()
+        document = {"lost": done.lost, "notes": done.notes, "cost": cost, "written": done.paths}
+        print(json_text(document), end="")
         return
-    for sentence in done.lost:
+    for sentence in (*done.lost, *done.notes):
         print(sentence)
     for path in done.paths:
         print(f"written to {path}")

@@ -10,13 +10,17 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, prepare, prepared_for
+from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.export.program import Program, Value
 from frictionid.export.trace import traced
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.laws import LinearOutside
 
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
+HORIZON = 1.0  # [s], over which it is replayed what a target loses
 
 
 @dataclass(frozen=True)
@@ -47,11 +51,13 @@ class ExportedFriction:
         Its law is `LinearOutside` the model's own where speeds are known.
     joints : names of the parts with friction
     speeds : greatest speed of each part in the data [rad/s or m/s]; () where they are not known
+    data : data set whose motion shows what a target loses, where it is at hand
     """
 
     friction: Friction
     joints: tuple[str, ...]
     speeds: tuple[float, ...] = ()
+    data: Dataset | None = None
 
     @property
     def law(self) -> Law:
@@ -63,6 +69,21 @@ class ExportedFriction:
     def units(self) -> tuple[str, ...]:
         """Unit of the position of each part: "rad" or "m"."""
         return self.friction.position_units or ("rad",) * self.friction.n
+
+    @cached_property
+    def prepared(self) -> Prepared | None:
+        """The data as this friction sees them, with its parameters and its calibration."""
+        if self.data is None:
+            return None
+        own = prepare(self.data, Protocol(horizons=(HORIZON,)))
+        return with_calibration(prepared_for(own, self.friction), self.friction.calibration)
+
+    def with_theta(self, theta: Array) -> ExportedFriction:
+        """The same with other parameters (n, P), on the same data."""
+        other = replace(self, friction=replace(self.friction, theta=theta))
+        if "prepared" in vars(self):
+            vars(other)["prepared"] = self.prepared  # its calibration is the same
+        return other
 
     @property
     def facts(self) -> tuple[str, ...]:
@@ -82,7 +103,10 @@ class ExportedFriction:
 
 
 def exported(
-    friction: Friction, joints: Sequence[str] = (), speeds: Sequence[float] = ()
+    friction: Friction,
+    joints: Sequence[str] = (),
+    speeds: Sequence[float] = (),
+    data: Dataset | None = None,
 ) -> ExportedFriction:
     """Friction to be exported, from a model.
 
@@ -91,6 +115,7 @@ def exported(
     friction : Friction, theta (n, P)
     joints : names of the parts with friction; "joint 1", "joint 2" ... where they are missing
     speeds : where known [rad/s or m/s]; by default those of the model's provenance
+    data : data set, optional
 
     Raises
     ------
@@ -121,7 +146,7 @@ def exported(
     names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(friction.n))
     if len(names) != friction.n:
         raise InputError(f"{len(names)} names for {friction.n} parts with friction: give one each")
-    return ExportedFriction(replace(friction, law=law), names, known)
+    return ExportedFriction(replace(friction, law=law), names, known, data)
 
 
 def _facts(own: ExportedFriction) -> tuple[str, ...]:

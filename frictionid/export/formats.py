@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from frictionid.config import check_settings, nearest
 from frictionid.errors import InputError
@@ -21,11 +23,17 @@ class ExportSettings:
     name : prefix of functions and types in code, and name of what is exported
     precision : of the numbers in code, "double" or "float"
     into : file whose joints are given friction, of formats that describe a mechanism
+    joints : their names in it, in the model's order, where they are not those of the data set
+    randomise : number of samples of the parameters, in a file beside the others; 0 for none
+    seed : of the samples
     """
 
     name: str = "friction"
     precision: Literal["double", "float"] = "double"
     into: Path | None = None
+    joints: tuple[str, ...] = ()
+    randomise: Annotated[int, Field(ge=0, le=1_000_000)] = 0
+    seed: int = 0
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -42,11 +50,13 @@ class Written:
     files : contents by the ending of their names, the first is the one that the user names
     lost : sentences on what the target cannot hold; none where it computes the same
     held : the friction that the target computes, where it is another one
+    notes : sentences on what was changed, and on what else to know
     """
 
     files: Mapping[str, bytes]
     lost: tuple[str, ...] = ()
     held: Friction | None = field(default=None, compare=False)
+    notes: tuple[str, ...] = ()
 
 
 Writer = Callable[[ExportedFriction, ExportSettings], Written]
@@ -54,6 +64,10 @@ Writer = Callable[[ExportedFriction, ExportSettings], Written]
 _MODULES = {
     "python": "frictionid.export.python_code",
     "casadi": "frictionid.export.casadi_functions",
+    "mujoco": "frictionid.export.mujoco",
+    "urdf": "frictionid.export.urdf",
+    "isaac": "frictionid.export.isaac",
+    "bam": "frictionid.export.bam",
 }
 FORMATS = tuple(_MODULES)
 
@@ -73,4 +87,11 @@ def writer_of(name: str) -> Writer:
     if name not in _MODULES:
         raise InputError(f"export format {name!r} is unknown; {nearest(name, FORMATS)}")
     found: Writer = import_module(_MODULES[name]).write
+    return found
+
+
+def held_by(name: str) -> Callable[[ExportedFriction], Friction] | None:
+    """Function that gives the friction which a format can hold; None of those that hold all."""
+    found: Callable[[ExportedFriction], Friction] | None
+    found = getattr(import_module(_MODULES[name]), "held", None)
     return found

@@ -5,6 +5,7 @@ constraints   bounds and priors of parameters
 friction      a law with its parameters, and its torque along recorded motion
 laws          one friction law per file, and the check of laws of one's own
 model_files   fitted models as files
+bam_files     parameter files of BAM as frictions
 """
 
 from frictionid.friction.constraints import Constraints, SpeedRange, constraints_of

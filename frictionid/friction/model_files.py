@@ -22,6 +22,7 @@ from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.files import TEMPORARY, read_json, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
+from frictionid.friction.bam_files import is_bam, read_bam
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"
@@ -201,7 +202,8 @@ def _named(table: Mapping[str, Any], weights: Path) -> bytes:
 def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:
     """Friction of a model file; its law must be named in `laws`.
 
-    A file written by hand may leave out `theta` and give `joints` only.
+    A file written by hand may leave out `theta` and give `joints` only. Parameter files of BAM are
+    read, too, see `bam_files`.
 
     Raises
     ------
@@ -209,6 +211,8 @@ def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:
         With the file, the rule and the value.
     """
     document = read_json(path)
+    if is_bam(document):
+        return read_bam(document, str(path))
     if isinstance(document.get("theta"), Mapping):
         document["theta"] = _beside(document["theta"], path)
     return read_model(document, laws, str(path))
