@@ -24,7 +24,7 @@ import frictionid as fid
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.rollouts import predict
-from frictionid.export.cost import at_horizon, starts_of
+from frictionid.export.cost import at_horizon, reaching
 from frictionid.export.exported import exported
 from frictionid.friction import Friction
 
@@ -46,7 +46,7 @@ class Row(NamedTuple):
 
 def with_starts(initial: InitialStates, most: int) -> InitialStates:
     """At most so many initial states that reach the horizon, evenly."""
-    chosen = starts_of(initial)
+    chosen = reaching(initial)
     rows = np.unique(np.linspace(0, len(chosen.q) - 1, min(most, len(chosen.q))).astype(int))
     return chosen.take(rows)
 

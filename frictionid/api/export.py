@@ -91,10 +91,10 @@ def export(
     if chosen.randomise:
         samples = randomised(own, chosen.randomise, chosen.seed, held_by(to))
         written = with_fields(written, files={**written.files, "_samples.json": samples})
-    lost, cost = _lost(own, written)
     paths = _paths(Path(out), written)
     read = [path for path in (model, chosen.into) if isinstance(path, str | Path)]
     check_outputs(paths, [Path(path) for path in read], replace=replace)
+    lost, cost = _lost(own, written)
     for path, content in zip(paths, written.files.values(), strict=True):
         write_bytes(path, content)
     return Exported(paths, lost, written.notes, cost)

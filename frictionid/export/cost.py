@@ -1,4 +1,4 @@
-"""What a target loses that holds another friction than the model: torque, and motion after 1 s."""
+"""What a target loses that holds another friction than the model: torque, and motion ahead."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.errors import InputError
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.rollouts import predict
-from frictionid.export.exported import HORIZON, ExportedFriction
+from frictionid.export.exported import ExportedFriction
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Plant
 
@@ -24,7 +24,7 @@ class Cost(NamedTuple):
     torque : (n,) RMS difference of the torques along the motion [N m or N]
     own, held : median error 1 s ahead of the model's predictions, and of the other's, in `unit`
     apart : median distance of the two predictions
-    starts : number of predictions, from states that a filter estimates
+    predictions : their number, from states that a filter estimates
     """
 
     torque: tuple[float, ...]
@@ -32,7 +32,7 @@ class Cost(NamedTuple):
     held: float
     apart: float
     unit: str
-    starts: int
+    predictions: int
 
 
 def cost_of(exported: ExportedFriction, held: Friction) -> Cost:
@@ -48,7 +48,7 @@ def cost_of(exported: ExportedFriction, held: Friction) -> Cost:
         raise InputError("what is lost shows on recorded motion: name a data set")
     nodes = data.integral.nodes
     off = along(exported.friction, nodes) - along(held, nodes)
-    initial = starts_of(data.initial_states)
+    initial = reaching(data.initial_states)
     plant = data.plant[initial.recording]
     motions = [_ahead(plant, f, initial) for f in (exported.friction, held)]
     measured = at_horizon(initial.measured, initial)
@@ -64,7 +64,7 @@ def cost_of(exported: ExportedFriction, held: Friction) -> Cost:
     return Cost((*map(float, rms),), own, other, apart, unit, len(measured))
 
 
-def starts_of(initial: InitialStates) -> InitialStates:
+def reaching(initial: InitialStates) -> InitialStates:
     """Those of the initial states that reach the horizon, at most 200, evenly."""
     rows = np.flatnonzero(initial.last[-1] > 0)
     if len(rows) > _MOST:
@@ -97,7 +97,7 @@ by 0.06 rad where the model's err by 0.05, 0.02 from these (medians of 40)"
     parts = [f"{v:.3g} {unit}" for v, unit in zip(cost.torque, units, strict=True)]
     return (
         f"on the data's motion its torques are {', '.join(parts)} off "
-        f"(RMS of {', '.join(exported.joints)}); {HORIZON:g} s ahead its predictions err by "
-        f"{cost.held:.3g} {cost.unit} where the model's err by {cost.own:.3g}, "
-        f"{cost.apart:.3g} from these (medians of {cost.starts})"
+        f"(RMS of {', '.join(exported.joints)}); {exported.horizon:g} s ahead its predictions err "
+        f"by {cost.held:.3g} {cost.unit} where the model's err by {cost.own:.3g}, "
+        f"{cost.apart:.3g} from these (medians of {cost.predictions})"
     )

@@ -20,7 +20,7 @@ from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.laws import LinearOutside
 
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
-HORIZON = 1.0  # [s], over which it is replayed what a target loses
+_HORIZON = 1.0  # [s], over which it is replayed what a target loses
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,19 @@ class ExportedFriction:
         """Unit of the position of each part: "rad" or "m"."""
         return self.friction.position_units or ("rad",) * self.friction.n
 
+    @property
+    def horizon(self) -> float:
+        """Time [s] over which it is replayed what a target loses: 1 s, less in short recordings."""
+        runs = () if self.data is None else self.data.recordings
+        longest = max((float(np.ptp(r.angle.time)) for r in runs), default=np.inf)
+        return min(_HORIZON, float(f"{longest / 2:.1g}"))
+
     @cached_property
     def prepared(self) -> Prepared | None:
         """The data as this friction sees them, with its parameters and its calibration."""
         if self.data is None:
             return None
-        own = prepare(self.data, Protocol(horizons=(HORIZON,)))
+        own = prepare(self.data, Protocol(horizons=(self.horizon,)))
         return with_calibration(prepared_for(own, self.friction), self.friction.calibration)
 
     def with_theta(self, theta: Array) -> ExportedFriction:

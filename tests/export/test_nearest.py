@@ -72,3 +72,14 @@ def test_the_cost_is_the_difference_on_the_datas_motion(data):
     assert more.torque[0] == pytest.approx(0.01 * np.sqrt((w[:, 0] ** 2).mean()), rel=1e-9)
     assert more.torque[1] == 0.0 and more.apart > 0.0 and more.held != more.own
     assert f"{more.apart:.3g} from these" in cost_sentence(own, more)
+
+
+def test_short_recordings_show_the_cost_over_half_of_them(data):
+    run = data.recordings[0]
+    angle, torque = (
+        s._replace(time=s.time[:80], value=s.value[:80]) for s in (run.angle, run.torque)
+    )
+    short = replace(data, recordings=(replace(run, angle=angle, torque=torque),))
+    own = exported(Friction(CoulombViscous(), np.zeros((2, 2))), data=short)
+    assert own.horizon == 0.7  # of 1.3 s
+    assert cost_of(own, own.friction).predictions > 0
