@@ -1,9 +1,9 @@
 """What a better friction model buys in control: an acrobot swings up, and follows a motion.
 
-    python comparisons/control.py [--sets 10] [--runs 5]
+    python comparisons/control.py [--seeds 50]
 
-The simulated acrobot of data/acrobot_clean truly sticks; its motor is at the elbow. From each set of
-recordings (another noise, each) friction is fitted by Coulomb and viscous friction, and by the law
+The simulated acrobot of data/acrobot_clean truly sticks; its motor is at the elbow. From each set
+of recordings (another noise, each) friction is shot by Coulomb and viscous friction, and by the law
 that comparisons recommend on these data. With each of them, and with none, CasADi plans motions by
 direct multiple shooting: a swing-up, and a motion whose elbow follows two sines. The plans run on
 the simulated rig, integrated by its own event-driven code, under the feedback of a time-varying
@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from scipy.linalg import solve_discrete_are
 
 import frictionid as fid
 from frictionid.export.casadi_functions import casadi_functions
@@ -40,13 +39,13 @@ Array = NDArray[np.float64]
 
 ROOT = Path(__file__).parents[1]
 DT = 0.01  # [s], of plans and of the controller
-LIMIT = 0.6  # [N m] of the motor
-SMOOTH = 0.2  # [rad/s], over which plans smooth the sign of a velocity
+LIMIT = 0.8  # [N m] of the motor
+SMOOTH = 0.3  # [rad/s], over which plans smooth the sign of a velocity
 NOISE = 0.0016231562  # [rad], that of the recordings' angles
 DELAY = 0.005  # [s], by which torques act late
 START = 0.05  # [rad], standard deviation of where a run starts, around hanging down
 UPRIGHT, NEAR = np.array([np.pi, 0.0]), 0.2  # [rad]: it has swung up where it stays so near
-SWING, HOLD = 2.5, 3.0  # [s] of a swing-up, and of the balance after it
+SWING, HOLD = 3.0, 2.0  # [s] of a swing-up, and of the balance after it
 FOLLOW = 4.0  # [s] of the other motion
 RECORDINGS = 8  # of the data set, for a fit
 STATE_WEIGHT = np.diag([20.0, 20.0, 1.0, 1.0])
@@ -87,8 +86,8 @@ def fits(seed: int) -> dict[str, fid.Friction]:
     """Friction of each model, from recordings with the noise of a seed."""
     data = fid.simulate(rig(), seed)
     known = {name: law for name, law in MODELS.items() if law is not None}
-    found = {name: fid.fit(data, law, seed=seed).friction for name, law in known.items()}
-    return {"none": NONE, **found}
+    shot = {n: fid.fit(data, law, method="shooting", free=["friction"]) for n, law in known.items()}
+    return {"none": NONE, **{name: fit.friction for name, fit in shot.items()}}
 
 
 @cache
@@ -162,11 +161,10 @@ def _guess(count: int) -> Plan:
 
 
 def gains(step: ca.Function, x: Array, u: Array) -> Array:
-    """Feedback (N + 1, 4) of the time-varying regulator; the last one holds where the plan ends."""
+    """Feedback (N + 1, 4) of the time-varying linear-quadratic regulator."""
     slope = step.jacobian()
-    last = _linear(slope, step, x[-1], 0.0)
-    cost = solve_discrete_are(*last, STATE_WEIGHT, np.array([[TORQUE_WEIGHT]]))
-    out = [_gain(*last, cost)]
+    cost = 10.0 * STATE_WEIGHT
+    out = [np.zeros(4)]  # where the plan ends, nothing follows
     for k in reversed(range(len(u))):
         A, B = _linear(slope, step, x[k], u[k])
         K = _gain(A, B, cost)
@@ -198,17 +196,18 @@ def run(
     x, u, gain = (_held([getattr(p, f) for p in plans], count, S) for f in ("x", "u", "gain"))
     u[len(plans[0].u) :] = 0.0
     gain[len(plans[0].u) + 1 :] = HOLDING
-    known = {"x": np.concatenate([begin, 0.0 * begin], axis=1), "u": np.zeros(P * S)}
+    now = {"x": np.concatenate([begin, 0.0 * begin], axis=1), "u": np.zeros(P * S)}
     models = [step.map(S) for step in steps]
 
     def command(k: int, y: Array) -> Array:
-        by_model = [slice(i * S, (i + 1) * S) for i in range(P)]
-        told = [m(known["x"][own].T, known["u"][None, own]) for m, own in zip(models, by_model)]
-        guess = np.concatenate([np.array(x).T for x in told]) if k else known["x"]
+        owns = [slice(i * S, (i + 1) * S) for i in range(P)]
+        pairs = zip(models, owns, strict=True)
+        next_ = [model(now["x"][own].T, now["u"][None, own]).full().T for model, own in pairs]
+        guess = np.concatenate(next_) if k else now["x"]
         wrong = y[0] + noise[k] - guess[:, :2]
         state = guess + np.concatenate([OBSERVER[0] * wrong, OBSERVER[1] / DT * wrong], axis=1)
         torque = np.clip(u[k] - (gain[k] * (state - x[k])).sum(-1), -LIMIT, LIMIT)
-        known.update(x=state, u=torque)
+        now.update(x=state, u=torque)
         return np.stack([0.0 * torque, torque], axis=1)
 
     system = true_system(rig())
@@ -224,8 +223,11 @@ def _held(series: Sequence[Array], count: int, seeds: int) -> Array:
     return np.repeat(np.stack(long, axis=1), seeds, axis=1)
 
 
-def trial(seed: int, runs: int, guesses: dict[str, Plan]) -> dict[tuple[str, str], Outcome]:
-    """Outcomes of both tasks by each model, fitted to the recordings of a seed."""
+def trial(seed: int, guesses: dict[str, Plan], runs: int = 1) -> dict[tuple[str, str], Outcome]:
+    """Outcomes of both tasks by each model, fitted to the recordings of a seed.
+
+    guesses : plans to begin from, which are replaced by those that were found
+    """
     t = DT * np.arange(round(FOLLOW / DT) + 1)
     wanted = np.minimum(t, 1.0) * (0.8 * np.sin(2 * np.pi * 0.7 * t) + 0.4 * np.sin(2 * np.pi * t))
     seeds = [1000 * seed + k for k in range(runs)]
@@ -260,33 +262,28 @@ def outcome(done: Array, plan: Plan, wanted: Array | None) -> Outcome:
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
-    """95 % interval of a share [Wilson1927]."""
+    """95 % interval of a share, by Wilson's formula."""
     z, share = 1.96, hits / count
     middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
     half = z * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2)) / (1 + z**2 / count)
     return middle - half, middle + half
 
 
-def interval(values: Array, groups: int) -> str:
-    """Mean, and its 95 % interval over the sets, whose runs share a fit."""
-    means = values.reshape(groups, -1).mean(axis=1)
-    half = 2.0 * means.std(ddof=1) / np.sqrt(groups) if groups > 1 else float("nan")
-    return f"{means.mean():.3g} +- {half:.2g}"
+def interval(values: Array) -> str:
+    """Mean with its 95 % interval."""
+    half = 1.96 * values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else float("nan")
+    return f"{values.mean():.4f} +- {half:.4f}"
 
 
 def main() -> None:
     """Print a table of both tasks and all models."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--sets", type=int, default=10, help="sets of recordings")
-    parser.add_argument("--runs", type=int, default=5, help="runs of each plan")
-    given = parser.parse_args()
+    parser.add_argument("--seeds", type=int, default=50, help="of recordings, starts and noise")
+    seeds = range(parser.parse_args().seeds)
     guesses: dict[str, Plan] = {}
     console = Console()
-    trials = [
-        trial(seed, given.runs, guesses)
-        for seed in track(range(given.sets), "fit, plan, run", console=console)
-    ]
-    table = Table(title=f"{given.sets} sets of recordings, {given.runs} runs of each plan")
+    trials = [trial(seed, guesses) for seed in track(seeds, "fit, plan, run", console=console)]
+    table = Table(title=f"{len(seeds)} seeds; means with 95 % intervals")
     for name in ("task", "friction in the plan", "success", "error [rad]", "elbow [rad]", "effort"):
         table.add_column(name)
     for task, name in trials[0]:
@@ -294,7 +291,7 @@ def main() -> None:
         hits = np.concatenate([o.success for o in own])
         low, high = wilson(int(hits.sum()), len(hits))
         columns = (
-            interval(np.concatenate([getattr(o, f) for o in own]), len(own))
+            interval(np.concatenate([getattr(o, f) for o in own]))
             for f in ("error", "elbow", "effort")
         )
         share = f"{hits.mean():.2f} ({low:.2f} to {high:.2f})"

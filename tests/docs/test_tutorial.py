@@ -1,6 +1,7 @@
 """The tutorial without hardware: its commands, as they stand on the page, one after the other."""
 
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -50,6 +51,10 @@ def test_the_commands_of_the_tutorial_run(folder, monkeypatch, capsys):
                 running.append(subprocess.Popen([sys.executable, "-c", MAIN, *words[1:]]))
                 until(lambda: (folder / "drive").exists())
                 continue
+            if words[0] == "python":
+                runpy.run_path(words[1], run_name="__main__")
+                out[line] = capsys.readouterr().out
+                continue
             monkeypatch.setattr(sys, "argv", words)
             code = main()
             out[line], err = capsys.readouterr()
@@ -77,6 +82,11 @@ def _check(folder, out):
     off = np.abs(mine.torque.value[50:-50] - sample(true.torque, at))
     # only where the torque changes, and by the rounding of the current elsewhere
     assert np.quantile(off, 0.75) < 1e-5
+    without, compensated = re.findall(r"compensation: (\S+) mrad", out["python controller.py"])
+    assert float(compensated) < 0.5 * float(without)
+    friction = runpy.run_path(folder / "friction.py")["torque"]
+    for w in (-4.0, 4.0):  # 0.10 N m and 0.012 N m s/rad
+        assert friction([w])[0] == pytest.approx(np.sign(w) * 0.1 + 0.012 * w, rel=0.1)
     compared = next(text for line, text in out.items() if " compare " in line)
     assert "stribeck" in compared
     assert (folder / "played.csv").read_text().count("\n") > 10
