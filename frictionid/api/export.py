@@ -86,6 +86,7 @@ def export(
             f"the model has friction at {friction.n} parts, the data set at {len(named)}: "
             "name the one that it was fitted to"
         )
+    chosen = with_fields(chosen, stem=Path(out).stem)
     own = exported(friction, joints, speeds, dataset)
     written = write(own, chosen)
     if chosen.randomise:

@@ -26,6 +26,7 @@ class ExportSettings:
     joints : their names in it, in the model's order, where they are not those of the data set
     randomise : number of samples of the parameters, in a file beside the others; 0 for none
     seed : of the samples
+    stem : name of the files without their endings, for those that name each other
     """
 
     name: str = "friction"
@@ -34,6 +35,7 @@ class ExportSettings:
     joints: tuple[str, ...] = ()
     randomise: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     seed: int = 0
+    stem: str = "friction"
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -63,6 +65,8 @@ Writer = Callable[[ExportedFriction, ExportSettings], Written]
 
 _MODULES = {
     "python": "frictionid.export.python_code",
+    "c": "frictionid.export.c_code",
+    "st": "frictionid.export.structured_text",
     "casadi": "frictionid.export.casadi_functions",
     "mujoco": "frictionid.export.mujoco",
     "urdf": "frictionid.export.urdf",

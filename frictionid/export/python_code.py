@@ -3,90 +3,83 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import chain
 
+from frictionid.export import expressions as ex
 from frictionid.export.exported import ExportedFriction
 from frictionid.export.formats import ExportSettings, Written
-from frictionid.export.program import Line, Operand, Program, Value
+from frictionid.export.functions import Element, Function, functions
 
-TEXTS: Mapping[str, str] = {
-    "add": "{} + {}",
-    "subtract": "{} - {}",
-    "multiply": "{} * {}",
-    "divide": "{} / {}",
-    "power": "{} ** {}",
-    "negative": "-{}",
-    "absolute": "abs({})",
-    "sign": "float({0} > 0.0) - float({0} < 0.0)",
-    "sqrt": "math.sqrt({})",
-    "exp": "math.exp({})",
-    "log": "math.log({})",
-    "log1p": "math.log1p({})",
-    "tanh": "math.tanh({})",
-    "arctan": "math.atan({})",
-    "sin": "math.sin({})",
-    "cos": "math.cos({})",
-    "maximum": "max({}, {})",
-    "minimum": "min({}, {})",
-    "less": "{} < {}",
-    "less_equal": "{} <= {}",
-    "equal": "{} == {}",
-    "and": "{} and {}",
-    "or": "{} or {}",
-    "not": "not {}",
-    "select": "{1} if {0} else {2}",
+FORMS: Mapping[str, ex.Form] = {
+    **ex.SUMS,
+    **{name: ex.call(name) for name in ("exp", "sign")},
+    **{name: ex.call(f"math.{name}") for name in ("sqrt", "log", "log1p", "tanh", "sin", "cos")},
+    "absolute": ex.call("abs"),
+    "arctan": ex.call("math.atan"),
+    "power": ex.infix("**", ex.POWER),
+    "maximum": ex.call("max", 2),
+    "minimum": ex.call("min", 2),
+    "less": ex.infix("<", ex.COMPARED),
+    "less_equal": ex.infix("<=", ex.COMPARED),
+    "equal": ex.infix("==", ex.COMPARED),
+    "and": ex.infix("and", ex.BOTH),
+    "or": ex.infix("or", ex.EITHER),
+    "not": ex.Form("(not {})", ex.CALLED, (ex.BOTH,)),
+    "select": ex.Form("{1} if {0} else {2}", ex.CHOSEN, (ex.EITHER,) * 3),
+    "number": ex.call("float"),
+    "truth": ex.Form("{} != 0.0", ex.COMPARED, (ex.ADDED,)),
+}
+_HELPERS = {
+    "exp(": "def exp(a):\n    return math.exp(a) if a < 709.0 else math.inf",
+    "sign(": "def sign(a):\n    return float(a > 0.0) - float(a < 0.0)",
 }
 
 
 def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `start`, `torque` and `advance`, on lists with an entry for each joint."""
-    programs, n = own.programs, len(own.joints)
-    inputs = ", ".join(programs.inputs)
-    facts = "\n".join(own.facts)
+    n, facts = len(own.joints), "\n".join(own.facts)
+    sources = [_source(function, own) for function in functions(own)]
     parts = [
-        f'"""{settings.name}: torques of {n} part{"s" * (n > 1)} by {inputs or "nothing"}.\n\n'
+        f'"""{settings.name}: friction of {n} parts.\n\n'
         f'Lists have an entry for each of {", ".join(own.joints)}.\n\n{facts}\n"""\n\nimport math',
         f"JOINTS = {list(own.joints)!r}\nSPEEDS = {list(own.speeds)!r}",
+        *(text for use, text in _HELPERS.items() if any(use in s for s in sources)),
+        *sources,
     ]
-    if programs.memory:
-        time = own.law.sample_time
-        when = "each step" if time is None else f"each {time:g} s"
-        parts += [
-            _function("start", programs.start, (*programs.inputs,), "Memory to begin with."),
-            _function(
-                "advance",
-                programs.advance,
-                (*programs.inputs, "memory", "dt"),
-                f"Memory after dt [s]; to be called {when}.",
-            ),
-        ]
-    arguments = (*programs.inputs, *(("memory",) if programs.memory else ()))
-    parts.append(_function("torque", programs.torque, arguments, "Friction torques Tf."))
     return Written({".py": ("\n\n\n".join(parts) + "\n").encode()})
 
 
-def _function(name: str, program: Program, arguments: tuple[str, ...], says: str) -> str:
+def _source(function: Function, own: ExportedFriction) -> str:
     """Source of a function; memory is a list of entries, each with one number per joint."""
-    lines = [f"def {name}({', '.join(arguments)}):", f'    """{says}"""']
-    for k, own in enumerate(program.inputs):
-        group, _, joint = own.rpartition("_")
-        source = f"{group}[{int(joint) - 1}]"
-        if group == "dt":
-            source = "dt"
-        elif group.startswith("memory_"):
-            source = f"memory[{int(group.rpartition('_')[2]) - 1}][{int(joint) - 1}]"
-        lines.append(f"    v{k} = {source}")
-    lines += [f"    v{number} = {_text(line)}" for number, line in program.numbered()]
-    entries = [f"[{', '.join(map(_operand, own))}]" for own in program.outputs.values()]
-    joined = entries[0] if name == "torque" else f"[{', '.join(chain(entries))}]"
-    return "\n".join([*lines, f"    return {joined}"])
+    code = function.code
+    lines = [f"def {function.name}({', '.join(function.arguments)}):", f'    """{function.says}"""']
+    lines += [f"    {name} = {_at(element)}" for name, element in function.read(code).items()]
+    for joint, (block, name) in enumerate(zip(code, own.joints, strict=False)):
+        lines.append(f"    # {name}")
+        lines += [_assigned(s.name, s.expression) for s in block.statements]
+        for output, value in block.outputs.items():
+            lines.append(_assigned(f"{_new(output)}_{joint + 1}", value))
+    entries = [
+        f"[{', '.join(f'{_new(output)}_{j + 1}' for j in range(len(code)))}]"
+        for output in function.program.outputs
+    ]
+    made = entries[0] if function.name == "torque" else f"[{', '.join(entries)}]"
+    return "\n".join([*lines, f"    return {made}"])
 
 
-def _text(line: Line) -> str:
-    return TEXTS[line.operation].format(*map(_operand, line.operands))
+def _new(output: str) -> str:
+    """Name of an output, which is not that of an input."""
+    return output.replace("memory", "new")
 
 
-def _operand(value: Operand) -> str:
-    if isinstance(value, Value):
-        return f"v{value.number}"
-    return repr(float(value)) if value >= 0 else f"({float(value)!r})"
+def _at(element: Element) -> str:
+    if element.argument == "dt":
+        return "dt"
+    entry = f"[{element.entry}]" if element.argument == "memory" else ""
+    return f"{element.argument}{entry}[{element.joint}]"
+
+
+def _assigned(name: str, value: ex.Expression) -> str:
+    line = ex.text(value, FORMS, repr)
+    if len(line) < ex.WIDTH - 20:
+        return f"    {name} = {line}"
+    return f"    {name} = (\n{ex.folded(line, 2 * '    ')}\n    )"

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
+import subprocess
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import casadi
 import numpy as np
+from structured_text_runner import StructuredText
 from test_programs import GROUPS
 
 from frictionid.export.exported import ExportedFriction
@@ -81,7 +85,105 @@ def casadi_files(own, folder) -> Target:
     )
 
 
-TARGETS = {"python": (python, 1e-9), "casadi": (casadi_files, 1e-9)}
+LOOPS = """#include "friction.h"
+typedef {real} real;
+void torques(int count, {pointers}{memory}real *Tf)
+{{ for (int k = 0; k < count; k++) friction_torque({rows}{one}Tf + {n} * k); }}
+"""
+MEMORY_LOOPS = """
+void starts(int count, {pointers}friction_memory *memory)
+{{ for (int k = 0; k < count; k++) friction_start({rows}memory + k); }}
+void advances(int count, {pointers}real dt, friction_memory *memory)
+{{ for (int k = 0; k < count; k++) friction_advance({rows}memory + k, dt); }}
+"""
+STRICT = "-std=c99 -Wall -Wextra -pedantic -Werror -Wconversion -Wdouble-promotion".split()
+
+
+def compiled(own, folder, precision="double") -> ctypes.CDLL:
+    """Library of the C code and of loops over cases; inputs are rows (B, n)."""
+    written(own, "c", folder, precision=precision)
+    n, x, has_memory = len(own.joints), own.programs.inputs, bool(own.programs.memory)
+    loops = (LOOPS + MEMORY_LOOPS * has_memory).format(
+        real=precision,
+        n=n,
+        pointers="".join(f"const real *{g}, " for g in x),
+        rows="".join(f"{g} + {n} * k, " for g in x),
+        memory="const friction_memory *memory, " * has_memory,
+        one="memory + k, " * has_memory,
+    )
+    (folder / "loops.c").write_text(loops)
+    gcc = ["gcc", *STRICT, "-O1", "-shared", "-fPIC", "friction.c", "loops.c", "-o", "f.so", "-lm"]
+    subprocess.run(gcc, cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "f.so"))
+
+
+def c(own, folder, precision="double") -> Target:
+    library = compiled(own, folder, precision)
+    real = np.dtype(precision if precision == "double" else "float32")
+    scalar = ctypes.c_double if precision == "double" else ctypes.c_float
+    entries, n = own.programs.memory, len(own.joints)
+
+    def call(name, inputs, *others):
+        arrays = [np.ascontiguousarray(v, dtype=real) for v in inputs.values()]
+        count = len(arrays[0])
+        pointers = [a.ctypes.data_as(ctypes.c_void_p) for a in arrays]
+        rest = [
+            o.ctypes.data_as(ctypes.c_void_p) if isinstance(o, np.ndarray) else o for o in others
+        ]
+        getattr(library, name)(ctypes.c_int(count), *pointers, *rest)
+
+    def structs(memory):  # (m, B, n) to structs (B, m, n)
+        return np.ascontiguousarray(np.swapaxes(memory, 0, 1), dtype=real)
+
+    def torque(inputs, memory):
+        Tf = np.empty(next(iter(inputs.values())).shape, dtype=real)
+        call("torques", inputs, *([structs(memory)] if entries else []), Tf)
+        return Tf
+
+    def start(inputs):
+        made = np.empty((len(next(iter(inputs.values()))), entries, n), dtype=real)
+        call("starts", inputs, made)
+        return np.swapaxes(made, 0, 1)
+
+    def advance(inputs, memory, dt):
+        made = structs(memory)
+        call("advances", inputs, scalar(dt), made)
+        return np.swapaxes(made, 0, 1)
+
+    return Target(torque, start, advance)
+
+
+def structured_text(own, folder, precision="double") -> Target:
+    """The block keeps its memory itself: it is called once a sample, with its inputs then."""
+    text = written(own, "st", folder, precision=precision)[".st"].read_text()
+    block = StructuredText(text)
+
+    def call(inputs, **others):
+        arrays = {
+            g: {(j + 1,): v[:, j].astype(block.real) for j in range(v.shape[1])}
+            for g, v in inputs.items()
+        }
+        block.call(**arrays, **others)
+        return np.stack([block.variables["Tf"][(j + 1,)] for j in range(len(own.joints))], axis=1)
+
+    def torque(inputs, memory):
+        return memory if own.programs.memory else call(inputs)
+
+    return Target(
+        torque,
+        lambda x: call(x, dt=block.real(0), reset=True),
+        lambda x, _, dt: call(x, dt=block.real(dt), reset=False),
+    )
+
+
+TARGETS = {
+    "c": (c, 1e-9),
+    "c_float": (partial(c, precision="float"), 1e-5),
+    "st": (structured_text, 1e-9),
+    "st_float": (partial(structured_text, precision="float"), 1e-5),
+    "python": (python, 1e-9),
+    "casadi": (casadi_files, 1e-9),
+}
 
 
 def used(own: ExportedFriction, x: Inputs) -> dict[str, np.ndarray]:
