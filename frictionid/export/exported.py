@@ -15,7 +15,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.export.program import Program, Value
-from frictionid.export.trace import traced
+from frictionid.export.trace import chained, traced
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.laws import LinearOutside
 
@@ -107,6 +107,16 @@ class ExportedFriction:
             For laws that compute in other ways, such as a network of torch.
         """
         return _programs(self.friction)
+
+    @cached_property
+    def step(self) -> Program:
+        """Memory after dt and the torques with it, of laws with memory."""
+        return chained(self.programs.advance, self.programs.torque)
+
+    @cached_property
+    def first(self) -> Program:
+        """Memory at the start of a motion and the torques with it, of laws with memory."""
+        return chained(self.programs.start, self.programs.torque)
 
 
 def exported(

@@ -68,6 +68,8 @@ _MODULES = {
     "c": "frictionid.export.c_code",
     "st": "frictionid.export.structured_text",
     "casadi": "frictionid.export.casadi_functions",
+    "onnx": "frictionid.export.onnx_graph",
+    "torchscript": "frictionid.export.torch_script",
     "mujoco": "frictionid.export.mujoco",
     "urdf": "frictionid.export.urdf",
     "isaac": "frictionid.export.isaac",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -244,3 +245,24 @@ def traced(
         for name, array in made.items()
     }
     return needed(Program(names, tuple(recorder.lines), outputs))
+
+
+def chained(first: Program, then: Program) -> Program:
+    """A program of both: the outputs of `first` are inputs of `then`, and outputs, too.
+
+    >>> half = traced(lambda x: {"w": x["w"] / 2.0}, {"w": 1})
+    >>> chained(half, traced(lambda x: {"Tf": x["w"] ** 2.0}, {"w": 1})).run({"w_1": 6.0})
+    {'w': [3.0], 'Tf': [9.0]}
+    """
+    inputs = tuple(dict.fromkeys((*first.inputs, *then.inputs)))
+    inputs = tuple(
+        x for x in inputs if x in first.inputs or x.rpartition("_")[0] not in first.outputs
+    )
+    recorder = Recorder(inputs)
+    functions = {name: partial(recorder.record, name) for name in OPERATIONS}
+    known: dict[str, Operand] = {name: Value(k) for k, name in enumerate(inputs)}
+    middle = first.run(known, functions)
+    known |= {f"{x}_{j + 1}": v for x, own in middle.items() for j, v in enumerate(own)}
+    last = then.run(known, functions)
+    outputs = {name: tuple(own) for name, own in (*middle.items(), *last.items())}
+    return needed(Program(inputs, tuple(recorder.lines), outputs))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -11,6 +12,8 @@ from typing import NamedTuple
 
 import casadi
 import numpy as np
+import onnxruntime
+import torch
 from structured_text_runner import StructuredText
 from test_programs import GROUPS
 
@@ -176,7 +179,59 @@ def structured_text(own, folder, precision="double") -> Target:
     )
 
 
+def onnx_graphs(own, folder) -> Target:
+    """Start and step give memory and torques at once: the torque of the last of them is kept."""
+    paths = written(own, "onnx", folder)
+    sessions = {end: onnxruntime.InferenceSession(str(path)) for end, path in paths.items()}
+    kept = {}
+
+    def call(end, inputs, **others):
+        named = {x: np.asarray(v, np.float32) for x, v in {**inputs, **others}.items()}
+        kept["Tf"], *memory = sessions[end].run(None, named)
+        return np.swapaxes(memory[0], 0, 1) if memory else kept["Tf"]
+
+    return Target(
+        lambda x, _: kept["Tf"] if own.programs.memory else call(".onnx", x),
+        lambda x: call("_start.onnx", x),
+        lambda x, memory, dt: call(".onnx", x, memory=np.swapaxes(memory, 0, 1), dt=[dt]),
+    )
+
+
+def loaded(path) -> torch.jit.ScriptModule:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # TorchScript has a successor
+        return torch.jit.load(str(path))
+
+
+def torchscript(own, folder) -> Target:
+    module = loaded(written(own, "torchscript", folder)[".pt"])
+
+    def call(function, inputs, *others):
+        with torch.no_grad():
+            return function(torch.tensor(np.concatenate([*inputs.values()], axis=1)), *others)
+
+    def batched(memory):  # (m, B, n) to (B, m, n)
+        return torch.tensor(np.swapaxes(memory, 0, 1))
+
+    def outside(memory):
+        return np.swapaxes(memory.numpy(), 0, 1)
+
+    return Target(
+        lambda x, memory: (
+            call(module.torque, x, batched(memory)).numpy()
+            if own.programs.memory
+            else call(module, x).numpy()
+        ),
+        lambda x: outside(call(module.start, x)),
+        lambda x, memory, dt: outside(
+            call(module.advance, x, batched(memory), torch.tensor([dt], dtype=torch.float64))
+        ),
+    )
+
+
 TARGETS = {
+    "onnx": (onnx_graphs, 1e-5),
+    "torchscript": (torchscript, 1e-9),
     "c": (c, 1e-9),
     "c_float": (partial(c, precision="float"), 1e-5),
     "st": (structured_text, 1e-9),

@@ -94,13 +94,15 @@ class LSTM(NetworkLaw):
         return tuple(part[..., i] for pair in parts for part in pair for i in range(self.cells))
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return above_zero(self._level(theta, 0.0 * x.w, side_of(x.w), memory) * (not self.free))
+        return above_zero(
+            self._level(theta, 0.0 * x.w, side_of(x.w), memory) * float(not self.free)
+        )
 
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         share = namespace(x.w).abs(x.w) / theta[..., 1]
         own = self._own(share, side_of(x.w))
         z = stacked(own) if own else share[..., None][..., :0]
-        return Features(z, share * (not self.free), self._sign(x.w), self._read(theta, x.w))
+        return Features(z, share * float(not self.free), self._sign(x.w), self._read(theta, x.w))
 
     def level(self, theta: Array, z: Array, share: Array) -> Array:
         y = outputs(theta[..., 3 + count(self.gate_sizes) :], z, self.sizes)[..., 0]
@@ -113,7 +115,7 @@ class LSTM(NetworkLaw):
         for k in range(1 + self.odd):
             h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
             # the mirrored cells read -w: so each side of the motion meets both alike
-            parts.append(self.level(theta, stacked([*own, *h]), share * (not self.free)))
+            parts.append(self.level(theta, stacked([*own, *h]), share * float(not self.free)))
         total: Any = sum(parts)
         return total / len(parts)
 
