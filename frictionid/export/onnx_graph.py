@@ -68,7 +68,7 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
 def _model(own: ExportedFriction, program: Program, name: str) -> bytes:
     graph = _Graph(program)
     read, n, m = {x.partition("_")[0] for x in program.inputs}, len(own.joints), own.programs.memory
-    sizes = {x: ["batch", n] for x in own.programs.inputs}
+    sizes: dict[str, list[Any]] = {x: ["batch", n] for x in own.programs.inputs}
     sizes |= {x: size for x, size in (("memory", ["batch", m, n]), ("dt", [1])) if x in read}
     for group in sizes:
         graph.split(group, m, n)
