@@ -10,7 +10,6 @@ the servo stands beside ours: read by its own file format, and replayed in MuJoC
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.rollouts import predict
 from frictionid.export.cost import at_horizon, reaching
 from frictionid.export.exported import exported
+from frictionid.export.formats import ExportSettings, writer_of
 from frictionid.friction import Friction
 
 STEP = 0.0005  # [s], at most, of MuJoCo's RK4
@@ -84,20 +84,22 @@ def replay(xml: str, code: str, initial: InitialStates, joints: tuple[str, ...])
 
 def files(friction: Friction, data: Dataset) -> Mapping[str, str]:
     """MJCF and callback of a friction at the data's mechanism, by the endings of their names."""
-    with tempfile.TemporaryDirectory() as folder:
-        done = fid.export(friction, "mujoco", Path(folder) / "robot.xml", data=data)
-        return {path.name.removeprefix("robot"): path.read_text() for path in done.paths}
+    own = exported(friction, data.mechanism.friction_names, data=data)
+    written = writer_of("mujoco")(own, ExportSettings())
+    return {ending: content.decode() for ending, content in written.files.items()}
 
 
-def row(name: str, friction: Friction, data: Dataset, starts: int = STARTS) -> Row:
-    """Errors of one friction on one data set."""
+def row(
+    name: str, friction: Friction, training: Dataset, data: Dataset, starts: int = STARTS
+) -> Row:
+    """Errors on one data set of a friction whose joints' numbers are those of the training data."""
     joints = tuple(data.mechanism.joints)
     prepared = exported(friction, data=data).prepared
     assert prepared is not None
     initial = with_starts(prepared.initial_states, starts)
     each = friction[None][np.zeros(len(initial.q), dtype=int)]
     own = at_horizon(predict(prepared.plant[initial.recording], each, initial).q, initial)
-    made = files(friction, data)
+    made = files(friction, training)
     code = made.get("_callback.py", "")
     alone = replay(made[".xml"], "", initial, joints)
     called = replay(made[".xml"], code, initial, joints) if code else alone
@@ -118,18 +120,18 @@ def halves(data: Dataset) -> tuple[Dataset, Dataset]:
 
 def rows() -> Iterator[Row]:
     """All rows of the table."""
-    swingups = fid.load_dataset("dfki_c1_swingup")
+    rig, swingups = fid.load_dataset("dfki_c1"), fid.load_dataset("dfki_c1_swingup")
     for law in ("coulomb_viscous", "stribeck", "motor_load"):
-        yield row(law, fid.fit("dfki_c1", law).friction, swingups)
+        yield row(law, fid.fit(rig, law).friction, rig, swingups)
     shot = fid.fit(
-        "dfki_c1",
+        rig,
         "motor_load",
         method="shooting",
         free=["inertia", "bias", "delay"],
         sample_time=0.01,
         windows=[0.1, 0.3],
     )
-    yield row("motor_load, shooting, with inertia", shot.friction, swingups)
+    yield row("motor_load, shooting, with inertia", shot.friction, rig, swingups)
     training, held_out = halves(fid.load_dataset("bam_xl330"))
     passive = fid.load_dataset("bam_xl330_passive")
     models: dict[str, Any] = {
@@ -142,7 +144,7 @@ def rows() -> Iterator[Row]:
     }
     for data in (held_out, passive):
         for name, friction in models.items():
-            yield row(name, friction, data)
+            yield row(name, friction, training, data)
 
 
 def main() -> None:

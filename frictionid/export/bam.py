@@ -38,6 +38,7 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     lost = []
     if missing:
         lost.append(f"{', '.join(missing)} of the motor are not known: BAM takes its own values")
+    lost += _uncalibrated(own)
     same = _same(own)
     if not same:
         names = " and ".join(sorted({model.upper() for model, _ in models}))
@@ -80,6 +81,26 @@ def _stribeck(w: Array, torque: Array) -> Array:
         if off < least:
             best, least = np.array([level, height, velocity, slope]), off
     return best
+
+
+def _uncalibrated(own: ExportedFriction) -> list[str]:
+    """What BAM's test bench takes as it knows it, where the model has found something else."""
+    calibration = own.friction.calibration
+    if calibration is None:
+        return []
+    found = [
+        name
+        for name, value, ideal in (
+            ("delay", calibration.delay, 0.0),
+            ("gain", calibration.gain, 1.0),
+            ("bias", calibration.bias, 0.0),
+            ("offset", calibration.offset, 0.0),
+        )
+        if np.any(np.asarray(value) != ideal)
+    ]
+    if calibration.base is not None:
+        found.append("inertias and gravity but for the armature")
+    return [f"BAM's files do not hold the model's {', '.join(found)}"] if found else []
 
 
 def _same(own: ExportedFriction) -> bool:

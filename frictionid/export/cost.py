@@ -41,7 +41,7 @@ def cost_of(exported: ExportedFriction, held: Friction) -> Cost:
     Raises
     ------
     InputError
-        Without data, and where no recording holds a prediction of 1 s.
+        Without data, and where no recording holds a prediction so long.
     """
     data = exported.prepared
     if data is None:
@@ -94,7 +94,9 @@ def cost_sentence(exported: ExportedFriction, cost: Cost) -> str:
 by 0.06 rad where the model's err by 0.05, 0.02 from these (medians of 40)"
     """
     units = ["N m" if unit == "rad" else "N" for unit in exported.units]
-    parts = [f"{v:.3g} {unit}" for v, unit in zip(cost.torque, units, strict=True)]
+    parts = [
+        f"{v if v > 1e-9 else 0.0:.3g} {unit}" for v, unit in zip(cost.torque, units, strict=True)
+    ]
     return (
         f"on the data's motion its torques are {', '.join(parts)} off "
         f"(RMS of {', '.join(exported.joints)}); {exported.horizon:g} s ahead its predictions err "

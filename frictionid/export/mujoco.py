@@ -29,7 +29,9 @@ from frictionid.export.xml_text import (
 )
 from frictionid.mechanics.mjcf_text import mjcf_of
 
-_PLACES = ("body", "frame", "replicate", "worldbody")
+# tendons stand for parts that turn with several joints, such as motors on moving links
+_PLACES = {"joint": ("body", "frame", "replicate", "worldbody"), "fixed": ("tendon",)}
+_DEFAULT = {"joint": "joint", "fixed": "tendon"}  # their elements in default classes
 _STATED = ("frictionloss", "damping", "armature")
 _HARD = "0.0001 1"  # MuJoCo takes two time steps where that is less, unless refsafe is disabled
 held = nearest
@@ -68,10 +70,14 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     ]
     files = {".xml": replaced(text, changes)}
     if differs(own, friction):
-        code, sentence = callback(own, settings)
-        lost.append(sentence)
+        code, sentence = b"", "no callback: it adds friction to joints, not to tendons"
+        if all(joint.tag == "joint" for joint in joints):
+            code, sentence = callback(own, settings)
         if code:
             files["_callback.py"] = code
+            notes.append(sentence)
+        else:
+            lost.append(sentence)
     other = friction if lost else None
     return Written(files, tuple(lost), other, tuple(notes))
 
@@ -96,9 +102,7 @@ def _mechanism(own: ExportedFriction) -> tuple[bytes, str, list[str]]:
 
 def _joints(found: list[Element], own: ExportedFriction, where: str) -> list[Element]:
     """The joints with friction, in the model's order."""
-    bodies = [
-        e for e in found if e.tag == "joint" and e.parent is not None and e.parent.tag in _PLACES
-    ]
+    bodies = [e for e in found if e.parent is not None and e.parent.tag in _PLACES.get(e.tag, ())]
     files = [e.attributes.get("file", "") for e in found if e.tag == "include"]
     known = {e.name for e in bodies}
     if files and not set(own.joints) <= known:
@@ -110,7 +114,7 @@ def _joints(found: list[Element], own: ExportedFriction, where: str) -> list[Ele
     joints = by_name(bodies, own.joints, where)
     for joint, unit in zip(joints, own.units, strict=True):
         kind = _inherited(joint, "type", found) or "hinge"
-        if kind != ("hinge" if unit == "rad" else "slide"):
+        if joint.tag == "joint" and kind != ("hinge" if unit == "rad" else "slide"):
             raise InputError(
                 f"{where}: joint {joint.name!r} is a {kind} joint, the model's position is in "
                 f"{unit}: friction of one joint needs a {'hinge' if unit == 'rad' else 'slide'}"
@@ -149,7 +153,7 @@ def _inherited(joint: Element, name: str, found: list[Element]) -> str | None:
     own: Element | None = next(iter(classes or top), None)
     while own is not None and own.tag == "default":
         for child in own.children:
-            if child.tag == "joint" and name in child.attributes:
+            if child.tag == _DEFAULT[joint.tag] and name in child.attributes:
                 return child.attributes[name]
         own = own.parent
     return None

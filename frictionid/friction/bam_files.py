@@ -61,7 +61,7 @@ def read_bam(document: Mapping[str, Any], where: str) -> Friction:
     CoulombViscous(width=0.02, shape='tanh')
       joint 1  coulomb 0.1 N m, viscous 0.02 N m s/rad
     """
-    model = document["model"]
+    model = str(document["model"])
     if model not in MODELS:
         raise InputError(
             f"{where}: BAM's model {model!r} is unknown; known are {', '.join(MODELS)}"

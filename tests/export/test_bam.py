@@ -112,6 +112,7 @@ def test_other_laws_are_held_by_the_nearest_one():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        ({"model": ["m1"]}, r"model \"\['m1'\]\" is unknown"),
         ({"model": "m7"}, "model 'm7' is unknown; known are m1, m2"),
         ({"friction_viscous": None}, "needs the number 'friction_viscous', it is None"),
         ({"alpha": float("nan")}, "'alpha', it is nan"),

@@ -109,6 +109,18 @@ def test_files_that_cannot_be_given_friction_are_refused_in_one_line(robot, old,
     assert "\n" not in str(caught.value)
 
 
+def test_a_part_that_turns_with_two_joints_is_a_tendon(robot):
+    tendon = '<tendon><fixed name="motor"><joint joint="hip" coef="1"/>'
+    tendon += '<joint joint="knee" coef="-2"/></fixed></tendon>'
+    robot.write_text(ROBOT.replace("</mujoco>", tendon + "</mujoco>"))
+    made = written(CoulombViscous(), NUMBERS, robot, ("hip", "motor"))
+    model, _ = loaded(made)
+    np.testing.assert_array_equal(model.tendon_frictionloss, NUMBERS[1:, 0])
+    np.testing.assert_array_equal(model.tendon_damping, NUMBERS[1:, 1])
+    other = written(Stribeck(), STRIBECK, robot, ("hip", "motor"))
+    assert "_callback.py" not in other.files and "not to tendons" in other.lost[-1]
+
+
 def gear(moment):
     row = [0.02, 0.01, 0.2, 0.1, 0.05, 0.1, 0.05, 0.01, 0.02, 0.8, 1.5]
     return GearLoad(moment=moment), np.array([row, row])
@@ -180,6 +192,7 @@ def test_what_is_lost_is_said(robot):
     text = "\n".join(made.lost)
     assert "no Stribeck" in text and "hip breaks away at 0.15 N m by the model" in text
     assert made.held is not None and made.held.law == CoulombViscous()
+    assert any("set_mjcb_passive" in note for note in made.notes)
     loads = written(LoadDependent(), np.full((2, 3), 0.1), robot)
     assert "_callback.py" not in loads.files
     assert any("no callback" in sentence for sentence in loads.lost)

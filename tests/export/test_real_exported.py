@@ -32,7 +32,7 @@ pytestmark = pytest.mark.real
 def test_swing_ups_in_mujoco_err_as_ours(law, theta, real_data):
     """Of the one-step fits to dfki_c1, rounded."""
     swingups = load_dataset(DATA / "dfki_c1_swingup", real_data / "dfki_double_pendulum")
-    done = row("swing-ups", fid.Friction(law, np.array(theta)), swingups, 6)
+    done = row("swing-ups", fid.Friction(law, np.array(theta)), swingups, swingups, 6)
     assert done.callback == pytest.approx(done.ours, rel=0.1)
     assert done.apart < 0.002
 
@@ -62,6 +62,6 @@ def test_a_fitted_servo_is_the_same_after_a_file_of_bam(servo, tmp_path):
 
 def test_the_published_servo_in_mujoco_errs_as_ours(servo):
     friction = fid.load_model(DATA / "bam_xl330" / "m6.json").friction
-    done = row("M6", friction, halves(servo)[1], 4)
+    done = row("M6", friction, *halves(servo), 4)
     assert done.apart < 0.002
     assert done.joints_alone > 1.5 * done.ours  # what a file without the callback loses
