@@ -2,8 +2,8 @@
 
 PhysX holds a joint while its load stays below the static friction effort; a moving joint has the
 dynamic effort, at most the static one, and viscous friction [PhysX2025]. These are efforts since
-PhysX 5.6; before, friction was a coefficient without unit, a share of the force in the joint: no friction
-torque can be written so.
+PhysX 5.6; before, friction was a coefficient without unit, a share of the force in the joint: no
+friction torque can be written so.
 """
 
 from __future__ import annotations

@@ -9,11 +9,22 @@ import mujoco
 import numpy as np
 import pytest
 
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.export.exported import exported
 from frictionid.export.formats import ExportSettings, writer_of
 from frictionid.friction import Friction, Inputs
-from frictionid.friction.laws import CoulombViscous, GearLoad, LoadDependent, LuGre, Stribeck
+from frictionid.friction.laws import (
+    CoulombViscous,
+    FilmLag,
+    GearLoad,
+    LoadDependent,
+    LuGre,
+    Stribeck,
+)
+from frictionid.mechanics import Plant, pendulum
+from frictionid.mechanics.mjcf_text import mjcf_of
 
 ROBOT = """<?xml version="1.0"?>
 <!-- a leg -->
@@ -196,3 +207,42 @@ def test_what_is_lost_is_said(robot):
     loads = written(LoadDependent(), np.full((2, 3), 0.1), robot)
     assert "_callback.py" not in loads.files
     assert any("no callback" in sentence for sentence in loads.lost)
+
+
+RIG = pendulum(mass=0.4, length=0.25)
+MOTIONS = {
+    "stribeck": Friction(Stribeck(), np.array([[0.1, 0.05, 0.5, 0.02]])),
+    "arctan": Friction(CoulombViscous(width=0.3, shape="arctan"), np.array([[0.1, 0.02]])),
+    "film_lag": Friction(FilmLag(), np.array([[0.05, 0.03, 0.5, 0.01, 0.02]])),
+    "lugre": Friction(LuGre(), np.array([[0.05, 0.03, 0.5, 0.01, 0.002, 0.1, 0.1]])),
+}
+
+
+def moved(made, u, step):
+    """Angles of the pendulum in MuJoCo, a motor torque for each 10 ms."""
+    model, module = loaded(made)
+    model.opt.timestep = step
+    data, out = mujoco.MjData(model), []
+    data.qpos[0] = 0.5
+    mujoco.set_mjcb_passive(module.Friction(model))
+    try:
+        for torque in u[:, 0]:
+            data.ctrl[0] = torque
+            mujoco.mj_step(model, data, round(0.01 / step))
+            out.append(data.qpos[0])
+    finally:
+        mujoco.set_mjcb_passive(None)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_motion_with_the_callback_is_ours_to_first_order_in_the_step(name, tmp_path):
+    """A second that stops, breaks away, and turns."""
+    friction, path = MOTIONS[name], tmp_path / "pendulum.xml"
+    path.write_text(mjcf_of(RIG))
+    made = written(friction.law, friction.theta, path, ("joint 1",), (20.0,))
+    u = 0.6 * np.sin(0.04 * np.arange(100))[:, None]
+    start = State(np.array([0.5]), np.array([0.0]))
+    ours = rollout(Plant.from_parameters(RIG, {}), friction, start, u, np.full(100, 0.01)).q[1:, 0]
+    coarse, fine = (np.abs(moved(made, u, step) - ours).max() for step in (0.002, 0.0005))
+    assert fine < 0.5 * coarse < 0.005
