@@ -15,6 +15,7 @@ from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.friction.friction import Nodes, along
+from frictionid.use.given_friction import given_friction
 
 _MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
 
@@ -115,8 +116,8 @@ class CompensationLaw(Law):
         return 0.0 * self.torque(theta, x, memory)
 
 
-def compensating(friction: Friction, settings: Compensation | None = None) -> Friction:
-    """The compensation of a friction, as a friction of the reference velocity.
+def compensating(friction: Any, settings: Compensation | None = None) -> Friction:
+    """The compensation of a Friction or Fit, as a friction of the reference velocity.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def compensating(friction: Friction, settings: Compensation | None = None) -> Fr
     >>> own.curve(np.array([-2.0, 0.0, 1.0, 5.0])).ravel().round(3)
     array([-0.12 ,  0.   ,  0.108,  0.12 ])
     """
-    own = settings or Compensation()
+    own, friction = settings or Compensation(), given_friction(friction)
     if friction.mechanism:
         raise InputError("a model without physics has no friction torque to compensate")
     for name in ("smooth", "torque_limit"):
@@ -144,7 +145,7 @@ def compensating(friction: Friction, settings: Compensation | None = None) -> Fr
 
 
 def feed_forward(
-    friction: Friction,
+    friction: Any,
     settings: Compensation,
     dt: float,
     w: Array,
@@ -158,7 +159,7 @@ def feed_forward(
 
     Parameters
     ----------
-    friction : Friction, theta (n, P)
+    friction : Friction, theta (n, P), or Fit
     settings : Compensation
     dt : float
         Time [s] between two samples of the reference; memory of friction follows it.
@@ -183,7 +184,7 @@ def feed_forward(
 
 
 def compensation_table(
-    friction: Friction,
+    friction: Any,
     settings: Compensation,
     speeds: Sequence[float],
     joints: Sequence[str] = (),
@@ -193,7 +194,7 @@ def compensation_table(
 
     Parameters
     ----------
-    friction : Friction, theta (n, P)
+    friction : Friction, theta (n, P), or Fit
         Of laws with memory the steady state.
     settings : Compensation
     speeds : of each joint [rad/s or m/s], the table's last one

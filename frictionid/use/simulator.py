@@ -17,6 +17,7 @@ from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism, Plant, unit_inertia
+from frictionid.use.given_friction import given_friction
 
 _SAME = 1e-3  # of a time
 
@@ -32,7 +33,7 @@ class Simulator:
     Parameters
     ----------
     mechanism : Mechanism
-    friction : Friction, theta (..., m, P)
+    friction : Friction, theta (..., m, P), or Fit
         With a calibration its base parameters are the machine's; gains, delays and offsets are
         those of the sensors that recorded the data, and have no part here.
     dt : float
@@ -64,6 +65,7 @@ class Simulator:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "friction", given_friction(self.friction))
         if not (isinstance(self.dt, int | float) and 0 < self.dt < np.inf):
             raise InputError(f"Simulator: dt = {self.dt!r} s must be a positive time of one step")
         sample = self.friction.law.sample_time

@@ -101,8 +101,8 @@ def test_exported_programs_compute_it():
 
 def test_tracking_errors_are_halved_without_a_limit_cycle(monkeypatch):
     """Also with friction that is 20 % wrong, with noise and delay; a rest follows the moves."""
-    monkeypatch.setattr(study, "POINTS", study.POINTS[:3])
-    monkeypatch.setattr(study, "LAST", 1.6)
+    monkeypatch.setattr(study, "POINTS", study.POINTS[:2])
+    monkeypatch.setattr(study, "LAST", 1.4)
     monkeypatch.setattr(study, "STILL", 0.6)
     found = study.trial((0,), 0.0)
     for name in ("fitted", "20 % too small", "20 % too large"):
@@ -129,5 +129,7 @@ def test_settings_that_would_drive_a_joint_are_refused(settings, reason):
 def test_what_has_no_friction_torque_is_refused():
     with pytest.raises(InputError, match="without physics"):
         compensating(replace(STRIBECK, mechanism="unit"))
+    with pytest.raises(InputError, match="must be a Friction or a Fit"):
+        compensating("model.json")
     with pytest.raises(InputError, match="one above 0 for each of 2 joints"):
         compensation_table(STRIBECK, Compensation(), (1.0,))

@@ -14,7 +14,7 @@ from frictionid.friction.laws import CoulombViscous, FilmLag, LuGre, Stribeck, W
 from frictionid.mechanics import Plant, acrobot, linear_axis, mjcf_of, pendulum
 from frictionid.use.simulator import Simulator
 
-MACHINE, T, DT = acrobot(rotor=2e-6), 60, 0.01
+MACHINE, T, DT = acrobot(rotor=2e-6), 40, 0.01
 LAWS = {
     "coulomb_viscous": (CoulombViscous(), [[0.02, 0.002], [0.03, 0.001]]),
     "stribeck": (Stribeck(), None),
@@ -131,6 +131,7 @@ def test_mujoco_agrees_on_coulomb_and_viscous_friction(machine, theta, q):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
+        ({"friction": "model.json"}, "must be a Friction or a Fit"),
         ({"dt": 0.0}, "dt = 0.0 s must be a positive time"),
         ({"mechanism": pendulum(mass=1.0, length=1.0)}, "that of 2 joints, the pendulum has 1"),
         ({"friction": friction_of("window"), "dt": 0.1}, "reads samples 0.01 s apart"),
