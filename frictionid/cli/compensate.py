@@ -24,27 +24,35 @@ def compensate(
     limit: Annotated[float | None, typer.Option(help="Largest torque [N m].")] = None,
     speed: Annotated[
         list[float] | None,
-        typer.Option(help="Last speed of the table [rad/s]; once, or for each joint."),
+        typer.Option(
+            help="Greatest measured speed [rad/s], the table's last; once, or for each joint."
+        ),
     ] = None,
     json: Json = False,
     replace: Replace = False,
 ) -> None:
     """Write the torque that cancels friction along a reference, over the reference's velocity."""
+    from dataclasses import replace as renewed
+
     from frictionid.api.export import export
     from frictionid.comparison.registry import friction_of
     from frictionid.errors import InputError
+    from frictionid.export.formats import ExportSettings
     from frictionid.files import json_text, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.use.compensation import Compensation, compensating, compensation_table
 
     friction = friction_of(model)
     settings = Compensation(gain=gain, smooth=smooth, torque_limit=limit)
-    speeds = (speed or ()) if len(speed or ()) != 1 else tuple(speed or ()) * friction.n
+    known = tuple(speed or friction.provenance.get("speeds", ()))
+    known = known * friction.n if len(known) == 1 else known
+    source = {**friction.provenance, **({"speeds": known} if known else {})}
+    friction = renewed(friction, provenance=source)
     if to != "csv":
         own = compensating(friction, settings)
-        written = export(own, to, out, speeds=speeds, replace=replace).paths
+        names = ExportSettings(name="compensation")
+        written = export(own, to, out, settings=names, replace=replace).paths
     else:
-        known = tuple(speeds) or tuple(friction.provenance.get("speeds", ()))
         if not known:
             raise InputError(f"{model}: the measured speeds are not known; give --speed")
         check_outputs([out], [model], replace=replace)

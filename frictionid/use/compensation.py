@@ -15,6 +15,7 @@ from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Law, Memory
 from frictionid.friction.friction import Nodes, along
+from frictionid.friction.laws import LinearOutside
 from frictionid.use.given_friction import given_friction
 
 _MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
@@ -119,6 +120,8 @@ class CompensationLaw(Law):
 def compensating(friction: Any, settings: Compensation | None = None) -> Friction:
     """The compensation of a Friction or Fit, as a friction of the reference velocity.
 
+    Beyond the speeds of the data, where the friction knows them, it goes on as a straight line.
+
     Raises
     ------
     InputError
@@ -141,7 +144,12 @@ def compensating(friction: Any, settings: Compensation | None = None) -> Frictio
             raise InputError(
                 f"compensation: {name} has {len(given)} numbers, the friction {friction.n} joints"
             )
-    return replace(friction, law=CompensationLaw(friction.law, own))
+    source = dict(friction.provenance)
+    speeds = tuple(max(float(v), _MOVING) for v in source.pop("speeds", ()))
+    if len(speeds) not in (0, friction.n):
+        raise InputError(f"{len(speeds)} speeds for {friction.n} joints: give one each")
+    law = LinearOutside(friction.law, speeds) if speeds else friction.law
+    return replace(friction, law=CompensationLaw(law, own), provenance=source)
 
 
 def feed_forward(

@@ -34,6 +34,10 @@ def test_a_table(monkeypatch, capsys, tmp_path):
 
 
 def test_code(monkeypatch, capsys, tmp_path):
+    for to in ("c", "st"):
+        given = ("--out", f"own.{to}", "--to", to, "--speed", 5.0, *SETTINGS)
+        assert run(monkeypatch, capsys, tmp_path, *given)[0] == 0
+        assert "compensation" in (tmp_path / f"own.{to}").read_text()
     given = ("--out", "own.py", "--to", "python", "--speed", 5.0, *SETTINGS)
     assert run(monkeypatch, capsys, tmp_path, *given)[0] == 0
     module = runpy.run_path(str(tmp_path / "own.py"))

@@ -91,9 +91,12 @@ def test_the_table_is_the_compensation_for_who_interpolates_it():
         np.testing.assert_allclose(found, curve(w)[:, j], atol=0.02 * np.abs(curve(w)).max())
 
 
-def test_exported_programs_compute_it():
-    own = compensating(STRIBECK, Compensation(gain=0.9, torque_limit=0.15))
-    program, rng = exported(own, speeds=(30.0, 30.0)).programs.torque, np.random.default_rng(2)
+def test_exported_programs_compute_it_within_its_limits_at_all_speeds():
+    """Also beyond the speeds of the data, where friction goes on as a straight line."""
+    known = replace(STRIBECK, provenance={"speeds": [3.0, 2.0]})
+    own = compensating(known, Compensation(gain=0.9, torque_limit=0.15))
+    program, rng = exported(own).programs.torque, np.random.default_rng(2)
+    assert np.abs(program.run({"w_1": 50.0, "w_2": -50.0})["Tf"]).tolist() == [0.15, 0.15]
     for w in rng.normal(scale=2.0, size=(50, 2)):
         found = program.run({"w_1": w[0], "w_2": w[1]})["Tf"]
         np.testing.assert_allclose(found, own.torque(at_rest(w)), rtol=1e-9, atol=1e-12)
@@ -129,6 +132,8 @@ def test_settings_that_would_drive_a_joint_are_refused(settings, reason):
 def test_what_has_no_friction_torque_is_refused():
     with pytest.raises(InputError, match="without physics"):
         compensating(replace(STRIBECK, mechanism="unit"))
+    with pytest.raises(InputError, match="3 speeds for 2 joints"):
+        compensating(replace(STRIBECK, provenance={"speeds": [1.0, 1.0, 1.0]}))
     with pytest.raises(InputError, match="must be a Friction or a Fit"):
         compensating("model.json")
     with pytest.raises(InputError, match="one above 0 for each of 2 joints"):
