@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +14,7 @@ from frictionid.arrays import Array
 from frictionid.evaluation.curves import slow_speed
 from frictionid.export.exported import ExportedFriction
 from frictionid.export.formats import ExportSettings, Written
-from frictionid.export.nearest import sliding
+from frictionid.export.nearest import follows_more, sliding
 from frictionid.friction import Friction
 from frictionid.friction.bam_files import GEAR, MODELS, MOTOR
 from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribeck
@@ -54,32 +55,48 @@ def held(own: ExportedFriction) -> Friction:
     """The friction among BAM's that is nearest to the model, itself where it is one of them.
 
     Of other laws that is M2 (or M1, without a peak): Stribeck friction by least squares over the
-    recorded motion, or over the measured speeds.
+    recorded motion, or over the measured speeds. Of laws that follow more than the velocity it is
+    M5 with a share of the motor torque, where there are data.
     """
     law, theta = own.law, own.friction.theta
     if isinstance(law, CoulombViscous | Stribeck | GearLoad):
         sharp = replace(law, width=CoulombViscous().width, shape="tanh")
         return replace(own.friction, law=sharp, constraints=None)
     if isinstance(law, MotorLoad):
-        gear = np.zeros((len(theta), len(GEAR)))
-        gear[:, :3], gear[:, 9:] = theta, (_NONE, _ALPHA)
-        return replace(own.friction, law=GearLoad(moment=0.0), theta=gear, constraints=None)
+        return _geared(own, [[*row, 0.0, _NONE] for row in theta])
     w, torque = sliding(own)
+    u = np.zeros_like(w)
+    geared = own.prepared is not None and not law.has_memory and follows_more(own.friction)
+    if geared and own.prepared is not None:
+        u = own.prepared.integral.nodes.inputs.u
     fast = np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
-    rows = [_stribeck(w[use, j], torque[use, j]) for j, use in enumerate(fast.T)]
-    return replace(own.friction, law=Stribeck(), theta=np.array(rows), constraints=None)
+    columns = zip(w.T, u.T, torque.T, fast.T, strict=True)
+    rows = [_fitted(a[use], b[use], c[use]) for a, b, c, use in columns]
+    if geared:
+        return _geared(own, rows)
+    plain = [[level, peak, velocity, viscous] for level, viscous, _, peak, velocity in rows]
+    return replace(own.friction, law=Stribeck(), theta=np.array(plain), constraints=None)
 
 
-def _stribeck(w: Array, torque: Array) -> Array:
-    """Parameters (4,) of the nearest Stribeck friction: linear ones for each Stribeck velocity."""
-    best, least = np.array([0.0, 0.0, _NONE, 0.0]), np.inf
+def _geared(own: ExportedFriction, rows: Sequence[Sequence[float]]) -> Friction:
+    """M5 of coulomb, viscous, motor's share, peak and Stribeck velocity of each joint."""
+    theta = np.zeros((len(rows), len(GEAR)))
+    for j, (level, viscous, share, peak, velocity) in enumerate(rows):
+        theta[j, [0, 1, 2, 4, 9, 10]] = level, viscous, share, peak, velocity, _ALPHA
+    return replace(own.friction, law=GearLoad(moment=0.0), theta=theta, constraints=None)
+
+
+def _fitted(w: Array, u: Array, torque: Array) -> list[float]:
+    """Numbers as of `_geared`: least squares for each Stribeck velocity, none of them negative."""
+    best, least = [0.0, 0.0, 0.0, 0.0, _NONE], np.inf
+    side = np.sign(w)
     for velocity in VELOCITIES:
         if not len(w) or not np.abs(w).min() < velocity < np.abs(w).max():
             continue
-        peak = np.sign(w) * np.exp(-((w / velocity) ** 2))
-        (level, height, slope), off = nnls(np.stack([np.sign(w), peak, w], axis=-1), torque)
+        peak = side * np.exp(-((w / velocity) ** 2))
+        found, off = nnls(np.stack([side, w, np.abs(u) * side, peak], axis=-1), torque)
         if off < least:
-            best, least = np.array([level, height, velocity, slope]), off
+            best, least = [*map(float, found), velocity], off
     return best
 
 

@@ -87,14 +87,14 @@ def differs(own: ExportedFriction, held: Friction) -> bool:
     """Whether a friction is another one than the model's, beyond rounding."""
     if isinstance(own.law, CoulombViscous):
         return own.law.sharpened() == own.law
-    if own.law.has_memory or _follows_more(own.friction):
+    if own.law.has_memory or follows_more(own.friction):
         return True
     w, torque = sliding(own)
     off = np.abs(along_velocity(held, w) - torque)
     return bool(off.max() > _SAME * max(float(np.abs(torque).max()), 1e-12))
 
 
-def _follows_more(friction: Friction) -> bool:
+def follows_more(friction: Friction) -> bool:
     """Whether the torque of a static friction depends on more than the velocity."""
     w = np.ones((2, friction.n))
     x = Inputs(*(v * np.array([[0.0], [1.0]]) for v in (w, w, w, w)))._replace(w=w)

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import frictionid as fid
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.export.bam import held
 from frictionid.export.exported import exported
 from frictionid.export.formats import ExportSettings, writer_of
-from frictionid.friction import Friction, Inputs
+from frictionid.export.nearest import nearest
+from frictionid.friction import Friction, Inputs, along
 from frictionid.friction.bam_files import GEAR, MODELS, read_bam
 from frictionid.friction.laws import (
     CoulombViscous,
     GearLoad,
     MotorLoad,
+    MotorLoadQuadratic,
     Quadratic,
     Stribeck,
 )
@@ -107,6 +111,21 @@ def test_other_laws_are_held_by_the_nearest_one():
     off = held(own).curve(grid) - friction.curve(grid)
     assert np.sqrt((off**2).mean()) < 0.003  # of torques up to 0.2 N m
     assert "armature, kt, R of the motor are not known" in made.lost[1]
+
+
+def test_a_law_that_follows_the_motor_is_held_by_one_that_does():
+    """Along recorded motion, its square of the motor torque is nearly a share of it."""
+    whole = load_dataset("acrobot_clean")
+    driven = [r for r in whole.recordings if np.ptp(r.torque.value) > 0]
+    friction = Friction(MotorLoadQuadratic(), np.array([[0.02, 0.01, 0.3, 0.1]] * 2))
+    own = exported(friction, data=replace(whole, recordings=tuple(driven[:1])))
+    nodes = own.prepared.integral.nodes
+    model, other = (along(f, nodes) for f in (friction, held(own)))
+    plain = along(nearest(own), nodes)
+    rms = [np.sqrt(((x - model) ** 2).mean(axis=0)) for x in (other, plain)]
+    assert rms[0][1] < 0.2 * rms[1][1]  # of the second joint, which has the motor
+    made = writer_of("bam")(own, ExportSettings())
+    assert json.loads(made.files["_2.json"])["model"] == "m5" and "M5" in made.lost[0]
 
 
 @pytest.mark.parametrize(
