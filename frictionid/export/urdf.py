@@ -57,5 +57,6 @@ def _inserted(text: bytes, joint: Element, element: bytes) -> tuple[int, int, by
     end = last.end if last.is_empty else text.index(b">", last.close) + 1
     first = joint.children[0].start
     line = text.rfind(b"\n", joint.end, first)
+    line -= text[line - 1 : line] == b"\r"
     indent = text[line:first] if line >= 0 else b""
     return end, end, indent + element

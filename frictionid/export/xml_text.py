@@ -95,7 +95,7 @@ def elements(text: bytes, where: str) -> list[Element]:
 
 def _end_of_tag(text: bytes, start: int) -> int:
     """Where a tag ends that begins at `start`: a > in quotes is none."""
-    at = start + len(_NAME.match(text[start:]).group())  # type: ignore[union-attr]
+    at = _NAME.match(text, start).end()  # type: ignore[union-attr]
     while found := _ATTRIBUTE.match(text, at):
         at = found.end()
     return text.index(b">", at) + 1

@@ -50,6 +50,19 @@ def test_levels_and_slopes_stand_in_the_joints_and_all_else_stays(tmp_path):
     assert made.lost == () and made.notes == ("one had friction 5",)
 
 
+def test_marks_of_order_ends_of_lines_and_letters_stay(tmp_path):
+    text = "\ufeff" + ROBOT.replace("two joints", "zwei Gelenke: größer").replace("\n", "\r\n")
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(text.encode())
+    model = Friction(CoulombViscous(), THETA, position_units=("rad", "m"))
+    own = exported(model, ("one", "two"))
+    made = writer_of("urdf")(own, ExportSettings(into=path)).files[".urdf"].decode()
+    new = '<dynamics damping="0.7" friction="3.5"/>'
+    assert made == text.replace("friction='5'", 'friction="0.12" damping="0.02"').replace(
+        '<child link="b"/>', f'<child link="b"/>\r\n    {new}'
+    )
+
+
 def test_what_a_urdf_cannot_hold_is_said(tmp_path):
     made = written(tmp_path, law=Stribeck(), theta=np.array([[0.1, 0.05, 0.5, 0.02]] * 2))
     assert any("no Stribeck" in sentence for sentence in made.lost) and made.held is not None
