@@ -13,7 +13,13 @@ from frictionid.cli.paths import ModelPath, present
 
 def export(
     model: ModelPath,
-    to: Annotated[str, typer.Option(help="Format; docs/export.md lists them.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            help="Format, of code: c, st, python, casadi, onnx, torchscript, latex, yaml; of "
+            "engines: mujoco, urdf, bam, isaac. See docs/export.md."
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="File to write; others stand beside it.")],
     dataset: Annotated[
         Path | None,

@@ -27,12 +27,10 @@ _CALLS = {
 def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     """Source and header, with functions of arrays that have an entry for each joint."""
     made = functions(own)
-    return Written(
-        {
-            ".c": _source(own, settings, made).encode(),
-            ".h": _header(own, settings, made).encode(),
-        }
-    )
+    files = {".c": _source(own, settings, made), ".h": _header(own, settings, made)}
+    calls = "; ".join(_head(f, len(own.joints), settings) for f in made)
+    note = f"compile with any C99 compiler and -lm; {calls}"
+    return Written({ending: text.encode() for ending, text in files.items()}, notes=(note,))
 
 
 def _header(own: ExportedFriction, settings: ExportSettings, made: tuple[Function, ...]) -> str:

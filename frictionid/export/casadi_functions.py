@@ -122,7 +122,8 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     signatures = "\n".join(f"{function}" for function in files.values())
     text = "\n".join((*own.facts, "Read by casadi.Function.load:", signatures, ""))
     saved = {f"{ending}.casadi": _saved(function) for ending, function in files.items()}
-    return Written({**saved, ".txt": text.encode()})
+    note = f'torque = casadi.Function.load("{settings.stem}.casadi"): {functions.torque}'
+    return Written({**saved, ".txt": text.encode()}, notes=(note,))
 
 
 def _saved(function: casadi.Function) -> bytes:

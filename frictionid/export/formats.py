@@ -69,6 +69,8 @@ _MODULES = {
     "st": "frictionid.export.structured_text",
     "casadi": "frictionid.export.casadi_functions",
     "onnx": "frictionid.export.onnx_graph",
+    "yaml": "frictionid.export.yaml_table",
+    "latex": "frictionid.export.latex_text",
     "torchscript": "frictionid.export.torch_script",
     "mujoco": "frictionid.export.mujoco",
     "urdf": "frictionid.export.urdf",

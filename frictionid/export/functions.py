@@ -52,6 +52,13 @@ def element_of(name: str) -> Element:
     return Element(group, int(joint) - 1)
 
 
+def signatures(own: ExportedFriction) -> str:
+    """Calls of the functions, as in "torque(w, memory)", for people."""
+    made = functions(own)
+    names = {"start": "memory = ", "advance": "memory = ", "torque": "Tf = "}
+    return "; ".join(f"{names[f.name]}{f.name}({', '.join(f.arguments)})" for f in made)
+
+
 def functions(own: ExportedFriction) -> tuple[Function, ...]:
     """Functions of a friction; those of a static law have no memory."""
     programs = own.programs

@@ -59,10 +59,14 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     """Model of the torques; of laws with memory the step, and beside it the start of a motion."""
     if not own.programs.inputs:
         raise InputError("a law that depends on nothing has no ONNX graph: it is zero")
+    given = ", ".join(own.programs.inputs)
     if not own.programs.memory:
-        return Written({".onnx": _model(own, own.programs.torque, settings.name)})
+        model = _model(own, own.programs.torque, settings.name)
+        return Written({".onnx": model}, notes=(f"inputs {given}; output Tf",))
     start = _model(own, own.first, f"{settings.name}_start")
-    return Written({".onnx": _model(own, own.step, settings.name), "_start.onnx": start})
+    note = f"inputs {given}, memory, dt; outputs Tf, memory_after: begin with {settings.stem}_start"
+    files = {".onnx": _model(own, own.step, settings.name), "_start.onnx": start}
+    return Written(files, notes=(note,))
 
 
 def _model(own: ExportedFriction, program: Program, name: str) -> bytes:

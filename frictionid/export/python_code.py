@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from frictionid.export import expressions as ex
 from frictionid.export.exported import ExportedFriction
 from frictionid.export.formats import ExportSettings, Written
-from frictionid.export.functions import Element, Function, functions
+from frictionid.export.functions import Element, Function, functions, signatures
 
 FORMS: Mapping[str, ex.Form] = {
     **ex.SUMS,
@@ -45,7 +45,8 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
         *(text for use, text in _HELPERS.items() if any(use in s for s in sources)),
         *sources,
     ]
-    return Written({".py": ("\n\n\n".join(parts) + "\n").encode()})
+    note = f"from {settings.stem} import *; {signatures(own)}"
+    return Written({".py": ("\n\n\n".join(parts) + "\n").encode()}, notes=(note,))
 
 
 def _source(function: Function, own: ExportedFriction) -> str:

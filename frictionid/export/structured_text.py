@@ -35,7 +35,9 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     for name, body in _HELPERS.items():
         if f"{settings.name}_{name}(" in block:
             parts.append(_helper(f"{settings.name}_{name}", real, body))
-    return Written({".st": ("\n\n".join([*parts, block]) + "\n").encode()})
+    given = [*own.programs.inputs, *(["dt", "reset"] if own.programs.memory else [])]
+    note = f"{settings.name}({', '.join(f'{x} := {x}' for x in given)}); once a cycle, then read Tf"
+    return Written({".st": ("\n\n".join([*parts, block]) + "\n").encode()}, notes=(note,))
 
 
 def _helper(name: str, real: str, body: str) -> str:

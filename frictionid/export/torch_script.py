@@ -144,7 +144,9 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
             module = _WithMemory(start, advance, torque, facts, time)
         buffer = io.BytesIO()
         torch.jit.save(torch.jit.script(module), buffer)
-    return Written({".pt": buffer.getvalue()})
+    called = "history, dt" if m else "x"
+    note = f'module = torch.jit.load("{settings.stem}.pt"); Tf = module({called}); see module.facts'
+    return Written({".pt": buffer.getvalue()}, notes=(note,))
 
 
 def _traced(own: ExportedFriction, part: str, kind: torch.dtype, example: Any) -> Any:

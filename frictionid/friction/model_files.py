@@ -220,8 +220,7 @@ def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:
 
 def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where: str) -> Friction:
     """Friction of a model document; `where` is named in errors."""
-    if document.get("format") != FORMAT:
-        raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}"')
+    _check_format(document.get("format"), where)
     law = _law(document.get("law"), laws, where)
     try:
         theta = _theta(document, law, where)
@@ -243,6 +242,19 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where
         if not np.isfinite(value):
             raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
     return friction
+
+
+def _check_format(given: Any, where: str) -> None:
+    """Refuse files of a newer version, and files that are something else."""
+    if given == FORMAT:
+        return
+    name, _, version = str(given).rpartition(" ")
+    if f"{name} " == FORMAT.rstrip("1") and version.isdigit():
+        raise InputError(
+            f'{where}: is of another version of frictionid, "format" is {given!r} and this one '
+            f"reads {FORMAT!r}: install the version that wrote it, or a newer one"
+        )
+    raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}", not {given!r}')
 
 
 def _calibration(table: Any, where: str) -> Calibration | None:

@@ -2,10 +2,12 @@
 
 import json
 import os
+import pickle
 import stat
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import ClassVar
 
@@ -108,7 +110,11 @@ def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
 
 THETA = "theta"
 MISTAKES = [
-    ({"format": "frictionid model 9"}, 'is no model file, "format" must be "frictionid model 1"'),
+    (
+        {"format": "frictionid model 9"},
+        "is of another version of frictionid, .* is 'frictionid model 9'",
+    ),
+    ({"format": "robot 1.0"}, 'is no model file, "format" must be "frictionid model 1"'),
     ({"format": None}, 'is no model file, "format" must be'),
     ({"law": None}, '"law" must be an object with a "kind"'),
     ({"law": "stribeck"}, '"law" must be an object with a "kind"'),
@@ -308,3 +314,30 @@ def test_a_replaced_network_is_the_old_or_the_new_one_at_any_instant(moment, tmp
     save_model(models[1], path, LAWS)
     np.testing.assert_array_equal(load_model(path, LAWS).theta, models[1].theta)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["m.json", "m.safetensors"]
+
+
+class Planted:
+    """What pickle runs code of when it is read."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self):
+        return (Path.touch, (self.mark,))
+
+
+@pytest.mark.parametrize("place", ["m.json", "m.safetensors"])
+def test_loading_a_model_never_executes_code(place, tmp_path):
+    mark, law = tmp_path / "executed", MLP((3,))
+    save_model(Friction(law, np.zeros((2, len(law.names)))), tmp_path / "m.json", LAWS)
+    content = pickle.dumps(Planted(mark))
+    (tmp_path / place).write_bytes(content)
+    if place == "m.safetensors":  # under the hash that the model file names
+        document = read_json(tmp_path / "m.json")
+        document["theta"]["sha256"] = sha256(content).hexdigest()
+        write_json(tmp_path / "m.json", document)
+    with pytest.raises(InputError):
+        load_model(tmp_path / "m.json", LAWS)
+    assert not mark.exists()
+    pickle.loads(content)
+    assert mark.exists()  # the trap is armed
