@@ -26,11 +26,15 @@ if TYPE_CHECKING:
     from frictionid.api.comparison import load_comparison as load_comparison
     from frictionid.api.evaluate import evaluate as evaluate
     from frictionid.api.evaluate import predict as predict
+    from frictionid.api.export import export as export
     from frictionid.api.fit import fit as fit
     from frictionid.api.fit import load_model as load_model
     from frictionid.api.fitted import Fit as Fit
     from frictionid.api.listing import identifiers as identifiers
     from frictionid.api.listing import laws as laws
+    from frictionid.api.monitor import Monitored as Monitored
+    from frictionid.api.monitor import baseline as baseline
+    from frictionid.api.monitor import monitor as monitor
     from frictionid.api.quick import quick as quick
     from frictionid.api.sensitivity import sensitivity as sensitivity
     from frictionid.api.simulate import simulate as simulate
@@ -131,6 +135,7 @@ _HOME = {
     "LoadDependentStribeck": "frictionid.friction.laws",
     "LuGre": "frictionid.friction.laws",
     "MLP": "frictionid.friction.laws",
+    "Monitored": "frictionid.api.monitor",
     "MotorLoad": "frictionid.friction.laws",
     "MotorLoadQuadratic": "frictionid.friction.laws",
     "Network": "frictionid.identifiers",
@@ -154,6 +159,7 @@ _HOME = {
     "Verdict": "frictionid.api.check",
     "WindowMLP": "frictionid.friction.laws",
     "align": "frictionid.api.align",
+    "baseline": "frictionid.api.monitor",
     "check": "frictionid.api.check",
     "compare": "frictionid.api.compare",
     "compensating": "frictionid.use.compensation",
@@ -169,6 +175,7 @@ _HOME = {
     "load_dataset": "frictionid.data.readers.dataset",
     "load_model": "frictionid.api.fit",
     "make_folds": "frictionid.evaluation.folds",
+    "monitor": "frictionid.api.monitor",
     "predict": "frictionid.api.evaluate",
     "predicted_motion": "frictionid.evaluation.predicted_motion",
     "quick": "frictionid.api.quick",

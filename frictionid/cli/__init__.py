@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from frictionid.cli.align import align
+from frictionid.cli.baseline import baseline
 from frictionid.cli.check import check
 from frictionid.cli.compare import compare
 from frictionid.cli.compensate import compensate
@@ -22,6 +23,7 @@ from frictionid.cli.init import init
 from frictionid.cli.laws import laws
 from frictionid.cli.log import log
 from frictionid.cli.mechanisms import mechanisms
+from frictionid.cli.monitor import monitor
 from frictionid.cli.predict import predict
 from frictionid.cli.quick import quick
 from frictionid.cli.quiet import QUIET, without_quiet
@@ -52,6 +54,8 @@ for command in (
     export,
     compensate,
     report,
+    baseline,
+    monitor,
     simulate,
     suggest,
     log,

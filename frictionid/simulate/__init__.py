@@ -11,6 +11,7 @@ from frictionid.simulate.simulation import simulate
 from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, Steps
 from frictionid.simulate.tracking import Controller, Fourier, sampled_loop, track
 from frictionid.simulate.true_friction import Curve, FilmLag, LuGre, Stribeck, TrueFriction
+from frictionid.simulate.variation import Variation
 
 __all__ = [
     "Camera",
@@ -31,6 +32,7 @@ __all__ = [
     "Steps",
     "Stribeck",
     "TrueFriction",
+    "Variation",
     "check_dataset_folder",
     "load_rig",
     "noise_free",

@@ -99,6 +99,8 @@ def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
         "angle": [f"q{j}_true" for j in joints],
         "velocity": [f"w{j}_true" for j in joints],
     }
+    if names := dataset.recordings[0].covariates:
+        columns["covariates"] = {name: name for name in names}
     m = dataset.mechanism
     units = {"angle": m.position_units, "velocity": m.velocity_units, "torque": m.torque_units}
     return {
@@ -136,6 +138,8 @@ def _columns(
     for name, signal in measured:
         for j, column in enumerate(signal.value.T, start=1):
             camera[name.format(j)] = decimal_cells(column, DECIMALS)
+    for name, covariate in recording.covariates.items():
+        camera[name] = decimal_cells(covariate.value[:, 0], DECIMALS)
     drive = {DRIVE: _exact(recording.torque.time)}
     for j in [j for j, motor in enumerate(driven) if motor]:
         drive[f"u{j + 1}"] = decimal_cells(recording.torque.value[:, j], COMMAND_DECIMALS)

@@ -17,6 +17,7 @@ from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.torques import AnyCommand
 from frictionid.simulate.tracking import Controller, Fourier
 from frictionid.simulate.true_friction import FilmLag, LuGre, Stribeck
+from frictionid.simulate.variation import Variation, varied
 
 AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discriminator="kind")]
 
@@ -86,6 +87,8 @@ class Rig:
     true_parameters : dict
         True parameters that differ from the nominal ones.
     drive : Drive
+    variation : Variation, or None
+        How friction varies from recording to recording: scatter, temperature, wear.
     controller : Controller, or None
         Position controller, which makes the torques from references; its model is the nominal one.
     true_mechanism : Mechanism, or a [mechanism] table, or None
@@ -109,6 +112,7 @@ class Rig:
     true_parameters: dict[str, float] = field(default_factory=dict)
     drive: Drive = field(default_factory=Drive)
     controller: Controller | None = None
+    variation: Variation | None = None
     true_mechanism: Any = None
     seed: Annotated[int, Field(ge=0)] = 0
     substeps: Count = 32
@@ -131,6 +135,8 @@ class Rig:
         (self.true_mechanism or mechanism).nominal(self.true_parameters)
         if self.controller is not None:
             _check_controller(self, self.controller, mechanism.n)
+        if self.variation is not None:
+            _check_variation(self, self.variation)
         if np.size(self.camera.angle_noise) not in (1, mechanism.n):
             raise InputError(
                 f"camera: angle_noise has {np.size(self.camera.angle_noise)} numbers for "
@@ -152,19 +158,32 @@ def nominal_mechanism(rig: Rig) -> Mechanism:
     return mechanism.with_defaults()
 
 
-def true_system(rig: Rig) -> TrueSystem:
-    """Mechanism with its true parameters and true friction."""
+def true_system(rig: Rig, seed: int | None = None) -> TrueSystem:
+    """Mechanism with its true parameters and true friction, that of each recording if it varies."""
     true: Mechanism | None = rig.true_mechanism
     mechanism = nominal_mechanism(rig) if true is None else true.with_defaults()
     parameters = mechanism.nominal(rig.true_parameters)
     p: Array = mechanism.base(parameters)
-    return TrueSystem(mechanism, p, rig.friction, parameters)
+    friction: Any = rig.friction
+    if rig.variation is not None:
+        names = [run.name for run in rig.recordings]
+        friction = varied(friction, rig.variation, names, rig.seed if seed is None else seed)
+    return TrueSystem(mechanism, p, friction, parameters)
 
 
 def noise_free(rig: Rig) -> Rig:
     """The rig with a noise-free camera: the same motions, exact angles."""
     camera = replace(rig.camera, angle_noise=0.0, resolution=0.0)
     return replace(rig, name=f"{rig.name}_noise_free", camera=camera)
+
+
+def _check_variation(rig: Rig, variation: Variation) -> None:
+    if not isinstance(rig.friction, Stribeck):
+        raise InputError(
+            f"variation: friction of kind {rig.friction.kind!r} cannot vary between recordings; "
+            'take "stribeck"'
+        )
+    variation.check(rig.friction.curve.n, len(rig.recordings))
 
 
 def _check_same(nominal: Mechanism, true: Mechanism) -> None:

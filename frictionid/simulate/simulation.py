@@ -40,7 +40,7 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
     """
     seed = rig.seed if seed is None else seed
     time = np.arange(rig.camera.samples) / rig.camera.rate
-    commands, states = _tracked(rig, time) if rig.controller else _driven(rig, seed, time)
+    commands, states = _tracked(rig, seed, time) if rig.controller else _driven(rig, seed, time)
     recordings = [
         _recorded(rig, run, seed, command, time, states[:, :, r])
         for r, (run, command) in enumerate(zip(rig.recordings, commands, strict=True))
@@ -58,14 +58,14 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
 def _driven(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
     """Logged torques of all recordings, and true states at the camera's times (K, 3, R, n)."""
     commands = [_command(rig, run, seed, time[-1]) for run in rig.recordings]
-    return commands, _states(rig, commands, time)
+    return commands, _states(rig, seed, commands, time)
 
 
-def _tracked(rig: Rig, time: Array) -> tuple[list[Signal], Array]:
+def _tracked(rig: Rig, seed: int, time: Array) -> tuple[list[Signal], Array]:
     """The same under the position controller."""
     assert rig.controller is not None
     done = track(
-        true_system(rig),
+        true_system(rig, seed),
         Plant.from_parameters(nominal_mechanism(rig), {}),
         rig.controller,
         [run.references for run in rig.recordings],
@@ -91,7 +91,7 @@ def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
     return Signal(time, np.round(value, COMMAND_DECIMALS), hold="previous")
 
 
-def _states(rig: Rig, commands: Sequence[Signal], time: Array) -> Array:
+def _states(rig: Rig, seed: int, commands: Sequence[Signal], time: Array) -> Array:
     """True states at the camera's times, shape (K, 3, R, n)."""
     edges = _merged(time, commands[0].time + rig.drive.delay)
     middles = 0.5 * (edges[1:] + edges[:-1]) - rig.drive.delay
@@ -99,7 +99,7 @@ def _states(rig: Rig, commands: Sequence[Signal], time: Array) -> Array:
     q = np.array([run.start_angle for run in rig.recordings], dtype=float)
     w = np.array([run.start_velocity or (0.0,) * q.shape[1] for run in rig.recordings])
     step = 1.0 / (rig.camera.rate * rig.substeps)
-    states = integrate_motion(true_system(rig), q, w, rig.drive.gain * applied, edges, step)
+    states = integrate_motion(true_system(rig, seed), q, w, rig.drive.gain * applied, edges, step)
     return states[np.searchsorted(edges, time)]
 
 
@@ -123,9 +123,19 @@ def _recorded(
     return Recording(
         name=run.name,
         angle=Signal(time, angle),
+        covariates=_covariates(rig, run, time),
         torque=_logged(rig, run, seed, command),
         truth=TrueMotion(Signal(time, q), Signal(time, w)),
     )
+
+
+def _covariates(rig: Rig, run: Run, time: Array) -> dict[str, Signal]:
+    """The temperature of the recording, where the rig has one."""
+    known = rig.variation.temperature if rig.variation is not None else ()
+    if not known:
+        return {}
+    value = known[[own.name for own in rig.recordings].index(run.name)]
+    return {"temperature": Signal(time, np.full((len(time), 1), value))}
 
 
 def _logged(rig: Rig, run: Run, seed: int, command: Signal) -> Signal:

@@ -1,0 +1,1 @@
+"""Health monitoring: whether friction has changed since the recordings of a baseline."""
