@@ -27,7 +27,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 	  $(BIN)/frictionid compare comparisons/$$suite.toml --resume $(ARGS) || exit; done
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
-	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 $(ARGS)
+	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
 damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes)
 	@$(ONE_THREAD) $(BIN)/python tests/damage.py $(ARGS)

@@ -137,13 +137,15 @@ def mapped_motion(motion: Motion, map_: Array, zero: Array | float = 0.0) -> Mot
 class Measured:
     """Recordings under check: a data set with its smoothed motions and logged torques.
 
-    dataset : R recordings ; motions : R of them ; torque : integrals of the logged torques
+    dataset : R recordings ; plant : the nominal mechanism with its parameters, one batch entry for
+    each ; motions : R of them ; torque : integrals of the logged torques
 
     `motions` and `torque` may be corrected by a linear map; `dataset` stays as recorded.
     dead : joints (from 0) whose torques show nothing, so that their balances do not count
     """
 
     dataset: Dataset
+    plant: Plant
     motions: tuple[Motion, ...]
     torque: SignalIntegrals
     dead: tuple[int, ...] = ()
@@ -152,12 +154,7 @@ class Measured:
     def of(dataset: Dataset, motions: Sequence[Motion]) -> Measured:
         """A data set with its motions, torques as logged."""
         torque = integrals_of([recording.torque for recording in dataset.recordings])
-        return Measured(dataset, tuple(motions), torque)
-
-    @cached_property
-    def plant(self) -> Plant:
-        """The nominal mechanism with its parameters, one batch entry for each recording."""
-        return plant_of(self.dataset)
+        return Measured(dataset, plant_of(dataset), tuple(motions), torque)
 
     @property
     def mechanism(self) -> Mechanism:
@@ -185,8 +182,13 @@ class Measured:
         if not recordings or not kept:
             return self
         some = tuple(self.dataset.recordings[i] for i in kept)
-        left = Measured.of(replace(self.dataset, recordings=some), [self.motions[i] for i in kept])
-        return replace(left, dead=self.dead)
+        return Measured(
+            replace(self.dataset, recordings=some),
+            self.plant[kept],
+            tuple(self.motions[i] for i in kept),
+            integrals_of([recording.torque for recording in some]),
+            self.dead,
+        )
 
     def mapped(self, angle: Array, torque: Array, zero: Array | float = 0.0) -> Measured:
         """The data after linear maps (n, n) of angles, about `zero`, and of torques."""
