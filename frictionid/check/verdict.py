@@ -134,8 +134,9 @@ def judge(
     leave and correct. `findings` were made before; for the rest see `check`.
     """
     facts = joints_of(dataset.recordings, motions)
+    measured = Measured.of(dataset, motions)
     commanded = gravity_shares(dataset)
-    screening = screened(Measured.of(dataset, motions), commanded)
+    screening = screened(measured, commanded)
     tests = untested(screening.usable) if screening.command else run_tests(screening.usable)
     regression, estimate = _least_squares(tests)
     sources = torque_sources(dataset, commanded)
