@@ -343,12 +343,13 @@ def correlation_picture(section: Section, model: Model, names: Names) -> Picture
 def band_pictures(
     section: Section, fits: list[Model], names: Names, stem: str
 ) -> Iterator[Picture]:
-    """Friction curves of the fits by shooting, with their bands."""
+    """Friction curves of the fits with intervals, with their bands."""
+    ordered = [model for model in section.models if model in fits]
+    schemes = " and ".join(dict.fromkeys(model.scheme for model in ordered))
     caption = (
-        f"Friction by shooting on {section.dataset} with its 95 % bands; below, the bands alone, "
+        f"Friction by {schemes} on {section.dataset} with its 95 % bands; below, the bands alone, "
         "and the truth less the fit where it is known. Grey: velocities that were not measured."
     )
-    ordered = [model for model in section.models if model in fits]
     figures = curve_bands(ordered, section.description, names.styles)
     yield from numbered(f"bands--{stem}", figures, caption)
 

@@ -126,7 +126,7 @@ class Model:
     theta : (F, n, P)
     document, settings : the model file's content; constructor calls of identifier and recipe
     base : base parameters by the mechanism's parameters that the model brings, if any
-    refined : result document of shooting, or None
+    refined : result document of shooting or inverse dynamics, or None
     members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
     loops : friction along sinusoids, where the suite asked for it
     method : scheme of the recipe, and what corrects its data
@@ -154,6 +154,11 @@ class Model:
     method: Mapping[str, Any] = field(default_factory=dict)
     beyond: Mapping[str, Any] = field(default_factory=dict)
     examples: Sequence[Mapping[str, Any]] = ()
+
+    @property
+    def scheme(self) -> str:
+        """By what it was fitted; folders of earlier versions have results of shooting only."""
+        return str(self.method.get("scheme", "shooting"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,8 +144,8 @@ def _caption(model: Model, dataset: str, data: DataDescription, nominal: bool) -
     clusters = document["clusters"]
     among = "recordings" if clusters <= data.recordings else "stretches of time"
     text = (
-        f"{dataset}: parameters of {model.label} by shooting (recipe {model.recipe}), from all "
-        f"data; 95 % intervals from the scatter between {clusters} {among} (t distribution, "
+        f"{dataset}: parameters of {model.label} by {model.scheme} (recipe {model.recipe}), from "
+        f"all data; 95 % intervals from the scatter between {clusters} {among} (t distribution, "
         f"{document['freedom']} degrees of freedom). "
         + ("Converged" if document["settled"] else "Not converged")
         + f" after {document['iterations']} iterations."
