@@ -22,6 +22,12 @@ _CALLS = {
     "sin": "sin",
     "cos": "cos",
 }
+# which compilers put in place; fmax and fmin would be calls
+_HELPERS = {
+    ("max_of", ("a", "b")): "a > b ? a : b",
+    ("min_of", ("a", "b")): "a < b ? a : b",
+    ("sign_of", ("a",)): "({real})((a > 0) - (a < 0))",
+}
 
 
 def write(own: ExportedFriction, settings: ExportSettings) -> Written:
@@ -36,7 +42,7 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
 def _header(own: ExportedFriction, settings: ExportSettings, made: tuple[Function, ...]) -> str:
     """Facts, types and declarations."""
     big, n, entries = settings.name.upper(), len(own.joints), own.programs.memory
-    about = "\n".join(f" * {line}".replace("*/", "* /") for line in own.facts)
+    about = "\n".join(f" * {_comment(line)}" for line in own.facts)
     parts = [
         f"/*\n * {settings.name}: friction of {n} parts.\n *\n{about}\n */",
         f"#ifndef {big}_H\n#define {big}_H",
@@ -59,9 +65,11 @@ def _source(own: ExportedFriction, settings: ExportSettings, made: tuple[Functio
     n, real = len(own.joints), settings.precision
     bodies = [f"{_head(f, n, settings)}\n{{\n{_body(f, own, real)}\n}}" for f in made]
     parts = [f'#include "{settings.stem}.h"\n\n#include <math.h>']
-    if any("sign_of(" in body for body in bodies):
-        value = f"return ({real})((a > 0) - (a < 0));"
-        parts.append(f"static {real} sign_of({real} a)\n{{\n    {value}\n}}")
+    for (name, arguments), value in _HELPERS.items():
+        if any(f"{name}(" in body for body in bodies):
+            given = ", ".join(f"{real} {x}" for x in arguments)
+            returned = value.format(real=real)
+            parts.append(f"static {real} {name}({given})\n{{\n    return {returned};\n}}")
     return "\n\n".join([*parts, *bodies]) + "\n"
 
 
@@ -83,7 +91,7 @@ def _body(function: Function, own: ExportedFriction, real: str) -> str:
         lines.append("    (void)memory;")
     lines += [f"    const {real} {name} = {_at(element)};" for name, element in read.items()]
     for joint, (block, name) in enumerate(zip(code, own.joints, strict=False)):
-        lines.append(f"\n    /* {name.replace('*/', '* /')} */")
+        lines.append(f"\n    /* {_comment(name)} */")
         for statement in block.statements:
             kind = "int" if statement.is_truth else real
             made = ex.text(statement.expression, forms, number)
@@ -92,6 +100,11 @@ def _body(function: Function, own: ExportedFriction, real: str) -> str:
             target = f"Tf[{joint}]" if function.name == "torque" else f"memory->entry[{k}][{joint}]"
             lines.append(ex.folded(f"{target} = {ex.text(value, forms, number)};"))
     return "\n".join(lines)
+
+
+def _comment(text: str) -> str:
+    """Text within a comment, which it neither ends nor begins anew."""
+    return text.replace("*/", "* /").replace("/*", "/ *").replace("?", ".")
 
 
 def _at(element: Element) -> str:
@@ -109,8 +122,8 @@ def _forms(real: str) -> dict[str, ex.Form]:
         **ex.SUMS,
         **{operation: ex.call(f"{name}{end}") for operation, name in _CALLS.items()},
         "power": ex.call(f"pow{end}", 2),
-        "maximum": ex.call(f"fmax{end}", 2),
-        "minimum": ex.call(f"fmin{end}", 2),
+        "maximum": ex.call("max_of", 2),
+        "minimum": ex.call("min_of", 2),
         "sign": ex.call("sign_of"),
         "less": ex.infix("<", ex.COMPARED),
         "less_equal": ex.infix("<=", ex.COMPARED),

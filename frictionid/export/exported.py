@@ -11,7 +11,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
+from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.export.program import Program, Value
@@ -163,6 +163,8 @@ def exported(
     names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(friction.n))
     if len(names) != friction.n:
         raise InputError(f"{len(names)} names for {friction.n} parts with friction: give one each")
+    # names stand in comments of code: on one line, whatever a file said
+    names = tuple(" ".join(printable(name).split()) for name in names)
     return ExportedFriction(replace(friction, law=law), names, known, data)
 
 
@@ -188,7 +190,7 @@ def _facts(own: ExportedFriction) -> tuple[str, ...]:
     lines += [f"  {name} {digest}" for name, digest in list(hashes.items())[:3]]
     if len(hashes) > 3:
         lines.append(f"  and {len(hashes) - 3} files more")
-    return tuple(lines)
+    return tuple(" ".join(printable(line).split("\n")) for line in lines)
 
 
 def _programs(friction: Friction) -> Programs:

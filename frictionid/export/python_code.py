@@ -36,17 +36,23 @@ _HELPERS = {
 
 def write(own: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `start`, `torque` and `advance`, on lists with an entry for each joint."""
-    n, facts = len(own.joints), "\n".join(own.facts)
+    n, facts, names = len(own.joints), "\n".join(own.facts), ", ".join(own.joints)
     sources = [_source(function, own) for function in functions(own)]
     parts = [
         f'"""{settings.name}: friction of {n} parts.\n\n'
-        f'Lists have an entry for each of {", ".join(own.joints)}.\n\n{facts}\n"""\n\nimport math',
+        f"Lists have an entry for each of {_quoted(names)}.\n\n"
+        f'{_quoted(facts)}\n"""\n\nimport math',
         f"JOINTS = {list(own.joints)!r}\nSPEEDS = {list(own.speeds)!r}",
         *(text for use, text in _HELPERS.items() if any(use in s for s in sources)),
         *sources,
     ]
     note = f"from {settings.stem} import *; {signatures(own)}"
     return Written({".py": ("\n\n\n".join(parts) + "\n").encode()}, notes=(note,))
+
+
+def _quoted(text: str) -> str:
+    """Text within a docstring, which it cannot end."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _source(function: Function, own: ExportedFriction) -> str:
