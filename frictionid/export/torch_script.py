@@ -9,6 +9,7 @@ from typing import Any
 
 import torch
 
+from frictionid.errors import InputError
 from frictionid.export.exported import INPUTS, ExportedFriction
 from frictionid.export.formats import ExportSettings, Written
 from frictionid.export.program import Program
@@ -123,7 +124,15 @@ class _Part(torch.nn.Module):
 
 
 def write(own: ExportedFriction, settings: ExportSettings) -> Written:
-    """A module that `torch.jit.load` reads; its `facts` and `forward` say what goes in."""
+    """A module that `torch.jit.load` reads; its `facts` and `forward` say what goes in.
+
+    Raises
+    ------
+    InputError
+        For friction that depends on nothing.
+    """
+    if not own.programs.inputs:
+        raise InputError("a law that depends on nothing has no TorchScript module: it is zero")
     kind = torch.float64 if settings.precision == "double" else torch.float32
     m, n, k = own.programs.memory, len(own.joints), len(own.programs.inputs)
     x, memory = torch.ones(2, k * n, dtype=kind), torch.zeros(2, m, n, dtype=kind)
