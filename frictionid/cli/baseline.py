@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Replace, Trust
+from frictionid.cli.options import Json, Only, Replace, Trust
 from frictionid.cli.paths import DataFolder, DatasetPath, present
 
 
@@ -20,9 +20,7 @@ def baseline(
     model: Annotated[
         Path | None, typer.Option(help="Model file in place of that fit.", callback=present)
     ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option(help="Name of a recording to take; repeatable [all].")
-    ] = None,
+    only: Only = None,
     data: DataFolder = None,
     json: Json = False,
     replace: Replace = False,

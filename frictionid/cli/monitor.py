@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Replace, Trust
+from frictionid.cli.options import Json, Only, Replace, Trust
 from frictionid.cli.paths import DataFolder, present
 
 STATUS = {"unchanged": 0, "changed": 1, "cannot_tell": 3}
@@ -27,9 +27,7 @@ def monitor(
         Path | None, typer.Option(help="File that keeps arrived recordings and the evidence.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of a page to write.")] = None,
-    only: Annotated[
-        list[str] | None, typer.Option(help="Name of a recording to take; repeatable [all].")
-    ] = None,
+    only: Only = None,
     data: DataFolder = None,
     json: Json = False,
     replace: Replace = False,

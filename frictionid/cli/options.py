@@ -17,6 +17,9 @@ Json = Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")
 Replace = Annotated[
     bool, typer.Option("--replace", help="Write over files that exist (never over what is read).")
 ]
+Only = Annotated[
+    list[str] | None, typer.Option(help="Name of a recording to take; repeatable [all].")
+]
 Require = Annotated[
     list[str] | None,
     typer.Option(

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.law import NUMERICAL_WIDTH
-from frictionid.shooting.wrapped_law import WrappedLaw
+from frictionid.shooting.smoothed_law import SmoothedLaw
 
 _SHARPER = 0.2  # of the smoothing of the other law
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BackEMF(WrappedLaw):
+class BackEMF(SmoothedLaw):
     """Tf = Tf_law + back_emf w, where the other law sees the torque u - back_emf w of the motor.
 
     u is the torque that the voltage alone would make. The last number of a joint is back_emf =

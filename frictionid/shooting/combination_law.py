@@ -8,11 +8,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Memory
-from frictionid.shooting.wrapped_law import WrappedLaw
+from frictionid.shooting.smoothed_law import SmoothedLaw
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CombinationLaw(WrappedLaw):
+class CombinationLaw(SmoothedLaw):
     """A law of the numbers origin + directions theta, theta (n, r).
 
     origin : (n, P); directions : (n, P, r)

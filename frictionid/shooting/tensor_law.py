@@ -13,13 +13,13 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Memory
-from frictionid.shooting.wrapped_law import WrappedLaw
+from frictionid.shooting.smoothed_law import SmoothedLaw
 
 _ROOM = 4_000_000  # numbers of rows' own parameters at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TensorLaw(WrappedLaw):
+class TensorLaw(SmoothedLaw):
     """A law that computes with tensors like a given one, NumPy outside."""
 
     like: Array

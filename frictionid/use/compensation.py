@@ -13,9 +13,10 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, Law, Memory
+from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.friction import Nodes, along
 from frictionid.friction.laws import LinearOutside
+from frictionid.friction.laws.wrapped_law import WrappedLaw
 from frictionid.use.given_friction import given_friction
 
 _MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
@@ -59,47 +60,14 @@ class Compensation:
 
 
 @dataclass(frozen=True)
-class CompensationLaw(Law):
+class CompensationLaw(WrappedLaw):
     """What compensates a law, as a law of the reference velocity; see `Compensation`.
 
     What works on laws works on it: curves, memory along a motion, export as code.
     """
 
-    law: Law
     settings: Compensation
     cannot_be_saved = "a compensation: save the friction itself, and give the settings again"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.law.names
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return self.law.units
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return self.law.bounds
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return self.law.initial
-
-    @property
-    def sample_time(self) -> float | None:  # type: ignore[override]
-        """That of the law."""
-        return self.law.sample_time
-
-    @property
-    def uses_load(self) -> bool:  # type: ignore[override]
-        """Whether the law does."""
-        return self.law.uses_load
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return self.law.start(theta, x)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return self.law.advance(theta, x, memory, dt)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         xp, own, law = namespace(x.w), self.settings, self.law.sharpened()

@@ -10,13 +10,13 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.none import NoFriction
+from frictionid.friction.laws.wrapped_law import WrappedLaw
 
 _LAST = 0.01  # of the speed: the line goes on as the last per cent of the curve
 
 
 @dataclass(frozen=True)
-class LinearOutside(Law):
+class LinearOutside(WrappedLaw):
     """The law `law` up to a speed of each joint [rad/s], and from there on a straight line.
 
     Data say nothing of faster motion, and an exported friction must say something. The line goes
@@ -32,34 +32,7 @@ class LinearOutside(Law):
     array([0.11, 0.14, 0.22])
     """
 
-    law: Law = NoFriction()
-    speeds: Annotated[tuple[Positive, ...], Field(min_length=1)] = (1.0,)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.law.names
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return self.law.units
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return self.law.bounds
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return self.law.initial
-
-    @property
-    def sample_time(self) -> float | None:  # type: ignore[override]
-        """That of the law."""
-        return self.law.sample_time
-
-    @property
-    def uses_load(self) -> bool:  # type: ignore[override]
-        """Whether the law does."""
-        return self.law.uses_load
+    speeds: Annotated[tuple[Positive, ...], Field(min_length=1)]
 
     @property
     def is_network(self) -> bool:  # type: ignore[override]
@@ -81,9 +54,6 @@ class LinearOutside(Law):
         within = self.law.torque(theta, inside, memory)
         beyond = x.w - inside.w
         return within + namespace(x.w).where(x.w > 0, slope(1.0), slope(-1.0)) * beyond
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.law.limit(theta, x, memory)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         return self.law.start(theta, self._inside(x))

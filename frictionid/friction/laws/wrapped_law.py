@@ -1,25 +1,18 @@
-"""A law around another, with the other's declared attributes."""
+"""A law around another, with the other's declared attributes and memory."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from frictionid.friction import Law
+from frictionid.arrays import Array
+from frictionid.friction import Inputs, Law, Memory
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True)
 class WrappedLaw(Law):
-    """A law around another, with the other's smoothing at rest, of `width` and `shape`."""
+    """A law around another, `law`, whose parameters and memory are the other's."""
 
     law: Law
-    width: float = field()  # without the default of `Law`
-    shape: str = field()
-
-    def __post_init__(self) -> None:
-        """The other law has checked its smoothing."""
-
-    def __repr__(self) -> str:
-        return repr(self.law)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -39,18 +32,24 @@ class WrappedLaw(Law):
 
     @property
     def sample_time(self) -> float | None:  # type: ignore[override]
+        """That of the other law."""
         return self.law.sample_time
 
     @property
     def uses_load(self) -> bool:  # type: ignore[override]
+        """Whether the other law does."""
         return self.law.uses_load
 
     @property
     def reads_window(self) -> bool:  # type: ignore[override]
+        """Whether the other law does."""
         return self.law.reads_window
 
-    @property
-    def inner(self) -> Law:
-        """The other law, with the smoothing that is asked for."""
-        same = self.width == self.law.width
-        return self.law if same else self.law.with_width(self.width)
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return self.law.start(theta, x)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        return self.law.advance(theta, x, memory, dt)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self.law.limit(theta, x, memory)
