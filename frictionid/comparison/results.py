@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
+from frictionid.check import check
 from frictionid.comparison.cross_validate import PreparedBenchmark, Result
 from frictionid.comparison.result_folder import (
     DATASETS,
@@ -129,7 +130,18 @@ def _about(prepared: Prepared) -> dict[str, Any]:
         "density": density,
         "velocities": w[:: max(len(w) // _SHOWN, 1)].round(4),
         "speeds": _speeds(prepared, w),
+        "check": _checked(dataset),
     }
+
+
+def _checked(dataset: Dataset) -> dict[str, Any] | None:
+    """Verdict of `check` on a data set: level and findings; None where it cannot be checked."""
+    try:
+        found = check(dataset)
+    except InputError:
+        return None
+    findings = [{"level": f.level, "text": f.text, "remedy": f.remedy} for f in found.findings]
+    return {"level": found.level, "findings": findings, "next": list(found.next)}
 
 
 def _speeds(prepared: Prepared, w: Array) -> dict[str, Any]:

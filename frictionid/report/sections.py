@@ -42,6 +42,7 @@ class DataDescription:
     true_parameters : what a simulation knows of each block of parameters
     mechanism, own_base : the nominal mechanism, and what recordings add to its base parameters
     velocities, speeds : (N, n) samples and their distribution; None in older folders
+    check : level and findings of `frictionid check`; None in older folders
     hashes : of its files
     """
 
@@ -60,6 +61,7 @@ class DataDescription:
     own_base: Any
     velocities: Array | None
     speeds: Mapping[str, Any] | None
+    check: Mapping[str, Any] | None = None
     hashes: frozenset[str] = frozenset()
 
     @property
@@ -87,6 +89,7 @@ def description_of(document: Mapping[str, Any]) -> DataDescription:
     """A data set's description; what folders of earlier versions lack is taken from the grid."""
     velocity = np.asarray(document["velocity"], dtype=float)
     truth, velocities = document["truth"], document.get("velocities")
+    others: Any = {name: document.get(name) for name in ("mechanism", "speeds", "check")}
     return DataDescription(
         joints=tuple(map(str, document["joints"])),
         torque_units=_each(document, "torque_unit"),
@@ -99,10 +102,9 @@ def description_of(document: Mapping[str, Any]) -> DataDescription:
         density=np.asarray(document["density"], dtype=float),
         measured=np.asarray(document.get("measured", velocity[[0, -1]]), dtype=float),
         true_parameters=document.get("true_parameters") or {},
-        mechanism=document.get("mechanism"),
         own_base=document.get("own_base", 0.0),
         velocities=None if velocities is None else np.asarray(velocities, dtype=float),
-        speeds=document.get("speeds"),
+        **others,
     )
 
 

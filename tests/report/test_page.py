@@ -82,6 +82,15 @@ def test_the_verdict_comes_first_with_parameters_intervals_horizon_and_doubt(fol
         assert all(value.text in first and value.interval in first for value in row.values)
 
 
+def test_what_check_says_of_the_data_stands_on_the_page(tmp_path, monkeypatch):
+    made.undraw(monkeypatch)
+    finding = {"level": "doubtful", "text": "the torque acts late", "remedy": "free the delay"}
+    about = made.about() | {"check": {"level": "doubtful", "findings": [finding], "next": []}}
+    tasks = [made.task("stribeck", {"made": made.rows(0.4, 0.1)})]
+    words = made.words(made.built(made.write(tmp_path, tasks, {"made": about})))
+    assert "Checked before any fit: doubtful. the torque acts late; free the delay." in words
+
+
 def test_intervals_of_folds_are_those_of_the_jackknife(folder):
     (section,) = sections_of(load_results(folder))
     model = next(m for m in section.models if m.label == "stribeck")
