@@ -41,8 +41,7 @@ class DataDescription:
     measured : (2, n), lowest and highest velocity that occurred
     true_parameters : what a simulation knows of each block of parameters
     mechanism, own_base : the nominal mechanism, and what recordings add to its base parameters
-    velocities, speeds : (N, n) samples and their distribution; None in older folders
-    check : level and findings of `frictionid check`; None in older folders
+    velocities, speeds, check : (N, n) samples, their distribution, findings of `check`; or None
     hashes : of its files
     """
 
@@ -89,7 +88,7 @@ def description_of(document: Mapping[str, Any]) -> DataDescription:
     """A data set's description; what folders of earlier versions lack is taken from the grid."""
     velocity = np.asarray(document["velocity"], dtype=float)
     truth, velocities = document["truth"], document.get("velocities")
-    others: Any = {name: document.get(name) for name in ("mechanism", "speeds", "check")}
+    others: Any = {key: document.get(key) for key in ("mechanism", "speeds", "check")}
     return DataDescription(
         joints=tuple(map(str, document["joints"])),
         torque_units=_each(document, "torque_unit"),

@@ -7,7 +7,9 @@ import shutil
 import pytest
 from fixtures.tiny_pendulums import compare_into, write_suite
 
+from frictionid.check import check
 from frictionid.comparison.results import load_results
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 
 QUICK = ("recipes", [{"name": "integral"}])
@@ -41,6 +43,13 @@ def timeless(text):
 
 def fail(*_):
     raise RuntimeError
+
+
+def test_what_check_says_of_the_data_stays_with_the_results(whole):
+    about = json.loads((whole / "out" / "datasets.json").read_text())["tiny"]
+    found = check(load_dataset(whole / "tiny"))
+    assert about["check"]["level"] == found.level
+    assert [own["text"] for own in about["check"]["findings"]] == [f.text for f in found.findings]
 
 
 @pytest.mark.parametrize("resume", [False, True])

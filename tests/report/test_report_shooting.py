@@ -13,12 +13,10 @@ import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 
-from frictionid.check import check
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import describe
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
-from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
@@ -379,9 +377,6 @@ def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_on
     about = json.loads((tmp_path / "out" / "datasets.json").read_text())["tiny"]
     true = about["true_parameters"]
     assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
-    found = check(load_dataset(tmp_path / "tiny"))
-    assert about["check"]["level"] == found.level
-    assert [own["text"] for own in about["check"]["findings"]] == [f.text for f in found.findings]
 
 
 def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
