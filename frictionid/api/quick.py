@@ -30,9 +30,12 @@ class FirstVerdict(first.Quick):
 
     @property
     def frame(self) -> pd.DataFrame:
-        """The laws on held-out motion: name, parameters, error [rad], times_best."""
-        rows = [(c.name, c.parameters, c.error, c.to_best.mean) for c in self.candidates]
-        return pd.DataFrame(rows, columns=["name", "parameters", "error", "times_best"])
+        """The laws on held-out motion: name, parameters, error [rad], standing."""
+        rows = [
+            (c.name, c.parameters, c.error, c.standing.standing if c.standing else "undecided")
+            for c in self.candidates
+        ]
+        return pd.DataFrame(rows, columns=["name", "parameters", "error", "standing"])
 
     def plot(self) -> Any:
         """Friction by all laws and their errors, as a Matplotlib figure.

@@ -144,7 +144,8 @@ class Choice(NamedTuple):
     """Which of several models the rule recommends, by their places.
 
     best : the lowest mean error; None where no model is finite
-    region : half the width of the region of practical equivalence, 10 % of that error
+    region : half the width of the region of practical equivalence, 10 % of that error; of relative
+        errors ln(1.1)
     standings : of all models
     simplest : the simplest one that is not shown to be practically worse
     adequate : the simplest one that is shown to be not practically worse
@@ -162,7 +163,13 @@ class Choice(NamedTuple):
         return self.adequate if self.adequate == self.simplest else None
 
 
-def choose(errors: Array, complexity: Array, implausible: Array | None = None) -> Choice:
+def choose(
+    errors: Array,
+    complexity: Array,
+    implausible: Array | None = None,
+    *,
+    relative: bool = False,
+) -> Choice:
     """The simplest model that is not practically worse than the best.
 
     The best model has the lowest mean error. Another one is practically worse where its error is
@@ -178,6 +185,9 @@ def choose(errors: Array, complexity: Array, implausible: Array | None = None) -
         Effective number of parameters; infinite for models that are never simpler than others.
     implausible : bool array (M,), optional
         Models that are chosen only where no other is left.
+    relative : bool
+        Whether the logarithms of the errors are compared. With few folds, of very different motion,
+        the largest error hides what all folds agree on.
 
     Examples
     --------
@@ -192,9 +202,11 @@ def choose(errors: Array, complexity: Array, implausible: Array | None = None) -
     finite = np.all(np.isfinite(errors), axis=1)
     if errors.shape[1] < FEWEST or not finite.any():
         return Choice(None, float("nan"), (), None, None)
+    if relative:
+        errors = np.log(errors)
     means = np.where(finite[:, None], errors, np.inf).mean(axis=1)
     best = int(np.argmin(means))
-    region = REGION * float(means[best])
+    region = float(np.log(1.0 + REGION)) if relative else REGION * float(means[best])
     standings = []
     for place, own in enumerate(errors):
         test = correlated_test(own - errors[best], region) if finite[place] else None

@@ -1,21 +1,20 @@
 """A first verdict in about a minute: check, three laws on held-out motion, the simplest that does.
 
-The rule: of the laws that are not clearly worse than the best one after the horizon, the one with
-the fewest parameters. A law is clearly worse where the 95 % interval (Student's t) of its error
-relative to the other's, the geometric mean over the folds, lies above one. Only folds count that
-hold out motion: in others all errors are noise. With fewer than three of them nothing is clear, and
-the law of the smallest error counts. Laws are fitted by shooting, with the delay of a sampled
-torque free, and inertia where the check says that it is off.
+The rule is that of a comparison (`frictionid.evaluation.statistics.choose`): the simplest law that
+is not shown to be practically worse than the best one after the horizon, by more than a tenth of
+its error; the few folds hold out very different motion, so that errors are compared by their
+ratios. Only folds count that hold out motion: in others all errors are noise. With fewer than three
+of them nothing is shown, and the law of the smallest error counts. Laws are fitted by shooting; the
+delay of a sampled torque is free, and inertia where the check says that it is off.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from frictionid.arrays import Array
 from frictionid.check import Verdict, check
@@ -27,6 +26,7 @@ from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
+from frictionid.evaluation.statistics import Choice, Standing, choose
 from frictionid.friction import Friction
 from frictionid.shooting import document_of
 from frictionid.shooting.default_blocks import torque_is_sampled
@@ -36,7 +36,6 @@ STEPS = ("check", *LAWS)
 _HORIZONS = (1.0, 0.5, 0.25, 0.1)  # [s], the first one counts that the folds hold out
 _FOLDS = 5
 _FEWEST = 3  # recordings, below which stretches of time are held out
-FEWEST = 3  # folds with motion, below which a scatter says nothing
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
@@ -45,26 +44,13 @@ _SHORTEST = 3.0  # [s] of a recording
 _FREED = {"delay": "delay", "rotor": "inertia", "base": "inertia", "nominal_mechanism": "inertia"}
 
 
-class Ratio(NamedTuple):
-    """Error of one law over that of another, geometric mean over the folds, 95 % interval."""
-
-    mean: float
-    low: float
-    high: float
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether the interval leaves out one, or is not known."""
-        return not self.low <= 1.0 <= self.high
-
-
 @dataclass(frozen=True)
 class Candidate:
     """A law on held-out motion.
 
     error : median error after the horizon [rad], of all folds
     by_fold : (F,) the same in each fold
-    to_best : relative to the law of the smallest error
+    standing : against the best law; None where too few folds hold out motion
     curves : (F + 1, V, n) [N m] friction of the folds and, last, of all data
     """
 
@@ -72,7 +58,7 @@ class Candidate:
     parameters: int
     error: float
     by_fold: Array
-    to_best: Ratio
+    standing: Standing | None
     curves: Array
 
 
@@ -135,8 +121,7 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     horizon, results = _compared(part, free, sample_time, report)
     each = np.array([joint.angle_noise for joint in verdict.joints])
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
-    moving, candidates = _candidates(results, horizon, float(noise))
-    chosen = simplest(candidates)
+    moving, candidates, chosen = candidates_of(results, horizon, float(noise))
     result = results[chosen.name]
     return Quick(
         check=verdict,
@@ -152,19 +137,14 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     )
 
 
-def simplest(candidates: Sequence[Candidate]) -> Candidate:
-    """The law with the fewest parameters that is not clearly worse than the best.
+def chosen_of(candidates: Sequence[Candidate], choice: Choice) -> Candidate:
+    """The simplest law that is not shown to be practically worse, else that of the smallest error.
 
     No friction is never chosen: too little motion does not show that there is none.
-
-    >>> best = Candidate("spline", 7, 0.1, np.ones(5), Ratio(1.0, 1.0, 1.0), np.zeros(1))
-    >>> other = Candidate("stribeck", 4, 0.11, np.ones(5), Ratio(1.1, 0.9, 1.3), np.zeros(1))
-    >>> simplest([other, best]).name
-    'stribeck'
     """
+    found = None if choice.simplest is None else candidates[choice.simplest]
     laws = [c for c in candidates if c.parameters]
-    fair = [c for c in laws if not c.to_best.is_clear]
-    return min(fair, key=lambda c: c.parameters) if fair else min(laws, key=lambda c: c.error)
+    return found if found in laws else min(laws, key=lambda c: c.error)
 
 
 def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
@@ -220,25 +200,29 @@ def _folds(dataset: Dataset) -> Folds:
     return make_folds(dataset.recordings, split)
 
 
-def _candidates(
+def candidates_of(
     results: Mapping[str, Result], horizon: float, noise: float
-) -> tuple[int, tuple[Candidate, ...]]:
-    """Number of folds that hold out motion, and the laws compared on these."""
-    errors = {n: r.value("rollout_angle", "median", horizon) for n, r in results.items()}
-    folds = {name: _by_fold(result, horizon) for name, result in results.items()}
-    best = min(errors, key=lambda name: errors[name])
-    moving = np.max(list(folds.values()), axis=0) > _ABOVE * noise
-    return int(moving.sum()), tuple(
+) -> tuple[int, tuple[Candidate, ...], Candidate]:
+    """Number of folds that hold out motion, the laws compared on these, and the chosen one."""
+    folds = np.array([_by_fold(result, horizon) for result in results.values()])
+    sizes = np.array([result.overall.theta.size for result in results.values()])
+    moving = folds.max(axis=0) > _ABOVE * noise
+    choice = choose(folds[:, moving], sizes, implausible=sizes == 0, relative=True)
+    standings = choice.standings or (None,) * len(results)
+    candidates = tuple(
         Candidate(
             name=name,
-            parameters=result.overall.theta.size,
-            error=errors[name],
-            by_fold=folds[name],
-            to_best=_ratio(folds[name][moving], folds[best][moving]),
+            parameters=int(size),
+            error=result.value("rollout_angle", "median", horizon),
+            by_fold=by_fold,
+            standing=standing,
             curves=result.curves,
         )
-        for name, result in results.items()
+        for (name, result), size, by_fold, standing in zip(
+            results.items(), sizes, folds, standings, strict=True
+        )
     )
+    return int(moving.sum()), candidates, chosen_of(candidates, choice)
 
 
 def _by_fold(result: Result, horizon: float) -> Array:
@@ -249,13 +233,3 @@ def _by_fold(result: Result, horizon: float) -> Array:
         own = own[own[key] == value]
     own = own[own["fold"] != "all"].sort_values("fold")
     return np.asarray(own["value"], dtype=float)
-
-
-def _ratio(mine: Array, theirs: Array) -> Ratio:
-    """Ratio of errors (F,); its interval is empty where too few folds tell of it."""
-    if len(mine) < FEWEST:
-        return Ratio(float("nan"), float("nan"), float("nan"))
-    logs = np.log(mine / theirs)
-    half = student.ppf(0.975, len(logs) - 1) * np.std(logs, ddof=1) / np.sqrt(len(logs))
-    mean = float(np.mean(logs))
-    return Ratio(*(float(np.exp(v)) for v in (mean, mean - half, mean + half)))

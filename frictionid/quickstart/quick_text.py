@@ -8,8 +8,9 @@ import numpy as np
 
 from frictionid.comparison.docstrings import summary
 from frictionid.comparison.registry import IDENTIFIERS
+from frictionid.evaluation.statistics import FEWEST, CorrelatedTest
 from frictionid.files import plain
-from frictionid.quickstart.quick import FEWEST, Candidate, Quick
+from frictionid.quickstart.quick import Candidate, Quick
 from frictionid.report.console import console
 from frictionid.report.diagnostics import COLOURS
 from frictionid.report.estimates import estimates
@@ -49,8 +50,7 @@ def verdict(found: Quick) -> list[str]:
     """The verdict in sentences; none for unusable data."""
     if found.chosen is None:
         return []
-    chosen, unit = found.chosen, _unit(found)
-    best = min(found.candidates, key=lambda c: c.error)
+    chosen, unit, best = found.chosen, _unit(found), best_of(found)
     out = [
         f"Verdict: {chosen.name}, {summary(IDENTIFIERS[chosen.name].parts[-1])}",
         f"It is {short(chosen.error)} {unit} off after {found.horizon:g} s on held-out motion "
@@ -60,14 +60,17 @@ def verdict(found: Quick) -> list[str]:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen:
         out.append(
-            f"{best.name} has the smallest error, but {chosen.name} is not clearly worse and has "
-            "fewer parameters."
+            f"{best.name} predicts best fold by fold, but {chosen.name} is not shown to be "
+            "practically worse and has fewer parameters."
         )
-    worse = [c.name for c in found.candidates if c.to_best.is_clear]
+    worse = [c.name for c in found.candidates if _is_worse(c)]
     if worse:
-        out.append(f"Clearly worse than {best.name}: {', '.join(worse)}.")
-    if not _without(found).to_best.is_clear:
-        out.append("No friction at all is not clearly worse on these data: record more motion.")
+        out.append(f"Practically worse than {best.name}: {', '.join(worse)}.")
+    if not _is_worse(_without(found)):
+        out.append(
+            "No friction at all is not shown to be practically worse on these data: record more "
+            "motion."
+        )
     if len(found.free) > 1:
         out.append(f"Free beside friction: {', '.join(found.free[1:])}.")
     return out
@@ -89,7 +92,8 @@ def quick_json(found: Quick) -> str:
                 "parameters": c.parameters,
                 "error": c.error,
                 "by_fold": c.by_fold,
-                "to_best": c.to_best,
+                "standing": c.standing and c.standing.standing,
+                "times_best": c.standing and c.standing.test and times_best(c.standing.test),
             }
             for c in found.candidates
         ],
@@ -107,20 +111,36 @@ def _table(found: Quick) -> Table:
         Column(f"error after {found.horizon:g} s [{_unit(found)}]"),
         Column("times the best (95 %)"),
     ]
-    best = min(found.candidates, key=lambda c: c.error)
     lines = []
     for c in found.candidates:
-        against = "best" if c is best else _ratio(c)
         mark = f"{c.name} *" if c is found.chosen else c.name
-        lines.append(line([mark, str(c.parameters), short(c.error), against]))
+        lines.append(line([mark, str(c.parameters), short(c.error), _times_best(c)]))
     return Table("", "", tuple(columns), tuple(lines))
 
 
-def _ratio(c: Candidate) -> str:
-    mean, low, high = c.to_best
-    if np.isnan(low):
+def best_of(found: Quick) -> Candidate:
+    """The law of the lowest mean error over the folds, or overall where nothing is shown."""
+    first = [c for c in found.candidates if c.standing and c.standing.standing == "best"]
+    return first[0] if first else min(found.candidates, key=lambda c: c.error)
+
+
+def times_best(test: CorrelatedTest) -> tuple[float, float, float]:
+    """Error as a multiple of the best law's, geometric mean over the folds, and 95 % interval."""
+    mean, low, high = np.exp((test.mean, test.low, test.high)).tolist()
+    return mean, low, high
+
+
+def _times_best(c: Candidate) -> str:
+    if c.standing is None or c.standing.test is None:
         return NOTHING
-    return f"{short(mean)} ({short(low)} to {short(high)})"
+    if c.standing.standing == "best":
+        return "best"
+    mean, low, high = (short(value) for value in times_best(c.standing.test))
+    return f"{mean} ({low} to {high})"
+
+
+def _is_worse(c: Candidate) -> bool:
+    return c.standing is not None and c.standing.standing in ("worse", "diverged")
 
 
 def _without(found: Quick) -> Candidate:

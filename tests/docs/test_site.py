@@ -14,6 +14,9 @@ DOCS = ROOT / "docs"
 MADE = {"index.md", "gallery.md"}  # by the site itself, of the README and of result folders
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
+FIGURES = re.compile(r"^\|(?! `).*\d\.\d.*$", re.MULTILINE)  # rows; of settings begin with a name
+ROWS = 2  # of figures: fewer are an aside
+COMMAND = re.compile(r"python comparisons/|frictionid [a-z]|make [a-z]|comparisons/\w+\.(py|toml)")
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -40,6 +43,14 @@ def test_links_lead_to_files_and_headings_that_exist(page):
         if not target.exists() or (anchor and anchor not in anchors(target)):
             lost.append(link)
     assert not lost
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_tables_of_figures_stand_with_the_command_that_makes_them(page):
+    sections = re.split(r"(?m)^(?=#+ )", page.read_text(encoding="utf-8"))
+    measured = [section for section in sections if len(FIGURES.findall(section)) >= ROWS]
+    without = [section.splitlines()[0] for section in measured if not COMMAND.search(section)]
+    assert not without
 
 
 @pytest.mark.parametrize("mistake", ["wrong gear (torque 2 times)", "unsigned torque"])

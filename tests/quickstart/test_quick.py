@@ -18,14 +18,14 @@ from fixtures.tiny_pendulums import dataset as tiny
 from frictionid.cli import main
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
+from frictionid.evaluation.statistics import Standing, choose
 from frictionid.quickstart.quick import (
     LAWS,
     STEPS,
     Candidate,
-    Ratio,
+    chosen_of,
     quick,
     shortened,
-    simplest,
 )
 from frictionid.quickstart.quick_picture import quick_picture
 from frictionid.quickstart.quick_text import quick_json, verdict
@@ -91,23 +91,25 @@ def test_the_true_law_is_found_with_its_numbers(found):
     assert names == [f"{n} of joint 1" for n in ("coulomb", "peak", "stribeck_velocity", "viscous")]
 
 
-def test_the_verdict_follows_its_rule(found):
+def test_the_verdict_follows_the_rule_of_comparisons(found):
     result, _ = found
     assert [c.name for c in result.candidates] == list(LAWS)
-    best = min(result.candidates, key=lambda c: c.error)
+    errors = np.array([c.by_fold for c in result.candidates])
+    sizes = np.array([c.parameters for c in result.candidates])
+    assert result.folds == errors.shape[1]
+    choice = choose(errors, sizes, implausible=sizes == 0, relative=True)
+    assert [c.standing for c in result.candidates] == list(choice.standings)
+    assert result.chosen is result.candidates[choice.simplest]
     for c in result.candidates:
-        logs = np.log(c.by_fold / best.by_fold)
-        assert c.to_best.mean == pytest.approx(np.exp(logs.mean()))
         if 0 < c.parameters < result.chosen.parameters:
-            assert c.to_best.low > 1.0  # clearly worse
-    assert not result.chosen.to_best.is_clear
+            assert c.standing.standing == "worse"
 
 
 def test_the_words_and_the_numbers_agree(found):
     result, _ = found
     words = " ".join(verdict(result))
     assert words.startswith("Verdict: stribeck, Tf = (coulomb + peak")
-    assert "Clearly worse than" in words and "none, coulomb_viscous" in words
+    assert "Practically worse than" in words and "none, coulomb_viscous" in words
     document = json.loads(quick_json(result))
     assert document["chosen"] == "stribeck" and document["verdict"] == verdict(result)
     errors = {c["name"]: c["error"] for c in document["candidates"]}
@@ -160,24 +162,28 @@ def test_the_intervals_on_the_page_hold_the_truth():
 # --- The rule -------------------------------------------------------------------------------------
 
 
-def candidate(name, parameters, error, low, high):
-    return Candidate(name, parameters, error, np.ones(5), Ratio(1.0, low, high), np.zeros(1))
+def candidates(**errors):
+    """Laws of 0, 1, 2 ... parameters, with errors in five folds."""
+    folds = [np.asarray(own) * [1.0, 1.02, 0.98, 1.01, 0.99] for own in errors.values()]
+    sizes = np.arange(len(folds))
+    choice = choose(np.array(folds), sizes, implausible=sizes == 0, relative=True)
+    laws = [
+        Candidate(name, k, float(own.mean()), own, standing, np.zeros(1))
+        for k, (name, own, standing) in enumerate(zip(errors, folds, choice.standings, strict=True))
+    ]
+    return laws, choice
 
 
-def test_the_simplest_law_counts_that_is_not_clearly_worse():
-    best = candidate("spline", 6, 0.01, 1.0, 1.0)
-    tied, worse = candidate("stribeck", 4, 0.011, 0.9, 1.2), candidate("none", 0, 0.5, 9.0, 99.0)
-    assert simplest([worse, tied, best]) is tied
-    assert simplest([worse, best]) is best
-    diverged = candidate("coulomb_viscous", 2, np.inf, np.nan, np.nan)
-    assert simplest([diverged, best]) is best
+def test_the_simplest_law_counts_that_is_not_practically_worse():
+    assert chosen_of(*candidates(none=0.5, stribeck=0.0103, spline=0.01)).name == "stribeck"
+    assert chosen_of(*candidates(none=0.5, stribeck=0.02, spline=0.01)).name == "spline"
+    assert chosen_of(*candidates(none=0.5, stribeck=np.inf, spline=0.01)).name == "spline"
 
 
 def test_too_little_motion_is_no_proof_that_nothing_rubs():
-    none, best = candidate("none", 0, 0.011, 0.99, 1.2), candidate("spline", 6, 0.01, 1.0, 1.0)
-    assert simplest([none, best]) is best
-    unknown = [candidate(n, p, e, np.nan, np.nan) for n, p, e in (("none", 0, 0.1), ("a", 2, 0.2))]
-    assert simplest(unknown).name == "a"
+    assert chosen_of(*candidates(none=0.0101, spline=0.01)).name == "spline"
+    laws, _ = candidates(none=0.1, stribeck=0.2, spline=0.3)
+    assert chosen_of(laws, choose(np.zeros((3, 2)), np.arange(3))).name == "stribeck"
 
 
 def test_folds_without_motion_say_nothing(found):
@@ -186,11 +192,11 @@ def test_folds_without_motion_say_nothing(found):
     assert any("Too little motion was held out" in words for words in verdict(still))
     assert result.folds == 5
     tied = [
-        replace(c, to_best=Ratio(1.1, 0.5, 2.0)) if c.name == "none" else c
+        replace(c, standing=Standing("undecided", None)) if c.name == "none" else c
         for c in result.candidates
     ]
     words = " ".join(verdict(replace(result, candidates=tuple(tied))))
-    assert "No friction at all is not clearly worse" in words
+    assert "No friction at all is not shown to be practically worse" in words
 
 
 def test_unusable_data_get_no_verdict(tmp_path, monkeypatch, capsys):

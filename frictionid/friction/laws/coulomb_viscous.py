@@ -35,7 +35,7 @@ class CoulombViscous(LinearLaw):
 
 @dataclass(frozen=True)
 class AsymmetricCoulombViscous(LinearLaw):
-    """Coulomb and viscous friction with a Coulomb level of its own in each direction.
+    """Tf = coulomb sgn(w) + viscous w, with a Coulomb level for each direction.
 
     `coulomb_positive` holds for w > 0, `coulomb_negative` for w < 0; both are positive numbers.
     """

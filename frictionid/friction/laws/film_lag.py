@@ -63,7 +63,10 @@ class FilmLaw(Law):
 
 @dataclass(frozen=True)
 class FilmLag(FilmLaw):
-    """Stribeck friction whose peak follows the speed with the time constant `lag` [s]."""
+    """Tf = (coulomb + peak exp(-(z/stribeck_velocity)^2)) sgn(w) + viscous w, z = |w| after `lag`.
+
+    The film z follows the speed with the time constant `lag` [s].
+    """
 
     width: float = 0.02
     shape: str = "tanh"
@@ -71,9 +74,10 @@ class FilmLag(FilmLaw):
 
 @dataclass(frozen=True)
 class AsymmetricFilmLag(FilmLaw):
-    """Film lag with its own Coulomb level and peak in each direction, as in `AsymmetricStribeck`.
+    """Tf = (coulomb + peak exp(-(z/stribeck_velocity)^2)) sgn(w) + viscous w, by direction.
 
-    The film, and with it the Stribeck velocity and the lag, is one for both directions.
+    As `FilmLag`, with a Coulomb level and a peak for each direction of motion. The film,
+    and with it the Stribeck velocity and the lag, is one for both.
     """
 
     width: float = 0.02

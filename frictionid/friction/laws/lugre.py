@@ -99,7 +99,11 @@ class BristleLaw(Law):
 
 @dataclass(frozen=True)
 class LuGre(BristleLaw):
-    """Stribeck friction of bristles that bend by `presliding` [rad] before a joint breaks away."""
+    """Tf = stiffness z + damping(w) dz/dt + viscous w, LuGre's bristles at the Stribeck level.
+
+    They bend by z, up to `presliding` [rad], before a joint breaks away; their stiffness is the
+    break-away level over `presliding`.
+    """
 
     width: float = 0.02
     shape: str = "tanh"
@@ -107,9 +111,10 @@ class LuGre(BristleLaw):
 
 @dataclass(frozen=True)
 class AsymmetricLuGre(BristleLaw):
-    """LuGre friction with its own Coulomb level and peak in each direction.
+    """Tf = stiffness z + damping(w) dz/dt + viscous w, LuGre's bristles, by direction.
 
-    The bristles are the same both ways.
+    As `LuGre`, with a Coulomb level and a peak for each direction of motion. The
+    bristles are the same both ways.
     """
 
     width: float = 0.02

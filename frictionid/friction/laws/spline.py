@@ -34,7 +34,7 @@ _RISE = (-float("inf"), float("inf"))
 
 
 class SplineLaw(Law):
-    """A level that is a spline of the speed, for one side or for each, one after the other."""
+    """Tf = level(|w|) sgn(w), with a level for one side or for each."""
 
     knots: tuple[float, ...]
     degree: int
@@ -88,7 +88,7 @@ class SplineLaw(Law):
 
 @dataclass(frozen=True)
 class Spline(SplineLaw):
-    """Friction level as a spline of the speed |w| with `knots` [rad/s] and a polynomial `degree`.
+    """Tf = level(|w|) sgn(w), the level a spline of `knots` [rad/s] and a polynomial `degree`.
 
     `level` is that at rest, the break-away level; each `rise` is what the level gains, or loses,
     from one part of the curve to the next, all of them together up to the last knot. Beyond it the
@@ -104,7 +104,7 @@ class Spline(SplineLaw):
 
 @dataclass(frozen=True)
 class AsymmetricSpline(SplineLaw):
-    """A spline as in `Spline` for each direction, with the parameters for w > 0 first."""
+    """Tf = level(|w|) sgn(w), the level a spline as in `Spline` for each direction, w > 0 first."""
 
     knots: Speeds = KNOTS
     degree: Annotated[int, Field(ge=1, le=3)] = 2

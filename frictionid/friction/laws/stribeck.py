@@ -14,7 +14,7 @@ from frictionid.friction.smooth_sign import smooth_sign
 
 
 class StribeckLaw(Law):
-    """Tf = level(|w|) sgn(w) + viscous w, the level for one side, or for each."""
+    """Stribeck friction, with a level for one side or for each."""
 
     stribeck = StribeckLevel()
 
@@ -60,9 +60,10 @@ class Stribeck(StribeckLaw):
 
 @dataclass(frozen=True)
 class AsymmetricStribeck(StribeckLaw):
-    """Stribeck friction with its own Coulomb level and peak in each direction.
+    """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2)) sgn(w) + viscous w, by direction.
 
-    The Stribeck velocity and the viscous coefficient are shared.
+    The Coulomb level and the peak have a value for each direction of motion; the Stribeck velocity
+    and the viscous coefficient are shared.
     """
 
     width: float = 0.02
