@@ -42,7 +42,7 @@ class Baseline:
     reference : what changes are measured against
     names, hashes : of the N recordings
     changes : of the N recordings
-    covariates : names of what stands beside friction, such as a temperature
+    covariates : names of what friction may depend on, such as a temperature or a payload
     """
 
     mechanism: Mapping[str, Any]
@@ -74,7 +74,7 @@ def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
             "friction scatters between them"
         )
     reference = _reference(prepared, friction)
-    names = _shared_covariates(dataset)
+    names = _covariates(dataset)
     return Baseline(
         mechanism=dict(dataset.mechanism.table),
         joints=tuple(dataset.mechanism.friction_names),
@@ -99,10 +99,11 @@ def _reference(prepared: Prepared, friction: Friction) -> Reference:
     return Reference(own, friction.calibration, grid, noise)
 
 
-def _shared_covariates(dataset: Dataset) -> tuple[str, ...]:
-    """Names of the covariates that every recording has."""
-    sets = [set(r.covariates) for r in dataset.recordings]
-    return tuple(sorted(set.intersection(*sets)))
+def _covariates(dataset: Dataset) -> tuple[str, ...]:
+    """Columns that every recording has, and parameters (a payload) that one of them gives."""
+    columns = [set(r.covariates) for r in dataset.recordings]
+    parameters = [set(r.parameters) for r in dataset.recordings]
+    return tuple(sorted(set.intersection(*columns) | set.union(*parameters)))
 
 
 def hashes_of(dataset: Dataset) -> tuple[str, ...]:
@@ -197,7 +198,8 @@ def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None
     Raises
     ------
     InputError
-        Where joints or a parameter of the mechanism differ.
+        Where joints or a parameter of the mechanism differ, or a recording has a payload of which
+        the baseline knows nothing.
     """
     table, own = dict(dataset.mechanism.table), dict(baseline.mechanism)
     if tuple(dataset.mechanism.friction_names) != baseline.joints or table["kind"] != own["kind"]:
@@ -211,3 +213,12 @@ def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None
             f"{where}: the mechanism of the baseline differs in {', '.join(differ)}: make a "
             "baseline of this machine"
         )
+    nominal = dataset.mechanism.defaults
+    for recording in dataset.recordings:
+        for name, value in recording.parameters.items():
+            if value != nominal[name] and name not in baseline.covariates:
+                raise InputError(
+                    f"{where}, recording {recording.name!r}: {name} = {value:g} is not the "
+                    f"baseline's {nominal[name]:g}, and how friction depends on it is not known: "
+                    f"make a baseline with healthy recordings of different {name}"
+                )

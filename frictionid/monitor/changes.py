@@ -13,6 +13,7 @@ same in the healthy ones, and cancels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -63,7 +64,7 @@ class Changes(NamedTuple):
     parts : (R, n, 4) at the usual speed [N m]: coulomb, viscous, stribeck, asymmetry
     error : (R, n, 4) standard errors by the noise of the recording alone [N m]
     delay : (R,) [s]; gain, offset : (R, n) [1], [rad], against the reference
-    covariates : (R, c), mean of each
+    covariates : (R, c), mean of each, or the parameter of the mechanism
     speeds : (R, n) 95 % quantile of each joint's speed [rad/s or m/s]
     seconds : (R,) length of each recording [s]
     """
@@ -109,7 +110,7 @@ def prepared_data(dataset: Dataset) -> Prepared:
 def recording_changes(
     prepared: Prepared, reference: Reference, covariates: tuple[str, ...]
 ) -> Changes:
-    """Changes of each recording against a reference; NaN of covariates that one does not have."""
+    """Changes of each recording against a reference, see `covariate_means`."""
     dataset = prepared.dataset
     n, count = reference.friction.n, len(dataset.recordings)
     linear = _linearised(prepared, reference)
@@ -122,10 +123,6 @@ def recording_changes(
     joints = dataset.mechanism.n
     gain = np.zeros((count, joints))
     gain[:, linear.driven] = found[:, m + 1 : m + 1 + len(linear.driven)]
-    values = [
-        [_mean(r.covariates[name].value) if name in r.covariates else np.nan for name in covariates]
-        for r in dataset.recordings
-    ]
     speed = np.abs(linear.velocity)
     return Changes(
         parts=found[:, :m].reshape(count, n, 4),
@@ -133,7 +130,7 @@ def recording_changes(
         delay=found[:, m],
         gain=gain,
         offset=found[:, m + 1 + len(linear.driven) :],
-        covariates=np.array(values, dtype=float).reshape(count, len(covariates)),
+        covariates=covariate_means(dataset, covariates),
         speeds=np.stack(
             [np.quantile(speed[linear.recording == r], 0.95, axis=0) for r in range(count)]
         ),
@@ -221,6 +218,16 @@ def _fitted(residual: Array, columns: Array, prior: Array) -> tuple[Array, Array
     return x, np.sqrt(np.diag(inverse))
 
 
-def _mean(values: Array) -> float:
-    """Mean of a covariate, which may have one column."""
-    return float(np.mean(values))
+def covariate_means(dataset: Dataset, names: Sequence[str]) -> Array:
+    """Covariates (R, c) of each recording: the mean of a column, else a parameter of its mechanism.
+
+    NaN where a recording has neither.
+    """
+    out = np.full((len(dataset.recordings), len(names)), np.nan)
+    for r, recording in enumerate(dataset.recordings):
+        for c, name in enumerate(names):
+            if name in recording.covariates:
+                out[r, c] = float(np.mean(recording.covariates[name].value))
+            else:
+                out[r, c] = dataset.mechanism.nominal(recording.parameters).get(name, np.nan)
+    return out

@@ -97,10 +97,14 @@ def judge(
 
 
 def without_covariates(healthy: Changes, new: Changes) -> tuple[Array, Array]:
-    """Parts (N, n, 4) and (k, n, 4) without what is linear in the covariates of all recordings."""
+    """Parts (N, n, 4) and (k, n, 4) without what is linear in the covariates of all recordings.
+
+    A covariate that is the same in all healthy ones stays: it would take any change with it.
+    """
     parts = np.concatenate([healthy.parts, new.parts])
     beside = np.concatenate([healthy.covariates, new.covariates])
-    usable = np.isfinite(beside).all(axis=0) & (np.ptp(beside, axis=0) > 0) if beside.size else []
+    differs = np.ptp(healthy.covariates, axis=0) > 0
+    usable = np.isfinite(beside).all(axis=0) & differs if beside.size else []
     if not np.any(usable):
         return healthy.parts, new.parts
     x = beside[:, usable] - beside[:, usable].mean(axis=0)

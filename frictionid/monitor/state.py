@@ -14,6 +14,7 @@ from frictionid.errors import InputError
 from frictionid.files import json_text, read_json, write_json
 from frictionid.monitor.baseline import Baseline, changes_of, numbers_of
 from frictionid.monitor.changes import Changes, curve_changes
+from frictionid.monitor.judgement import without_covariates
 from frictionid.monitor.martingale import log_bet
 
 FORMAT = "frictionid monitor 1"
@@ -72,8 +73,9 @@ def arriving(
         if digest in {arrival.digest for arrival in known}:
             continue
         own = Changes(*(values[i : i + 1] for values in new))
-        before_it = [baseline.changes.parts, *(a.changes.parts for a in known)]
-        rows = np.concatenate([*before_it, own.parts])
+        columns = zip(baseline.changes, *(a.changes for a in known), strict=True)
+        before_it = Changes(*map(np.concatenate, columns))
+        rows = np.concatenate(without_covariates(before_it, own))
         bet = log_bet(curve_changes(rows, baseline.reference.speeds), digest)
         before = known[-1].log_evidence if known else 0.0
         known.append(Arrival(name, digest, own, before + bet))

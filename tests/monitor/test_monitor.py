@@ -135,6 +135,12 @@ def test_delay_gain_and_tilt_are_estimated(known, healthy):
     assert np.mean(new.offset[:, 0] - before.offset[:, 0]) == pytest.approx(0.02, rel=0.1)
 
 
+def test_a_recording_changes_alone_as_it_does_among_others(known, healthy):
+    """What exchangeability needs: no number of a recording depends on those it came with."""
+    alone = recording_changes(prepared_data(some(healthy, 3, 4)), known.reference, ())
+    np.testing.assert_array_equal(alone.parts[0], known.changes.parts[3])
+
+
 def test_a_temperature_explains_what_follows_it():
     """Friction falls by 1 % a kelvin; new recordings are as warm as some healthy ones."""
     warm = tuple(float(20 + (3 * i) % COUNT) for i in range(COUNT))

@@ -1,0 +1,96 @@
+"""Friction that grows with a payload is no change: the payload is a covariate of the monitor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import frictionid as fid
+from frictionid.monitor.changes import prepared_data, recording_changes
+from frictionid.monitor.judgement import judge
+from frictionid.monitor.state import arriving
+from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
+
+LIGHT, HEAVY = 0.5, 0.7  # kg
+LEVEL = {LIGHT: 0.05, HEAVY: 0.07}  # N m
+
+
+def recorded(mass, count, worn):
+    """Recordings of a pendulum with a payload, of which the last ones have 15 % more friction."""
+    rng = np.random.default_rng(int(10 * mass))
+    torque = Multisine(1.2, (0.7, 1.1, 1.6))
+    starts = rng.uniform(-1, 1, (count, 1)).tolist()
+    runs = tuple(
+        Run(f"r{10 * mass:g}-{i}", tuple(q), torques=(torque,)) for i, q in enumerate(starts)
+    )
+    rig = Rig(
+        *("p", {"kind": "pendulum", "parameters": {"mass": mass, "length": 0.3}}),
+        *(Stribeck(Curve((LEVEL[mass],), (LEVEL[mass],), (0.004,))), Camera(361, 60.0, 0.0016)),
+        runs,
+        variation=Variation(scatter=0.01, wear=(0.15,), worn_from=count - worn, sudden=True),
+        substeps=8,
+    )
+    return tuple(replace(r, parameters={"mass": mass}) for r in simulate(rig).recordings)
+
+
+def dataset(*recordings):
+    return fid.Dataset("p", fid.mechanisms.pendulum(mass=LIGHT, length=0.3), recordings)
+
+
+@pytest.fixture(scope="module")
+def heavy():
+    """Eight healthy recordings with the heavy payload, five more, and five after a change."""
+    return recorded(HEAVY, 18, 5)
+
+
+@pytest.fixture(scope="module")
+def light():
+    return recorded(LIGHT, 8, 0)
+
+
+@pytest.fixture(scope="module")
+def known(light, heavy):
+    return fid.baseline(dataset(*light, *heavy[:8]))
+
+
+def test_the_payload_is_a_covariate_and_its_effect_comes_out_as_it_went_in(known):
+    assert known.covariates == ("mass",)
+    np.testing.assert_array_equal(known.changes.covariates[:, 0], np.repeat([LIGHT, HEAVY], 8))
+    total = known.changes.parts[:, 0, :2].sum(-1)
+    effect = total[8:].mean() - total[:8].mean()
+    assert effect == pytest.approx(LEVEL[HEAVY] - LEVEL[LIGHT], rel=0.1)
+
+
+def test_friction_under_a_payload_is_not_called_wear_but_wear_under_it_is(known, heavy):
+    healthy, worn = (fid.monitor(known, dataset(*own)) for own in (heavy[8:13], heavy[13:]))
+    assert healthy.answer == "unchanged"
+    assert worn.answer == "changed"
+    total = worn.frame.query("part == 'total'").iloc[0]
+    # against what is healthy under that payload; the regression takes a part of it
+    assert 0.5 * 0.15 * LEVEL[HEAVY] < total.change < 1.2 * 0.15 * LEVEL[HEAVY]
+
+
+def test_what_is_linear_in_the_payload_changes_no_judgement_and_no_evidence(known, heavy, tmp_path):
+    new = recording_changes(prepared_data(dataset(*heavy[13:])), known.reference, ("mass",))
+
+    def steeper(changes):
+        return changes._replace(parts=changes.parts + 0.3 * changes.covariates[:, :, None])
+
+    other = replace(known, changes=steeper(known.changes))
+    assert judge(other, steeper(new)).p == judge(known, new).p
+    names = tuple("abcde")
+    one, two = (
+        [a.log_evidence for a in arriving(tmp_path / str(i), base, names, names, own)]
+        for i, (base, own) in enumerate(((known, new), (other, steeper(new))))
+    )
+    np.testing.assert_allclose(one, two, rtol=1e-9)
+
+
+def test_a_payload_of_which_the_baseline_knows_nothing_is_refused(light, heavy):
+    plain = fid.baseline(dataset(*(replace(r, parameters={}) for r in light)))
+    assert plain.covariates == ()
+    with pytest.raises(fid.InputError, match=r"mass = 0.7 is not the baseline's 0.5"):
+        fid.monitor(plain, dataset(heavy[0]))
+    assert fid.monitor(plain, dataset(light[0])).answer == "cannot_tell"  # the same mass
