@@ -13,7 +13,7 @@ from frictionid.arrays import Array
 from frictionid.check.balances import Balances, Samples, balances_of
 from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
-from frictionid.data.kalman import padded_series
+from frictionid.data.kalman import alike, padded_series
 from frictionid.data.outliers import Smoothed, smoothed
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
@@ -59,16 +59,15 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     0.002
     """
     angles = [_averaged(recording.angle) for recording in recordings]
-    series = padded_series(angles)
-    found = smoothed(series)
-    return tuple(
-        _motion(
-            angle,
-            Smoothed(*(x[..., own] if x.ndim == 1 else x[: len(angle.time), own] for x in found)),
-            _rounding(r.angle, angle),
-        )
-        for r, angle, own in zip(recordings, angles, series.columns, strict=True)
-    )
+    found: dict[int, Motion] = {}
+    for group in alike(angles):
+        series = padded_series([angles[i] for i in group])
+        whole = smoothed(series)
+        for i, own in zip(group, series.columns, strict=True):
+            T = len(angles[i].time)
+            part = Smoothed(*(x[..., own] if x.ndim == 1 else x[:T, own] for x in whole))
+            found[i] = _motion(angles[i], part, _rounding(recordings[i].angle, angles[i]))
+    return tuple(found[i] for i in range(len(angles)))
 
 
 def _rounding(angle: Signal, averaged: Signal) -> Array:

@@ -24,6 +24,8 @@ from frictionid.arrays import Array
 from frictionid.data import kalman_loops
 from frictionid.data.signals import Signal, relative_noise
 
+_ALIKE = 1.5  # times as long as the shortest of a group, at most
+
 
 class Series(NamedTuple):
     """Positions of all recordings and joints side by side.
@@ -48,7 +50,7 @@ class Series(NamedTuple):
         """The series without some samples, by a mask (T, S)."""
         return self._replace(valid=self.valid & ~left_out)
 
-    def of(self, which: Array) -> Series:
+    def of(self, which: Array | slice) -> Series:
         """Some of the series; they belong to no recording."""
         dt, value, noise, valid = (x[:, which] for x in self[:4])
         return Series(dt, value, noise, valid, ())
@@ -70,6 +72,20 @@ class FilterOutput(NamedTuple):
     gain: Array
     innovation: Array
     variance: Array
+
+
+def alike(angles: Sequence[Signal]) -> list[list[int]]:
+    """Numbers of signals in groups of about one length, so that `padded_series` pads little.
+
+    >>> alike([Signal(np.arange(float(T)), np.zeros((T, 1))) for T in (9, 2, 3, 8)])
+    [[1, 2], [0, 3]]
+    """
+    groups: list[list[int]] = []
+    for i in sorted(range(len(angles)), key=lambda i: len(angles[i].time)):
+        if not groups or len(angles[i].time) > _ALIKE * len(angles[groups[-1][0]].time):
+            groups.append([])
+        groups[-1].append(i)
+    return [sorted(group) for group in groups]
 
 
 def even_series(value: Array, dt: float) -> Series:
@@ -170,7 +186,16 @@ def likeliest_jerk_ratio(series: Series) -> Array:
     Searched on a grid of its logarithm, then on a finer one. The unit is rad^2/s^5 over rad^2: 10^2
     is a slow motion under heavy noise, 10^20 is practically noise-free.
     """
-    grid = np.arange(_slowest(series), 20.1, 1.5)
+    slowest, out = _slowest(series), np.empty(series.value.shape[1])
+    for low in np.unique(slowest):
+        own = slowest == low
+        out[own] = _likeliest(series if own.all() else series.of(own), low)
+    return out
+
+
+def _likeliest(series: Series, slowest: float) -> Array:
+    """The likeliest of the jerk ratios from the slowest one on, (S,)."""
+    grid = np.arange(slowest, 20.1, 1.5)
     best = grid[np.argmax(innovation_likelihood(series, 10.0 ** grid[:, None]), axis=0)]
     step = grid[1] - grid[0]
     near = best + np.linspace(-step, step, 13)[:, None]
@@ -178,14 +203,14 @@ def likeliest_jerk_ratio(series: Series) -> Array:
     return 10.0 ** np.take_along_axis(near, np.argmax(score, axis=0)[None], axis=0)[0]
 
 
-def _slowest(series: Series) -> float:
-    """Logarithm of the least jerk ratio of a search: that of slower motion in sparse samples.
+def _slowest(series: Series) -> Array:
+    """Logarithm (S,) of the least jerk ratio of a search: that of slower motion in sparse samples.
 
     2 where samples are no farther apart than at 30 Hz; motion ten times as slow has 10^-5 of it.
     """
-    known = series.dt[1:][series.valid[1:]]
-    apart = 60.0 * float(np.median(known)) if known.size else 1.0
-    return 2.0 - 3.0 * round(max(0.0, 5.0 * np.log10(apart)) / 3.0)
+    columns = zip(series.dt[1:].T, series.valid[1:].T, strict=True)
+    usual = [np.median(dt[valid]) if valid.any() else 1 / 60 for dt, valid in columns]
+    return 2.0 - 3.0 * np.round(np.maximum(0.0, 5.0 * np.log10(60.0 * np.array(usual))) / 3.0)
 
 
 def innovation_likelihood(series: Series, rho: Array) -> Array:
@@ -200,7 +225,11 @@ def innovation_likelihood(series: Series, rho: Array) -> Array:
 
 def causal_states(series: Series) -> Array:
     """Filtered states (T, S, 3), each at the jerk ratio that its past samples make likeliest."""
-    grid = 10.0 ** np.arange(_slowest(series), 20.1)
-    rho = np.repeat(grid[:, None], series.value.shape[1], axis=1)
-    _, means = kalman_loops.likelihoods(*_by_series(series), rho)
-    return np.asarray(means.swapaxes(0, 1))
+    slowest, out = _slowest(series), np.empty((*series.value.shape, 3))
+    for low in np.unique(slowest):
+        own = slowest == low
+        grid = 10.0 ** np.arange(low, 20.1)
+        rho = np.repeat(grid[:, None], own.sum(), axis=1)
+        _, means = kalman_loops.likelihoods(*_by_series(series.of(own)), rho)
+        out[:, own] = means.swapaxes(0, 1)
+    return out

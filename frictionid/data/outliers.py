@@ -32,6 +32,7 @@ _EXACT = 1e-7  # of the span of a series: what is off by less does not matter
 _ROUNDS = 10
 _SHARE = 0.6  # of the largest residual of a neighbourhood: candidates
 _MANY = 0.003  # of the samples: fewer that change leave the jerk ratio as it is
+_AT_ONCE = 400_000  # samples that are smoothed together
 _NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 
 
@@ -61,6 +62,21 @@ def smoothed(series: Series) -> Smoothed:
     >>> np.flatnonzero(found.left_out), bool(abs(found.mean[40, 0, 0] - np.sin(2.0)) < 2e-3)
     (array([40]), True)
     """
+    width = max(1, _AT_ONCE // len(series.value))
+    columns = [slice(a, a + width) for a in range(0, series.value.shape[1], width)]
+    parts = [_smoothed(series.of(own)) for own in columns] if len(columns) > 1 else []
+    if not parts:
+        return _smoothed(series)
+    return Smoothed(
+        *(
+            np.concatenate(x, axis=a)
+            for x, a in zip(zip(*parts, strict=True), (1, 0, 1), strict=True)
+        )
+    )
+
+
+def _smoothed(series: Series) -> Smoothed:
+    """The same of all series at once."""
     left_out = np.zeros(series.valid.shape, dtype=bool)
     rho = likeliest_jerk_ratio(series)
     fit = JerkFit(rho, kalman_filter(series, rho))
@@ -102,7 +118,7 @@ def _outliers(series: Series, judged: _Judged, rho: Array) -> Array:
         if not changes.any():
             break
         candidates, kept = new, series.without(new)
-        many, some = changes > _MANY * len(new), changes > 0
+        many, some = changes > _MANY * series.valid.sum(axis=0), changes > 0
         rho[many] = likeliest_jerk_ratio(kept.of(many)) if many.any() else rho[many]
         fit = JerkFit(rho[some], kalman_filter(kept.of(some), rho[some]))
         own = _judged(series.of(some), new[:, some], fit)

@@ -6,7 +6,7 @@ own time stamps. Recordings are independent of each other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -15,6 +15,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.kalman import (
     Series,
+    alike,
     causal_states,
     padded_series,
 )
@@ -135,6 +136,9 @@ class RTS:
     support: int = 6
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
+        return _by_length(angles, self._padded)
+
+    def _padded(self, angles: Sequence[Signal]) -> tuple[States, ...]:
         series = padded_series(angles)
         found = smoothed(series)
         states = _states(angles, series, found.mean, found.left_out)
@@ -154,8 +158,21 @@ class KalmanFilter:
     support: int = 0
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
+        return _by_length(angles, self._padded)
+
+    def _padded(self, angles: Sequence[Signal]) -> tuple[States, ...]:
         series = padded_series(angles)
         return _states(angles, series, causal_states(series))
+
+
+def _by_length(
+    angles: Sequence[Signal], estimate: Callable[[Sequence[Signal]], tuple[States, ...]]
+) -> tuple[States, ...]:
+    """States of signals that are estimated together where they are of about one length."""
+    found: dict[int, States] = {}
+    for group in alike(angles):
+        found |= zip(group, estimate([angles[i] for i in group]), strict=True)
+    return tuple(found[i] for i in range(len(angles)))
 
 
 def thin(states: States, sample_time: float) -> States:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -111,7 +112,7 @@ def slopes(
     low = np.broadcast_to(beyond, (friction.n,))
     w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])[:, None]
     w = np.maximum(np.where(low > 0, w * low / SLOW, w), low)
-    theta = friction.theta[..., None, :, :]
+    theta = _distinct(friction.theta)[..., None, :, :]
     xp, width = namespace(theta), np.where(low > 0, 1e-5 * low / SLOW, 1e-5)
     grid = np.concatenate([-w[::-1], w])
 
@@ -125,3 +126,11 @@ def slopes(
         rise = (torque(grid + width, push) - torque(grid - width, push)) / (2 * width)
         most = np.maximum(most, rise.reshape(-1, friction.n).max(axis=0))
     return most
+
+
+def _distinct(theta: Array) -> Array:
+    """Parameters (..., n, P) without repetitions: predictions from many states share a few."""
+    if theta.ndim < 3 or not isinstance(theta, np.ndarray):
+        return theta
+    rows = theta.reshape(math.prod(theta.shape[:-2]), *theta.shape[-2:])
+    return rows[list({row.tobytes(): i for i, row in enumerate(rows)}.values())]

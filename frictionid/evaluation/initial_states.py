@@ -115,7 +115,11 @@ def _places(
     chosen = [_indices(s.time, horizons[0], every, begin) for s in states]
     owner = np.repeat(np.arange(len(chosen)), [len(c) for c in chosen])
     index = np.concatenate(chosen)
-    reached = [_reach(states[int(r)].time, k, horizons) for r, k in zip(owner, index, strict=True)]
+    usual = [float(np.median(np.diff(s.time))) if len(s.time) > 1 else 0.0 for s in states]
+    reached = [
+        _reach(states[int(r)].time, k, horizons, usual[int(r)])
+        for r, k in zip(owner, index, strict=True)
+    ]
     last = np.array(reached, dtype=int).reshape(len(index), len(horizons)).T
     fits = (last > 0).any(axis=1)
     if not fits.all():
@@ -136,14 +140,16 @@ def _indices(time: Array, shortest: float, every: float, begin: float) -> Array:
     return np.unique(np.searchsorted(time, wanted - 1e-9))
 
 
-def _reach(time: Array, index: int, horizons: Array) -> Array:
+def _reach(time: Array, index: int, horizons: Array, interval: float) -> Array:
     """Intervals from a start to the sample nearest each horizon, -1 where none is near.
 
     That is beyond the recording's end, in or behind a gap, or before the next sample.
+
+    interval : [s], usual one of the recording
     """
-    ahead = time[index:] - time[index]
+    end = np.searchsorted(time, time[index] + horizons[-1] + 2 * interval, side="right") + 1
+    ahead = time[index : int(end)] - time[index]
     nearest = np.searchsorted((ahead[1:] + ahead[:-1]) / 2, horizons)
-    interval = float(np.median(np.diff(time)))
     off = np.abs(ahead[nearest] - horizons)
     inside = horizons <= ahead[-1] + 0.5 * interval
     gaps = np.flatnonzero(np.diff(ahead) > GAP * interval)

@@ -18,8 +18,12 @@ def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Ar
 
     friction : batch of F frictions; use : (K,) true for the k rows; fold : (k,) friction of each.
     """
-    residual = problem.residual(along(friction, problem.nodes))
-    return residual[fold, np.flatnonzero(use)]
+    rows = np.flatnonzero(use)
+    out = np.empty((len(rows), problem.r.shape[-1]))
+    for f in np.unique(fold):
+        own = problem.of_rows(rows[fold == f])
+        out[fold == f] = own.residual(along(friction[int(f)], own.nodes))
+    return out
 
 
 def one_step_scores(

@@ -7,7 +7,7 @@ averaging are plain indexing. Friction torques are positive when they oppose pos
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -17,6 +17,9 @@ from frictionid.arrays import Array, namespace, plain
 from frictionid.data.calibration import Calibration
 from frictionid.friction.constraints import Constraints
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
+from frictionid.friction.relaxation import relaxed
+
+_STEPS = 1_000_000  # of memories of all frictions at a time
 
 
 class Nodes(NamedTuple):
@@ -183,15 +186,13 @@ def along(friction: Friction, nodes: Nodes) -> Array:
     """
     law, theta = friction.law, friction.theta[..., None, :, :]
     if not law.has_memory:
-        return law.torque(theta, nodes.inputs, ())
+        return _torque_without_memory(friction, nodes.inputs)
+    relaxing = _relaxing(friction, nodes)
+    if relaxing is not None:
+        return law.torque(theta, nodes.inputs, (relaxing,))
     xp = namespace(friction.theta, nodes.inputs.w)
-    memories = memory_along(friction, nodes)
-    shape = (*friction.theta.shape[:-2], len(nodes.first) - 1, friction.n)
-    whole = [
-        [xp.broadcast_to(entry, shape) for entry in entries]
-        for entries in zip(*memories, strict=True)
-    ]
-    return law.torque(theta, nodes.inputs, tuple(_unpad(xp, steps, nodes) for steps in whole))
+    each = [_torque_with_memory(friction, own) for own in _side_by_side(nodes, friction.theta)]
+    return each[0] if len(each) == 1 else xp.concat(each, axis=-2)
 
 
 def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:
@@ -199,8 +200,11 @@ def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:
 
     Recordings that have ended keep their last node.
     """
-    law, theta = friction.law, friction.theta[..., None, :, :]
     index = _padded(nodes)
+    relaxing = _relaxing(friction, nodes)
+    if relaxing is not None:
+        return [(relaxing[..., now, :],) for now in index.T]
+    law, theta = friction.law, friction.theta[..., None, :, :]
     memory = law.start(theta, _take(nodes.inputs, index[:, 0]))
     out = [memory]
     last = 0
@@ -214,7 +218,61 @@ def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:
     return out
 
 
-def _take(x: Inputs, index: Array) -> Inputs:
+def _relaxing(friction: Friction, nodes: Nodes) -> Array | None:
+    """Memory (..., S, n) of a law that relaxes continuously; None of others, and of tensors."""
+    law, theta, x = friction.law, friction.theta[..., None, :, :], nodes.inputs
+    if law.sample_time is not None or not isinstance(0.0 * theta[..., 0], np.ndarray):
+        return None
+    if not isinstance(x.w, np.ndarray):
+        return None
+    middle = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), None)
+    of = law.relaxation(theta, middle, np.diff(nodes.time)[:, None])
+    if of is None:
+        return None
+    return relaxed(*of, law.start(theta, _take(x, nodes.first[:-1]))[0], nodes.first)
+
+
+def _torque_without_memory(friction: Friction, x: Inputs) -> Array:
+    """Torque (..., S, n) of a static law, at so many nodes at a time that it needs little room."""
+    law, theta = friction.law, friction.theta[..., None, :, :]
+    S, most = len(x.w), max(1, _STEPS // int(np.prod(theta.shape[:-3], dtype=int)))
+    if S <= most:
+        return law.torque(theta, x, ())
+    parts = [law.torque(theta, _take(x, slice(a, a + most)), ()) for a in range(0, S, most)]
+    return namespace(parts[0]).concat(parts, axis=-2)
+
+
+def _torque_with_memory(friction: Friction, nodes: Nodes) -> Array:
+    """Torque (..., S, n) of a law whose memory advances step by step."""
+    law, theta = friction.law, friction.theta[..., None, :, :]
+    xp = namespace(friction.theta, nodes.inputs.w)
+    shape = (*friction.theta.shape[:-2], len(nodes.first) - 1, friction.n)
+    whole = [
+        [xp.broadcast_to(entry, shape) for entry in entries]
+        for entries in zip(*memory_along(friction, nodes), strict=True)
+    ]
+    return law.torque(theta, nodes.inputs, tuple(_unpad(xp, steps, nodes) for steps in whole))
+
+
+def _side_by_side(nodes: Nodes, theta: Array) -> Iterator[Nodes]:
+    """Nodes of some recordings at a time: of many, and of unequal ones, memory needs little room.
+
+    So many that they have some number of steps together, each as many as the longest of them.
+    """
+    sizes, first = np.diff(nodes.first), nodes.first
+    most = max(1, _STEPS // int(np.prod(theta.shape[:-2], dtype=int)))
+    begin = 0
+    while begin < len(sizes):
+        longest = np.maximum.accumulate(sizes[begin:])
+        fits = longest * np.arange(1, len(longest) + 1) <= most
+        end = begin + max(1, len(fits) if fits.all() else int(np.argmin(fits)))
+        own = slice(int(first[begin]), int(first[end]))
+        x, time = _take(nodes.inputs, own), nodes.time[own]
+        yield Nodes(x, time, first[begin : end + 1] - first[begin], nodes.per_sample)
+        begin = end
+
+
+def _take(x: Inputs, index: Any) -> Inputs:
     return Inputs(*(field_[index] for field_ in x))
 
 

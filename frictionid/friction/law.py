@@ -171,7 +171,19 @@ class Law(ABC):
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         """Memory after dt [s], shape (..., 1), at inputs x."""
-        return memory
+        relaxing = self.relaxation(theta, x, dt)
+        if relaxing is None:
+            return memory
+        target, keep = relaxing
+        return (target + (memory[0] - target) * keep,)
+
+    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
+        """Where a memory of one entry relaxes to, and the share of the way that is left after dt.
+
+        For laws that have it, `advance` follows, and long recordings take a fraction of the time;
+        None for others.
+        """
+        return None
 
     def gradient(self, theta: Array, x: Inputs) -> Any:
         """Derivatives (..., n, P) of a static law's torque in each joint's theta, or None."""

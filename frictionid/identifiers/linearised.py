@@ -79,21 +79,40 @@ class Linearised(NamedTuple):
     def stretches(self, thetas: int = 1) -> Iterator[tuple[slice, Linearised]]:
         """Rows, some at a time, and the law on them: long recordings need no more memory.
 
-        All rows at once for a law with memory, which acts along whole recordings.
+        Rows of whole recordings for a law with memory, which acts along them.
 
         thetas : number of parameters that are looked at together: the more, the fewer rows
         """
         K, most = len(self.problem.r), max(_ROWS // max(thetas // _MANY, 1), 1)
-        if self.law.has_memory or K <= most:
+        if K <= most:
             yield slice(0, K), self
+            return
+        if self.law.has_memory:
+            yield from self._whole_recordings(most)
             return
         for first in range(0, K, most):
             rows = slice(first, min(first + most, K))
             yield rows, self._replace(problem=_some(self.problem, rows))
 
+    def _whole_recordings(self, most: int) -> Iterator[tuple[slice, Linearised]]:
+        """Rows of recordings that follow each other, as many as have so many rows, or one."""
+        problem, K = self.problem, len(self.problem.r)
+        ends = np.append(1 + np.flatnonzero(np.diff(problem.recording)), K)
+        first = 0
+        while first < K:
+            last = int(ends[max(np.searchsorted(ends, first + most, side="right") - 1, 0)])
+            last = last if last > first else int(ends[np.searchsorted(ends, first, side="right")])
+            rows = slice(first, last)
+            yield rows, self._replace(problem=problem.of_rows(np.arange(first, last)))
+            first = last
+
     def residual(self, theta: Array) -> Array:
         """Residuals e, shape (F, K, n) [rad/s]."""
-        return self.problem.residual(along(self.friction(theta), self.problem.nodes))
+        friction = self.friction(theta)
+        out = np.empty((len(theta), *self.problem.r.shape))
+        for rows, own in self.stretches():
+            out[:, rows] = own.problem.residual(along(friction, own.problem.nodes))
+        return out
 
     def jacobian(self, theta: Array) -> Array:
         """Jacobian -de/dtheta = G dTf/dtheta, shape (F, K, n, n, P): Tf_j depends on theta_j only.

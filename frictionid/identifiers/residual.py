@@ -71,6 +71,24 @@ class Problem:
         """Stencil average of node values (..., S, n) over each row, (..., K, n)."""
         return interval_mean(values, self.stencil, self.coefficients)
 
+    def of_rows(self, rows: Array) -> Problem:
+        """The problem of some rows (k,), with the nodes of the recordings that they are of."""
+        which, place = np.unique(self.recording[rows], return_inverse=True)
+        first = self.nodes.first
+        sizes = first[which + 1] - first[which]
+        begin = np.concatenate([[0], np.cumsum(sizes)])
+        at = np.arange(begin[-1]) + np.repeat(first[which] - begin[:-1], sizes)
+        nodes = Nodes(
+            Inputs(*(x[at] for x in self.nodes.inputs)),
+            self.nodes.time[at],
+            begin,
+            self.nodes.per_sample,
+        )
+        stencil = self.stencil[rows] + (begin[:-1] - first[which])[place][:, None]
+        slowest = self.slowest if not np.ndim(self.slowest) else np.asarray(self.slowest)[which]
+        own = {name: getattr(self, name)[rows] for name in ("r", "G", "time", "dt")}
+        return replace(self, nodes=nodes, stencil=stencil, recording=place, slowest=slowest, **own)
+
     def residual(self, torque: Array) -> Array:
         """Residual e (..., K, n) [rad/s] of friction torques at the nodes, (..., S, n)."""
         return self.r - times(self.G, self.mean(torque))

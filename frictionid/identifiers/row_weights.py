@@ -44,11 +44,17 @@ def huber_factors(residual: Array, weights: Array, clip: float) -> Array:
     >>> huber_factors(residual, np.ones((1, 5)), clip=3.0)[0].round(3)
     array([1.   , 1.   , 1.   , 1.   , 0.089])
     """
+    return np.stack([_factors(*own, clip) for own in zip(residual, weights, strict=True)])
+
+
+def _factors(residual: Array, weights: Array, clip: float) -> Array:
+    """Factors (K,) of one fold's residual (K, n) and weights (K,)."""
     size = np.abs(residual)
-    order = np.argsort(size, axis=1)
-    counted = weights[..., None] * (size > 0)
-    cumulated = np.cumsum(np.take_along_axis(counted, order, axis=1), axis=1)
-    middle = (cumulated >= 0.5 * cumulated[:, -1:]).argmax(axis=1)[:, None]
-    median = np.take_along_axis(np.take_along_axis(size, order, axis=1), middle, axis=1)
+    order = np.argsort(size, axis=0)
+    ordered = np.take_along_axis(size, order, axis=0)
+    counted = np.where(ordered > 0, weights[order], 0.0)
+    cumulated = np.cumsum(counted, axis=0)
+    middle = (cumulated >= 0.5 * cumulated[-1:]).argmax(axis=0)[None]
+    median = np.take_along_axis(ordered, middle, axis=0)
     allowed = np.maximum(clip * _NORMAL * median, 1e-300)
-    return np.min(allowed / np.maximum(size, allowed), axis=-1)
+    return np.asarray(np.min(allowed / np.maximum(size, allowed), axis=-1))

@@ -72,8 +72,18 @@ def interval_mean(
     values: Array, stencil: Array, weights: Sequence[float] | Array = SIMPSON
 ) -> Array:
     """Means (..., K, n) over intervals, sum_m weights[m] values[..., stencil[:, m], :]."""
-    mean: Any = sum(c * values[..., index, :] for c, index in zip(weights, stencil.T, strict=True))
+    places = (_as_slice(index) for index in stencil.T)
+    mean: Any = sum(c * values[..., at, :] for c, at in zip(weights, places, strict=True))
     return mean
+
+
+def _as_slice(index: Array) -> Any:
+    """Evenly spaced indices as a slice, which copies nothing; others as they are."""
+    if len(index) < 2:
+        return index
+    step = int(index[1] - index[0])
+    even = step > 0 and (index[1:] - index[:-1] == step).all()
+    return slice(int(index[0]), int(index[-1]) + 1, step) if even else index
 
 
 def momentum_balance(terms: Terms, stencil: Array) -> Balance:

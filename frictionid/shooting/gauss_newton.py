@@ -185,18 +185,31 @@ def _solve_stage(stage: _Stage, estimate: Estimate, nodes: Array, sigma: Array) 
     settings = stage.problem.settings
     point = linearised_at(stage.problem, stage.windows, estimate, nodes, sigma)
     step, before = _next_step(stage, point, sigma, _DAMPING[0], 1.0), None
-    steps, what = [step], f"windows of {stage.windows.shape[1]} samples"
+    path, what = [_begin(stage, step)], f"windows of {stage.windows.shape[1]} samples"
     report_step(what, settings.iterations - 1)
-    while len(steps) < settings.iterations and not _converged(stage, steps):
+    while len(path) < settings.iterations and not _converged(stage, step, path):
         point, damping = _accepted_or_last(stage, step)
         share = _step_share(step, before)
-        before, step = step, _next_step(stage, point, step.solution.sigma, damping, share)
-        steps.append(step)
-        report_step(what, settings.iterations - len(steps))
-    return step.solution._replace(converged=_converged(stage, steps), iterations=len(steps))
+        before = step.solution.move
+        step = _next_step(stage, point, step.solution.sigma, damping, share)
+        path.append(_begin(stage, step))
+        report_step(what, settings.iterations - len(path))
+    converged = _converged(stage, step, path)
+    return step.solution._replace(converged=converged, iterations=len(path))
 
 
-def _converged(stage: _Stage, steps: Sequence[_Step]) -> bool:
+class _Begin(NamedTuple):
+    """All that is kept of a step that is over: its damping, and the values (D,) it began at."""
+
+    damping: float
+    values: Array
+
+
+def _begin(stage: _Stage, step: _Step) -> _Begin:
+    return _Begin(step.damping, values_of(step.point.estimate, stage.problem.blocks))
+
+
+def _converged(stage: _Stage, last: _Step, path: Sequence[_Begin]) -> bool:
     """Whether the last step was small, or the last few led to and fro and nowhere.
 
     Where the cost has a kink (a joint that just stops in some window), steps from either side of it
@@ -204,16 +217,16 @@ def _converged(stage: _Stage, steps: Sequence[_Step]) -> bool:
     none of the parameters got on by more than the tolerance, nor left by more than half a standard
     error.
     """
-    tolerance, last = stage.problem.settings.tolerance, steps[-1]
+    tolerance = stage.problem.settings.tolerance
     if last.converged(tolerance):
         return True
-    few = steps[-_CIRCLE:]
-    if len(few) < _CIRCLE or any(step.damping >= _DAMPED for step in few):
+    few = path[-_CIRCLE:]
+    if len(few) < _CIRCLE or any(begin.damping >= _DAMPED for begin in few):
         return False
-    own = [values_of(step.point.estimate, stage.problem.blocks) for step in few]
-    path = np.stack([*own, values_of(last.solution.estimate, stage.problem.blocks)]) / last.error
-    onward = np.abs(path[-1] - path[0]).max(initial=0.0)
-    return bool(onward <= tolerance and np.ptp(path, axis=0).max(initial=0.0) <= _NEAR)
+    end = values_of(last.solution.estimate, stage.problem.blocks)
+    way = np.stack([*(begin.values for begin in few), end]) / last.error
+    onward = np.abs(way[-1] - way[0]).max(initial=0.0)
+    return bool(onward <= tolerance and np.ptp(way, axis=0).max(initial=0.0) <= _NEAR)
 
 
 def _accepted_or_last(stage: _Stage, step: _Step) -> tuple[Point, float]:
@@ -232,7 +245,7 @@ def _accepted_or_last(stage: _Stage, step: _Step) -> tuple[Point, float]:
     return point, max(step.damping / 10.0, _DAMPING[0])
 
 
-def _step_share(step: _Step, before: _Step | None) -> float:
+def _step_share(step: _Step, before: Array | None) -> float:
     """Share of the next Gauss-Newton step. Oscillating steps are damped.
 
     Windows with kinks may push now one way, now the other: the share halves where the last two
@@ -240,7 +253,7 @@ def _step_share(step: _Step, before: _Step | None) -> float:
     """
     if before is None:
         return step.share
-    H, a, b = step.solution.curvature, before.solution.move, step.solution.move
+    H, a, b = step.solution.curvature, before, step.solution.move
     against = -float(a @ H @ b)
     size = np.sqrt(max(float(a @ H @ a) * float(b @ H @ b), 0.0))
     if against > 0.3 * size:

@@ -84,14 +84,15 @@ def expected(H: Array, solution: Solution, groups: Array) -> tuple[Array, Array]
     parts = solution.normal.H[solution.closed]
     own = np.stack([parts[groups == g].sum(axis=0)[keep] for g in np.unique(groups)])
     left = np.stack([_inverse(H[keep] - part) for part in own])
-    moved, inverse = left @ own, _inverse(H[keep])
-    C = -np.einsum("gki,ij,hkj->kgh", moved, inverse, moved)
-    each, count = np.arange(len(own)), len(own)
-    C[:, each, each] += np.einsum("gki,gki->kg", moved, left)
-    C -= C.mean(axis=1, keepdims=True)
-    C -= C.mean(axis=2, keepdims=True)
-    trace = np.einsum("kgg->k", C)
-    square = ((C / np.where(trace > 0, trace, 1.0)[:, None, None]) ** 2).sum(axis=(1, 2))
+    moved, inverse, count = left @ own, _inverse(H[keep]), len(own)
+    trace, square = np.zeros(len(inverse)), np.zeros(len(inverse))
+    for k in range(len(inverse)):  # one (G, G) at a time: there may be thousands of recordings
+        C = -moved[:, k] @ inverse @ moved[:, k].T
+        C[np.diag_indices(count)] += (moved[:, k] * left[:, k]).sum(axis=1)
+        C -= C.mean(axis=0)
+        C -= C.mean(axis=1, keepdims=True)
+        trace[k] = np.trace(C)
+        square[k] = ((C / (trace[k] if trace[k] > 0 else 1.0)) ** 2).sum()
     excess = (count - 1) / count * trace / np.maximum(np.diag(inverse), 1e-300)
     # of very few the approximation errs on the large side
     freedom = np.clip(1.0 / np.maximum(square, 1e-300), (count - 1) / 3, count - 1)

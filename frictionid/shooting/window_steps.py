@@ -14,6 +14,7 @@ from frictionid.arrays import Array
 from frictionid.shooting.parameters.parameter_block import Estimate
 from frictionid.shooting.problem import ShootingProblem
 from frictionid.shooting.windows import (
+    AT_ONCE,
     START_VELOCITY,
     WindowPrediction,
     initial_state_prior,
@@ -62,15 +63,38 @@ def linearised_at(
     memory = problem.initial_memory(estimate)
     if memory:
         nodes[first, 2 * n :] = np.concatenate(memory, axis=-1)[first]
-    linearised = problem.linearise(estimate, nodes, windows[windows >= 0])
-    offset = estimate.calibration.offset
-    prediction = predict_windows(intervals, linearised, nodes, windows, offset)
+    prediction = _predicted(problem, windows, estimate, nodes)
     weak = 1e-6 / np.maximum(1.0, np.abs(nodes[first, :n])) ** 2
     velocity = problem.settings.start_velocity or START_VELOCITY * intervals.dataset.scales.slow
     prior = initial_state_prior(intervals, nodes, first, weak, velocity)
     gap = (np.abs(prediction.moved[..., :n]) / sigma).max(axis=(1, 2))
     none = np.zeros(len(windows))
     return Point(estimate, nodes, windows, prediction, prior, gap, none, none > 0, none > 0, none)
+
+
+def _predicted(
+    problem: ShootingProblem, windows: Array, estimate: Estimate, nodes: Array
+) -> WindowPrediction:
+    """Predictions of windows (W, N), linearised some at a time: many need little more room."""
+    offset = estimate.calibration.offset
+
+    def predicted(own: Array) -> WindowPrediction:
+        linearised = problem.linearise(estimate, nodes, own[own >= 0])
+        return predict_windows(problem.intervals, linearised, nodes, own, offset)
+
+    count = -(-windows.size // AT_ONCE)
+    if count == 1:
+        return predicted(windows)
+    out: WindowPrediction | None = None
+    first = 0
+    for own in np.array_split(windows, count):
+        part = predicted(own)
+        out = out or WindowPrediction(*(np.empty((len(windows), *x.shape[1:])) for x in part))
+        for whole, values in zip(out, part, strict=True):
+            whole[first : first + len(own)] = values
+        first += len(own)
+    assert out is not None
+    return out
 
 
 def cost_of(prediction: WindowPrediction, out: Array, sigma: Array, huber: float) -> float:

@@ -14,6 +14,7 @@ START_VELOCITY = 10.0  # times the slow speed: deviation of a velocity from the 
 # Sizes of the joints per size, or size per second, of the initial state: predictions without
 # information; and sizes that they are held at.
 _WILD, _FAR = 1e4, 1e3
+AT_ONCE = 40_000  # intervals of windows that are linearised, or solved for, at a time
 
 
 class WindowPrediction(NamedTuple):
@@ -158,6 +159,23 @@ def eliminate_states(
     weight (W, N + 1, n), sigma (n,) [rad]; prior (2, W, 2n): of the initial state's move, mean and
     precision; damping (W, 2n), more precision for its step alone
     """
+    W, N = prediction.share.shape
+    count = -(-W * N // AT_ONCE)
+    if count == 1:
+        return _eliminated(prediction, weight, sigma, prior, damping)
+    parts = []
+    for rows in np.array_split(np.arange(W), count):
+        own = slice(int(rows[0]), int(rows[-1]) + 1)
+        some = WindowPrediction(*(x[own] for x in prediction))
+        less = None if damping is None else damping[own]
+        parts.append(_eliminated(some, weight[own], sigma, prior[:, own], less))
+    return NormalEquations(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _eliminated(
+    prediction: WindowPrediction, weight: Array, sigma: Array, prior: Array, damping: Array | None
+) -> NormalEquations:
+    """The same for windows all at once."""
     W = len(prediction.error)
     root = np.sqrt(weight * prediction.share[..., None]) / sigma
     D = prediction.slope.shape[-1]

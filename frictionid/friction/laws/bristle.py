@@ -10,16 +10,18 @@ from __future__ import annotations
 from frictionid.arrays import Array, namespace
 
 
-def bristle_state(z: Array, w: Array, steady: Array, dt: Array) -> Array:
-    """Deflection z after dt at the velocity w, exactly: it neither overshoots nor limits the step.
+def bristle_relaxation(w: Array, steady: Array, dt: Array) -> tuple[Array, Array]:
+    """Where bristles bend at the velocity w, and the share of the way that is left after dt.
+
+    The exact solution: it neither overshoots nor limits the step.
 
     >>> import numpy as np
-    >>> bristle_state(np.array([0.0]), np.array([1.0]), np.array([0.01]), np.array([0.01])).round(5)
-    array([0.00632])
+    >>> target, left = bristle_relaxation(np.array([1.0]), np.array([0.01]), np.array([0.01]))
+    >>> target, left.round(3)
+    (array([0.01]), array([0.368]))
     """
-    xp = namespace(z, w, steady)
-    target = xp.sign(w) * steady
-    return target + (z - target) * xp.exp(-xp.abs(w) * dt / steady)
+    xp = namespace(w, steady)
+    return xp.sign(w) * steady, xp.exp(-xp.abs(w) * dt / steady)
 
 
 def bristle_rate(z: Array, w: Array, steady: Array) -> Array:

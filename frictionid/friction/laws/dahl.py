@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.bristle import bristle_state
+from frictionid.friction.laws.bristle import bristle_relaxation
 from frictionid.friction.laws.levels import LEVEL
 from frictionid.friction.smooth_sign import smooth_sign
 
@@ -38,8 +38,8 @@ class Dahl(Law):
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return theta[..., 0] * memory[0] / theta[..., 2] + theta[..., 1] * x.w
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return (bristle_state(memory[0], x.w, theta[..., 2], dt),)
+    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array]:
+        return bristle_relaxation(x.w, theta[..., 2], dt)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)

@@ -52,10 +52,9 @@ class FilmLaw(Law):
         sign = smooth_sign(x.w, self.width, self.shape)
         return self.stribeck.at(theta, memory[0], x.w) * sign + theta[..., -2] * x.w
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        z, xp = memory[0], namespace(memory[0], x.w)
-        speed = xp.abs(x.w)
-        return (speed + (z - speed) * xp.exp(-dt / theta[..., -1]),)
+    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array]:
+        xp = namespace(x.w, theta)
+        return xp.abs(x.w), xp.exp(-dt / theta[..., -1])
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.stribeck.at(theta, memory[0], x.w) + 0.0 * x.w

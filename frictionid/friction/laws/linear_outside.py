@@ -61,6 +61,9 @@ class LinearOutside(WrappedLaw):
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return self.law.advance(theta, self._inside(x), memory, dt)
 
+    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
+        return self.law.relaxation(theta, self._inside(x), dt)
+
     def sharpened(self) -> Law:
         """The same of the sharpened law."""
         return LinearOutside(self.law.sharpened(), self.speeds)

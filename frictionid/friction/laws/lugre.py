@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.bristle import bristle_rate, bristle_state
+from frictionid.friction.laws.bristle import bristle_rate, bristle_relaxation
 from frictionid.friction.laws.dahl import PRESLIDING, PRESLIDINGS
 from frictionid.friction.laws.levels import (
     COARSE_VELOCITIES,
@@ -78,8 +78,8 @@ class BristleLaw(Law):
         rate = bristle_rate(z, w, self._deflection(theta, w))
         return stiffness * z + damping * rate + theta[..., -4] * w
 
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return (bristle_state(memory[0], x.w, self._deflection(theta, x.w), dt),)
+    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array]:
+        return bristle_relaxation(x.w, self._deflection(theta, x.w), dt)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * (theta[..., 0] + x.w)

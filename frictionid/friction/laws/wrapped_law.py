@@ -51,5 +51,8 @@ class WrappedLaw(Law):
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         return self.law.advance(theta, x, memory, dt)
 
+    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
+        return self.law.relaxation(theta, x, dt)
+
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.law.limit(theta, x, memory)
