@@ -96,15 +96,13 @@ class Linearised(NamedTuple):
 
     def _whole_recordings(self, most: int) -> Iterator[tuple[slice, Linearised]]:
         """Rows of recordings that follow each other, as many as have so many rows, or one."""
-        problem, K = self.problem, len(self.problem.r)
-        ends = np.append(1 + np.flatnonzero(np.diff(problem.recording)), K)
-        first = 0
-        while first < K:
-            last = int(ends[max(np.searchsorted(ends, first + most, side="right") - 1, 0)])
-            last = last if last > first else int(ends[np.searchsorted(ends, first, side="right")])
-            rows = slice(first, last)
-            yield rows, self._replace(problem=problem.of_rows(np.arange(first, last)))
-            first = last
+        problem, first = self.problem, 0
+        ends = [*(1 + np.flatnonzero(np.diff(problem.recording))).tolist(), len(problem.r)]
+        for end, next_end in zip(ends, [*ends[1:], np.inf], strict=True):
+            if next_end - first > most:
+                own = problem.of_rows(np.arange(first, end))
+                yield slice(first, end), self._replace(problem=own)
+                first = end
 
     def residual(self, theta: Array) -> Array:
         """Residuals e, shape (F, K, n) [rad/s]."""
