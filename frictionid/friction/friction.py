@@ -226,7 +226,9 @@ def _relaxing(friction: Friction, nodes: Nodes) -> Array | None:
     if not isinstance(x.w, np.ndarray):
         return None
     middle = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), None)
-    of = law.relaxation(theta, middle, np.diff(nodes.time)[:, None])
+    dt = np.diff(nodes.time)[:, None]
+    dt[nodes.first[1:-1] - 1] = 0.0  # from the end of a recording to the next
+    of = law.relaxation(theta, middle, dt)
     if of is None:
         return None
     return relaxed(*of, law.start(theta, _take(x, nodes.first[:-1]))[0], nodes.first)
