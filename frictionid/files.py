@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import math
 import os
 import re
 import secrets
@@ -151,12 +152,13 @@ def plain(value: Any, infinity: str | None = "inf") -> Any:
     if hasattr(value, "_asdict"):
         return plain(value._asdict(), infinity)
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist(), infinity)
+        whole = value.dtype.kind in "iub" or (value.dtype.kind == "f" and np.isfinite(value).all())
+        return value.tolist() if whole else plain(value.tolist(), infinity)
     if isinstance(value, list | tuple):
         return [plain(v, infinity) for v in value]
-    if isinstance(value, float) and not np.isfinite(value):
+    if isinstance(value, float) and not math.isfinite(value):
         sign = "-" if value < 0 else ""
-        return None if np.isnan(value) or infinity is None else f"{sign}{infinity}"
+        return None if math.isnan(value) or infinity is None else f"{sign}{infinity}"
     return str(value) if isinstance(value, Path) else value
 
 
