@@ -35,6 +35,7 @@ from frictionid.evaluation.rollouts import predict, rollout_scores
 from frictionid.evaluation.score_frame import Score, score_frame
 from frictionid.friction import Friction
 from frictionid.identifiers.residual import Problem
+from frictionid.shooting import SampleWindows
 
 
 class Evaluation(NamedTuple):
@@ -189,23 +190,26 @@ def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:
             yield Score(name, "dissipated_energy", "ratio", value=float(own / implied))
 
 
-def _rollouts(model: _Model, owner: Array, *, true: bool = False) -> tuple[InitialStates, Rollout]:
+def _rollouts(
+    model: _Model, owner: Array, *, rows: Array | None = None, true: bool = False
+) -> tuple[InitialStates, Rollout]:
     """Initial states with the angles as their owners (S,) see them, and the motion they predict.
 
-    true : from the true states
+    rows : (S,) which of the initial states, all by default; true : from the true states
     """
     first = model.views[0].data
-    initial = _initial_states(first, true)
-    preceding = None if true else first.preceding
+    initial = _initial_states(first, rows, true)
+    preceding = None if true else _preceding(first, rows)
     plant = first.plant[initial.recording]
     p = np.array(plant.p)
-    for data, rows in model.owned(owner):
+    for data, own in model.owned(owner):
         if data is first:
             continue
-        initial = initial.with_rows(_initial_states(data, true), rows)
-        p[rows] = data.plant.p[initial.recording[rows]]
-        if preceding is not None and data.preceding is not None:
-            preceding = preceding.with_rows(data.preceding, np.isin(preceding.owner, rows))
+        initial = initial.with_rows(_initial_states(data, rows, true), own)
+        p[own] = data.plant.p[initial.recording[own]]
+        other = _preceding(data, rows)
+        if preceding is not None and other is not None:
+            preceding = preceding.with_rows(other, np.isin(preceding.owner, own))
     plant = replace(plant, p=p)
     return initial, predict(plant, model.friction[owner], initial, preceding)
 
@@ -215,23 +219,23 @@ def _band(model: _Model, rows: Array) -> Array:
 
     By what the folds' frictions predict from there, each less the angles as it sees them.
     """
-    errors = []
-    for folds, data in model.views:
-        again = np.tile(rows, len(folds))
-        initial = data.initial_states.take(again)
-        preceding = None if data.preceding is None else data.preceding.take(again)
-        owner = np.repeat(folds, len(rows))
-        motion = predict(data.plant[initial.recording], model.friction[owner], initial, preceding)
-        error = motion.q - initial.measured
-        shape = len(error), len(folds), len(rows), error.shape[-1]
-        errors.append(np.swapaxes(error.reshape(shape), 0, 1))
-    return jackknife_width(np.concatenate(errors))
+    folds = len(model.friction.theta)
+    owner = np.repeat(np.arange(folds), len(rows))
+    initial, motion = _rollouts(model, owner, rows=np.tile(rows, folds))
+    error = motion.q - initial.measured
+    each = error.reshape(len(error), folds, len(rows), error.shape[-1])
+    return jackknife_width(np.swapaxes(each, 0, 1))
 
 
-def _initial_states(data: Prepared, true: bool) -> InitialStates:
+def _initial_states(data: Prepared, rows: Array | None, true: bool) -> InitialStates:
     initial = data.true_initial_states if true else data.initial_states
     assert initial is not None
-    return initial
+    return initial if rows is None else initial.take(rows)
+
+
+def _preceding(data: Prepared, rows: Array | None) -> SampleWindows | None:
+    known = data.preceding
+    return known if known is None or rows is None else known.take(rows)
 
 
 def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
