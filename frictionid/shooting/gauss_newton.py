@@ -125,7 +125,7 @@ class _Step(NamedTuple):
 
 
 def solve(
-    problem: ShootingProblem, estimate: Estimate, use: Array, nodes: Array | None = None
+    problem: ShootingProblem, estimate: Estimate, use: Array, ended: Solution | None = None
 ) -> Solution:
     """The free parameters for which predicted angles come closest to the measured ones.
 
@@ -133,17 +133,24 @@ def solve(
     ----------
     problem, estimate : what is fitted, and where the fit begins
     use : (K,) true for the intervals that may be used
-    nodes : (K, s) states that the intervals begin with, where a fit ended before: only the last
-        stage is left then; those of the smoothed motion by default
+    ended : where a fit to the same intervals ended, with other parameters or windows: only the last
+        stage is left then, from its states, and of the same windows without those that it left out
+        for good; by default the fit begins with the smoothed motion
     """
     lengths, leading = problem.settings.windows, _leading(problem)
     stages = [(lengths[-1], problem)]
-    if nodes is None:
-        nodes, stages = problem.initial_nodes(estimate), [(s, leading) for s in lengths] + stages
-    sigma, total, solution = _initial_noise(problem, use), 0, None
+    if ended is None:
+        nodes, sigma = problem.initial_nodes(estimate), _initial_noise(problem, use)
+        stages = [(s, leading) for s in lengths] + stages
+    else:
+        nodes, sigma = ended.nodes, ended.sigma
+    total, solution = 0 if ended is None else ended.iterations, None
     for seconds, own in stages:
         windows = cut_windows(problem.intervals, use, seconds)
-        solution = _solve_stage(_Stage(own, windows), estimate, nodes, sigma)
+        kinked = None
+        if ended is not None and np.array_equal(windows, ended.windows):
+            kinked = ended.kinked
+        solution = _solve_stage(_Stage(own, windows), estimate, nodes, sigma, kinked)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
@@ -180,10 +187,14 @@ def _initial_noise(problem: ShootingProblem, use: Array) -> Array:
     return np.maximum(_MAD * np.median(off, axis=0), floor)
 
 
-def _solve_stage(stage: _Stage, estimate: Estimate, nodes: Array, sigma: Array) -> Solution:
-    """Gauss-Newton iterations over windows of one length."""
+def _solve_stage(
+    stage: _Stage, estimate: Estimate, nodes: Array, sigma: Array, kinked: Array | None
+) -> Solution:
+    """Gauss-Newton iterations over windows of one length; (W,) that are left out from the start."""
     settings = stage.problem.settings
     point = linearised_at(stage.problem, stage.windows, estimate, nodes, sigma)
+    if kinked is not None:
+        point = point._replace(kinked=kinked, out=kinked)
     step, before = _next_step(stage, point, sigma, _DAMPING[0], 1.0), None
     path, what = [_begin(stage, step)], f"windows of {stage.windows.shape[1]} samples"
     report_step(what, settings.iterations - 1)

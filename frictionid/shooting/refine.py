@@ -31,7 +31,12 @@ from frictionid.shooting.omitted_blocks import (
     sentences,
 )
 from frictionid.shooting.parameters.friction import on_support
-from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock
+from frictionid.shooting.parameters.parameter_block import (
+    Estimate,
+    ParameterBlock,
+    values_of,
+    with_values,
+)
 from frictionid.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_motor
@@ -189,17 +194,22 @@ def fit_blocks(
 ) -> Refined:
     """The result of a fit to the intervals in use (K,), without sensors' blocks that show nothing.
 
-    While the deviation of such a block from an ideal sensor is not significant, the fit is repeated
-    without the least significant one: free parameters that show nothing would only spoil what the
-    others predict. Beside a network all stay: the scatter of a few recordings about so many
-    combinations says little.
+    While the deviation of such a block from an ideal sensor is not significant, the fit goes on
+    from where it ended without the least significant one: free parameters that show nothing would
+    only spoil what the others predict. Beside a network all stay: the scatter of a few recordings
+    about so many combinations says little.
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     dropped: list[Dropped] = []
     blocks = on_support(applicable(blocks, intervals.dataset), friction)
+    ended: Solution | None = None
     while True:
         problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
-        result = refined_by(problem, solve(problem, estimate, use), friction)
+        if ended is not None:
+            known = values_of(ended.estimate, problem.blocks)
+            estimate = with_values(estimate, problem.blocks, known)
+        ended = solve(problem, estimate, use, ended)
+        result = refined_by(problem, ended, friction)
         level = 1.0 if friction.law.is_network else settings.significance
         idle = least_significant(result.covariance, blocks, level)
         if idle is None:

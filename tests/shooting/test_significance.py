@@ -69,7 +69,8 @@ def test_what_shows_nothing_is_left_out_as_if_it_had_never_been_offered():
     found = refine(START, data, offered, SHORT)
     assert [own.block for own in found.diagnostics.dropped] == ["bias"]
     alone = refine(START, data, (FrictionBlock(),), SHORT)
-    np.testing.assert_array_equal(found.friction.theta, alone.friction.theta)
+    off = np.abs(found.friction.theta - alone.friction.theta).ravel()
+    assert (off < 0.1 * alone.covariance.error).all()  # two ways there, each to 0.05
     kept = refine(START, data, offered, replace(SHORT, significance=1.0))
     assert not kept.diagnostics.dropped
     assert len(kept.covariance.parameters) == 3

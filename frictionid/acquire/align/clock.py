@@ -333,7 +333,7 @@ def _solved(data: Dataset, clock: Clock, settings: Settings | None) -> _Fit:
     solution = solve(short, estimate, use)
     if settings is None:
         long = replace(short, settings=LONG_WINDOWS)
-        longer = solve(long, solution.estimate, use, solution.nodes)
+        longer = solve(long, solution.estimate, use, solution)
         if longer.converged:
             return _Fit(long, longer, covariance_of(long, longer))
     return _Fit(short, solution, covariance_of(short, solution))
