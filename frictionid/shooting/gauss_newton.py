@@ -137,19 +137,16 @@ def solve(
         stage is left then, from its states, and of the same windows without those that it left out
         for good; by default the fit begins with the smoothed motion
     """
-    lengths, leading = problem.settings.windows, _leading(problem)
+    lengths, leading, solution = problem.settings.windows, _leading(problem), None
     stages = [(lengths[-1], problem)]
     if ended is None:
-        nodes, sigma = problem.initial_nodes(estimate), _initial_noise(problem, use)
+        nodes, sigma, total = problem.initial_nodes(estimate), _initial_noise(problem, use), 0
         stages = [(s, leading) for s in lengths] + stages
     else:
-        nodes, sigma = ended.nodes, ended.sigma
-    total, solution = 0 if ended is None else ended.iterations, None
+        nodes, sigma, total = ended.nodes, ended.sigma, ended.iterations
     for seconds, own in stages:
         windows = cut_windows(problem.intervals, use, seconds)
-        kinked = None
-        if ended is not None and np.array_equal(windows, ended.windows):
-            kinked = ended.kinked
+        kinked = ended.kinked if ended and np.array_equal(windows, ended.windows) else None
         solution = _solve_stage(_Stage(own, windows), estimate, nodes, sigma, kinked)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
