@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike
 
 from frictionid.config import nearest
 from frictionid.data.gears import Gears
-from frictionid.data.readers.dataset_toml import UNITS, DatasetToml, check_dataset_toml, unit_named
+from frictionid.data.readers.dataset_toml import (
+    OWN,
+    UNITS,
+    DatasetToml,
+    check_dataset_toml,
+    unit_named,
+)
 from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_recording import Recorded, recorded
 from frictionid.data.signals import Array
@@ -161,6 +167,8 @@ def _units(units: Units, named: Mapping[str, list[str]]) -> tuple[dict[str, str]
                 f"units: {key} has {len(own)} units for {len(names)} columns; give one, or one for "
                 "each"
             )
+        if any(unit in OWN[key] for unit in own):
+            raise InputError(f"units: {key} in counts or per mille is one unit for all joints")
         out[key] = _SI[key]
         scales |= {n: UNITS[key][u] for n, u in zip(names, own, strict=False) if n}
     return out, scales

@@ -13,10 +13,11 @@ import numpy as np
 
 from frictionid.config import imported, nearest, read_toml
 from frictionid.data.readers.dataset_path import dataset_path
-from frictionid.data.readers.dataset_toml import CURRENTS, DatasetToml, check_dataset_toml
+from frictionid.data.readers.dataset_toml import CURRENTS, OWN, DatasetToml, check_dataset_toml
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
-from frictionid.data.readers.table import read_table, table_name
+from frictionid.data.readers.table import Table, read_table, table_name
+from frictionid.data.readers.table_formats import TABLE_FORMATS
 from frictionid.data.readers.table_recording import recorded
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
@@ -65,14 +66,16 @@ def load_dataset(
     described = [] if machine is None else [toml.mechanism.file]
     _check_names(toml.sha256, [*names, *described], f"{file}: sha256")
     _check_names(toml.recordings.parameters, names, f"{file}: recordings.parameters")
-    read = None if toml.reader is None else reader_of(toml.reader.kind, file, trust=trust)
+    read = None
+    if toml.reader is not None and toml.columns is None:
+        read = reader_of(toml.reader.kind, file, trust=trust)
     recordings, hashes = [], {}
     for name in names:
         content = read_bytes(folder / name)
         hashes[name] = _sha256(content, folder / name, toml.sha256.get(name))
         if toml.collection is not None:
             check_file(toml.collection, name, hashes[name], folder)
-        recordings.append(_recording(content, folder, name, toml, read))
+        recordings += _recordings(content, folder, name, toml, read)
     if machine is not None:
         name = toml.mechanism.file
         hashes[name] = _sha256(read_bytes(machine), machine, toml.sha256.get(name))
@@ -103,7 +106,9 @@ def _check_units(toml: DatasetToml, mechanism: Mechanism, file: Path) -> None:
         for joint, unit, position in zip(
             mechanism.joints, each, mechanism.position_units, strict=False
         ):
-            if unit not in CURRENTS and (unit in _SLIDING[quantity]) != (position == "m"):
+            if unit not in (*CURRENTS, *OWN[quantity]) and (unit in _SLIDING[quantity]) != (
+                position == "m"
+            ):
                 raise InputError(
                     f'{file}: units.{quantity} = "{unit}", but {joint} of {mechanism.kind} '
                     f"{'slides' if position == 'm' else 'turns'}: correct the unit"
@@ -219,28 +224,39 @@ def _sha256(content: bytes, file: Path, expected: str | None) -> str:
     return found
 
 
-def _recording(
+def _recordings(
     content: bytes, folder: Path, name: str, toml: DatasetToml, read: Reader | None
-) -> Recording:
+) -> list[Recording]:
+    """Recordings of one file: a reader's, or one per table in it."""
     if read is None:
-        recording = _from_table(content, folder, name, toml)
+        found = _from_tables(content, folder, name, toml)
     else:
         assert toml.reader is not None
         own = read(folder / name, toml.reader.settings)
         parameters = {**own.parameters, **toml.recordings.parameters.get(name, {})}
         recording = replace(own, name=table_name(name), parameters=parameters)
-        recording = _with_sigma(recording, toml)
+        found = [_with_sigma(recording, toml)]
     start, stop = toml.recordings.start, toml.recordings.stop
-    return recording if (start, stop) == (0.0, math.inf) else within(recording, start, stop)
+    return found if (start, stop) == (0.0, math.inf) else [within(r, start, stop) for r in found]
 
 
-def _from_table(content: bytes, folder: Path, name: str, toml: DatasetToml) -> Recording:
+def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> list[Recording]:
     assert toml.columns is not None
-    table = read_table(content, str(folder / name), toml.columns.names())
+    file = str(folder / name)
+    if toml.reader is None:
+        tables = {"": read_table(content, file, toml.columns.names())}
+    else:
+        form = TABLE_FORMATS[toml.reader.kind]
+        tables = form.tables(content, file, toml.reader.settings, toml.columns)
+    return [_from_table(table, name, part, toml) for part, table in tables.items()]
+
+
+def _from_table(table: Table, name: str, part: str, toml: DatasetToml) -> Recording:
+    """Recording of a table; part : what the name of its file is extended by."""
     signals = recorded(table, toml)
     truth = None if signals.truth is None else TrueMotion(*signals.truth)
     return Recording(
-        name=table_name(name),
+        name=table_name(name) + part,
         angle=signals.angle,
         torque=signals.torque,
         velocity=signals.velocity,

@@ -1,7 +1,7 @@
 """Schema of dataset.toml: its tables and keys, their types and defaults."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -17,7 +17,9 @@ from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
 from frictionid.data.gears import Gears
+from frictionid.data.readers.column_toml import ColumnNames, Names
 from frictionid.data.readers.motor_toml import Motor, TorquePlace, as_list
+from frictionid.data.readers.table_formats import TABLE_FORMATS, with_defaults
 
 # SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
 UNITS = {
@@ -40,6 +42,10 @@ UNITS = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N cm": 1e-2, "N": 1.0, "A": 1.0, "mA": 1e-3},
 }
 CURRENTS = ("A", "mA")  # units of [columns] torque that need the constants of [motor]
+# Units of the motor's own, whose SI values are these times what [motor] says, and currents.
+OWN = {"angle": {"counts": 2 * math.pi}, "velocity": {"counts/s": 2 * math.pi}}
+OWN |= {"torque": {"permille": 1e-3}, "time": {}}
+RELATIVE = {key: [*own, *(CURRENTS if key == "torque" else ())] for key, own in OWN.items()}
 SPELLINGS = {
     "time": {"sec": "s", "seconds": "s", "milliseconds": "ms", "µs": "us", "microseconds": "us"},
     "angle": {"radians": "rad", "degrees": "deg", "degree": "deg", "°": "deg", "turns": "rev"},
@@ -64,106 +70,17 @@ def unit_named(quantity: str, unit: str) -> str:
     >>> unit_named("torque", "Nm"), unit_named("angle", "degrees")
     ('N m', 'deg')
     """
-    known = UNITS[quantity]
+    known = UNITS[quantity] | OWN[quantity]
     name = SPELLINGS[quantity].get(unit, unit)
     if name not in known:
         raise ValueError(f"unknown unit {unit!r}; known: {', '.join(map(repr, known))}")
     return name
 
 
-Column = Annotated[str, Field(min_length=1)]
-
-
-class Clocks(Strict):
-    """Time columns of the two clocks."""
-
-    angle: Column
-    torque: Column
-
-
-def _both_clocks(time: object) -> object:
-    return {"angle": time, "torque": time} if isinstance(time, str) else time
-
-
-Names = Annotated[list[str], Field(min_length=1), BeforeValidator(as_list)]
 Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(as_list)]
 Deviations = Annotated[
     list[Annotated[float, Field(gt=0)]], Field(min_length=1), BeforeValidator(as_list)
 ]
-
-
-class TruthColumns(Strict):
-    """Columns of the noise-free motion."""
-
-    angle: Names
-    velocity: Names
-
-
-class ColumnNames(Strict):
-    """Columns of the signals, one per joint; "" in ``torque`` where there is no motor.
-
-    torque : columns of torques or, with a unit of current, of the currents of the motors
-    sigma : columns of the standard deviations of the angles, in their unit
-    missing : rows without angles, such as frames with a hidden dot: "refuse" them, or "drop" them
-        from all signals on the angles' clock
-    """
-
-    time: Annotated[Clocks, BeforeValidator(_both_clocks)]
-    angle: Names
-    torque: Names
-    velocity: Names | None = None
-    sigma: Names | None = None
-    missing: Literal["refuse", "drop"] = "refuse"
-    truth: TruthColumns | None = None
-    covariates: dict[str, Column] = {}
-
-    @model_validator(mode="after")
-    def _one_column_per_joint(self) -> Self:
-        for label, names in self._per_joint():
-            if len(names) != len(self.angle):
-                raise ValueError(
-                    f"{label} names {len(names)} columns and angle names {len(self.angle)}; "
-                    'give one per joint ("" in torque for a joint without motor)'
-                )
-            if "" in names and label != "torque":
-                raise ValueError(f'{label} has an empty name; only torque may have "" (no motor)')
-        return self
-
-    @model_validator(mode="after")
-    def _no_column_twice(self) -> Self:
-        measured = [self.time.angle, *self.angle, *filter(None, self.torque)]
-        measured += self.velocity or []
-        if self.two_clocks:
-            measured.append(self.time.torque)
-        for name in measured:
-            if measured.count(name) > 1:
-                raise ValueError(f"column {name!r} is named twice; each quantity has its own")
-        return self
-
-    @property
-    def two_clocks(self) -> bool:
-        """Whether angle and torque have different time columns."""
-        return self.time.angle != self.time.torque
-
-    def _per_joint(self) -> Iterator[tuple[str, list[str]]]:
-        yield "angle", self.angle
-        yield "torque", self.torque
-        if self.velocity is not None:
-            yield "velocity", self.velocity
-        if self.sigma is not None:
-            yield "sigma", self.sigma
-        if self.truth is not None:
-            yield "truth.angle", self.truth.angle
-            yield "truth.velocity", self.truth.velocity
-
-    def names(self) -> list[str]:
-        """All columns to read, each once."""
-        names = [self.time.angle, *self.covariates.values()]
-        for _, columns in self._per_joint():
-            names += columns
-        if any(self.torque):
-            names.append(self.time.torque)
-        return [name for name in dict.fromkeys(names) if name]
 
 
 class Units(Strict):
@@ -184,7 +101,8 @@ class Units(Strict):
 
     def scales(self, quantity: str) -> list[float]:
         """SI value of the unit: one, or one per joint."""
-        return [UNITS[quantity][unit] for unit in getattr(self, quantity)]
+        known = UNITS[quantity] | OWN[quantity]
+        return [known[unit] for unit in getattr(self, quantity)]
 
 
 class Signs(Strict):
@@ -254,7 +172,10 @@ class Mechanism(BaseModel):
 
 
 class Reader(BaseModel):
-    """Reader of the files, in place of [columns] and [units]; other keys are its settings."""
+    """Reader of the files; other keys are its settings.
+
+    It stands in place of [columns] and [units], unless it is one of `TABLE_FORMATS`.
+    """
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -300,7 +221,8 @@ class DatasetToml(Strict):
     def _columns_or_reader(
         cls, columns: ColumnNames | None, info: ValidationInfo
     ) -> ColumnNames | None:
-        if columns is None and info.data.get("reader", ...) is None:  # not a wrong one
+        reader = info.data.get("reader", ...)  # not a wrong one
+        if columns is None and (reader is None or _reads_tables(reader)):
             raise PydanticCustomError(
                 "missing_columns",
                 "the key 'columns' is missing; add it, or a [reader] that needs none",
@@ -309,7 +231,7 @@ class DatasetToml(Strict):
 
     @model_validator(mode="after")
     def _columns_and_reader(self) -> Self:
-        if self.reader is not None:
+        if self.reader is not None and self.reader.kind not in TABLE_FORMATS:
             for key in ("columns", "units", "hold", "motor", "signs"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
@@ -318,7 +240,7 @@ class DatasetToml(Strict):
     @model_validator(mode="after")
     def _no_motor_at_links(self) -> Self:
         motor = self.motor
-        if self.torque.at == "link" and motor and (motor.torque == "motor" or motor.kt):
+        if self.torque.at == "link" and motor and motor.torque_at_shaft:
             raise ValueError(
                 'torque.at = "link", but [motor] says that the torques are of the motors: delete '
                 "one of them"
@@ -334,6 +256,8 @@ class DatasetToml(Strict):
         if self.motor is not None:
             motor = self.motor
             given |= {"motor.kt": motor.kt, "motor.gear": motor.gear, "motor.offset": motor.offset}
+            names = ("rated_torque", "rated_current", "counts_per_turn")
+            given |= {f"motor.{name}": getattr(motor, name) for name in names}
             if motor.coupling is not None and len(motor.coupling) != joints:
                 raise ValueError(
                     f"motor.coupling is of {len(motor.coupling)} motors, and there are {joints} "
@@ -351,6 +275,35 @@ class DatasetToml(Strict):
         return self
 
     @model_validator(mode="after")
+    def _units_are_stated(self) -> Self:
+        if self.columns is not None and self.reader and _reads_tables(self.reader):
+            unstated = TABLE_FORMATS[self.reader.kind].unstated
+            for quantity, names, why in unstated(self.columns):
+                if quantity not in self.units.model_fields_set:
+                    raise ValueError(f"units.{quantity} of {names} must be stated: {why}")
+        return self
+
+    @model_validator(mode="after")
+    def _motor_of_own_units(self) -> Self:
+        """Units of the motor's own, and the constants that they need, come together."""
+        motor = self.motor
+        counts = any(
+            u in OWN[key] for key in ("angle", "velocity") for u in getattr(self.units, key)
+        )
+        if counts != (motor is not None and motor.counts_per_turn is not None):
+            raise ValueError(
+                'units of "counts" or "counts/s" and counts_per_turn in the table [motor] need '
+                "each other; add what is missing"
+            )
+        rated = motor is not None and (motor.rated_torque or motor.rated_current) is not None
+        if ("permille" in self.units.torque) != rated:
+            raise ValueError(
+                'units.torque = "permille" and the table [motor] with rated_torque [N m], or '
+                "rated_current [A] and kt, need each other; add what is missing"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _motor_of_currents(self) -> Self:
         currents = [unit for unit in self.units.torque if unit in CURRENTS]
         if currents and self.motor is not None and self.motor.kt is None:
@@ -360,7 +313,9 @@ class DatasetToml(Strict):
                 f'units.torque = "{currents[0]}" needs the table [motor]: add it with kt [N m/A] '
                 "and gear; torque at the joint = kt gear current"
             )
-        if self.motor is not None and not currents:
+        own = "permille" in self.units.torque
+        own = own or (self.motor is not None and self.motor.counts_per_turn is not None)
+        if self.motor is not None and not currents and not own:
             if self.motor.kt is not None:
                 raise ValueError(
                     f'[motor] needs currents, but units.torque = "{self.units.torque[0]}": delete '
@@ -372,6 +327,10 @@ class DatasetToml(Strict):
                     'delete it, or say torque = "motor" or angle = "motor" in it'
                 )
         return self
+
+
+def _reads_tables(reader: object) -> bool:
+    return isinstance(reader, Reader) and reader.kind in TABLE_FORMATS
 
 
 def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
@@ -394,4 +353,4 @@ def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
         ...
     frictionid.errors.InputError: dataset.toml: unknown key 'nane'; did you mean 'name'?
     """
-    return checked(DatasetToml, document, file)
+    return checked(DatasetToml, with_defaults(document), file)

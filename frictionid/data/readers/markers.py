@@ -12,7 +12,8 @@ from pydantic import Field, model_validator
 
 from frictionid.config import Strict, checked
 from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
-from frictionid.data.readers.dataset_toml import UNITS, Column
+from frictionid.data.readers.column_toml import Column
+from frictionid.data.readers.dataset_toml import UNITS
 from frictionid.data.readers.headerless import read_headerless
 from frictionid.data.readers.table import Table, read_table, table_name
 from frictionid.data.readers.table_signals import signal_of

@@ -43,21 +43,27 @@ class Motor(Strict):
     coupling : turns of each motor (rows) for one of each joint, where motors turn several, as at a
         wrist; in place of gear
     offset : joint angles [rad] at which the motors' are zero: one, or one per joint
-    angle, torque : "motor" where the columns are of the motors; currents always are
+    angle, torque : "motor" where the columns are of the motors; currents and per mille always are
+    rated_torque, rated_current : of the motor [N m], [A], where the unit of torque is "permille";
+        0x6076 and 0x6075 of a CiA 402 drive, which has them in mN m and mA
+    counts_per_turn : of the encoder, where the unit of angle is "counts"
     """
 
     kt: Constants | None = None
+    rated_torque: Constants | None = None
+    rated_current: Constants | None = None
+    counts_per_turn: Constants | None = None
     gear: Constants = [1.0]
     coupling: list[list[float]] | None = None
     offset: Constants = [0.0]
     angle: Side = "joint"
     torque: Side = "joint"
 
-    @field_validator("kt", "gear")
+    @field_validator("kt", "gear", "rated_torque", "rated_current", "counts_per_turn")
     @classmethod
     def _not_zero(cls, values: list[float] | None) -> list[float] | None:
         if 0.0 in (values or ()):
-            raise ValueError(f"{values} must not hold a zero: no current would be a torque")
+            raise ValueError(f"{values} must not hold a zero: no reading would count")
         return values
 
     @model_validator(mode="after")
@@ -75,11 +81,32 @@ class Motor(Strict):
             )
         return self
 
+    @model_validator(mode="after")
+    def _one_rating(self) -> Self:
+        if self.rated_current is not None and (self.kt is None or self.rated_torque is not None):
+            raise ValueError("rated_current needs kt beside it, and excludes rated_torque")
+        return self
+
+    @property
+    def torque_at_shaft(self) -> bool:
+        """Whether the columns of torque are of the motors."""
+        return self.torque == "motor" or self.kt is not None or self.rated_torque is not None
+
+    def unit(self, quantity: str) -> NDArray[np.float64]:
+        """SI value of the motor's own unit of a quantity: one ampere, count, or rated torque.
+
+        >>> Motor(rated_torque=2.5).unit("torque"), Motor(counts_per_turn=1000).unit("angle")
+        (array([2.5]), array([0.001]))
+        """
+        if quantity != "torque":
+            return 1.0 / np.array(self.counts_per_turn or [1.0])
+        kt = np.array(self.rated_torque or self.kt or [1.0])
+        return kt * np.array(self.rated_current or [1.0])
+
     def gears(self, joints: int) -> Gears:
         """What stands between the columns and the joints."""
         zero = np.broadcast_to(np.array(self.offset, dtype=float), joints)
-        torques = self.torque == "motor" or self.kt is not None
-        return Gears(self.matrix(joints), zero, self.angle == "motor", torques)
+        return Gears(self.matrix(joints), zero, self.angle == "motor", self.torque_at_shaft)
 
     def matrix(self, joints: int) -> NDArray[np.float64]:
         """C (n, n): turns of each motor for one of each joint."""

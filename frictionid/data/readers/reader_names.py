@@ -16,6 +16,7 @@ from frictionid.data.readers.ibm import read_ibm
 from frictionid.data.readers.markers import read_markers
 from frictionid.data.readers.phy180 import read_phy180
 from frictionid.data.readers.ros import read_ros
+from frictionid.data.readers.table_formats import TABLE_FORMATS
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
@@ -61,8 +62,8 @@ def reader_of(kind: str, file: Path, *, trust: bool = False) -> Reader:
         return _checked(found, kind)
     if kind not in READERS:
         raise InputError(
-            f"{file}: [reader] kind = {kind!r} is unknown; {nearest(kind, READERS)}; "
-            "one's own is package.module:function"
+            f"{file}: [reader] kind = {kind!r} is unknown; "
+            f"{nearest(kind, [*READERS, *TABLE_FORMATS])}; one's own is package.module:function"
         )
     return READERS[kind]
 

@@ -202,12 +202,14 @@ def _csv_lines(content: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def separator_of(header: str) -> str:
-    r"""What separates the cells of a table, by its header: a comma, semicolon or tabulator.
+    r"""What separates the cells of a table, by its header: a comma, semicolon, tabulator or blank.
 
-    >>> separator_of("time;q [rad];u, filtered"), separator_of("time,q"), separator_of("time\tq")
-    (';', ',', '\t')
+    >>> separator_of("time;q [rad];u, filtered"), separator_of("time,q"), separator_of("time q")
+    (';', ',', ' ')
     """
-    return max((",", ";", "\t"), key=re.sub('"[^"]*"', "", header).count)
+    bare = re.sub('"[^"]*"', "", header)
+    found = max((",", ";", "\t"), key=bare.count)
+    return found if found in bare or " " not in bare.strip() else " "
 
 
 def number(text: str) -> float:
@@ -263,15 +265,19 @@ def _parquet_names(content: bytes, file: str) -> list[str]:
 
 def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
     import pyarrow as pa
+    import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
     # What pyarrow raises at damaged files: its own errors, OSError, and ValueError at broken text.
     damage = (pa.ArrowException, OSError, ValueError)
     try:
         whole = pq.ParquetFile(io.BytesIO(content))
-        _check_header(file, list(whole.schema_arrow.names), columns)
+        header = list(whole.schema_arrow.names)
+        places = {name: _place(name, header) for name in columns}
+        own = list(dict.fromkeys(base for base, _ in places.values()))
+        _check_header(file, header, own)
         check_cells(whole.metadata.num_rows, len(columns), file)
-        table = whole.read(columns=list(columns))
+        table = whole.read(columns=own)
     except InputError:
         raise
     except damage as error:
@@ -279,7 +285,11 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
     picked = {}
     for name in columns:
         try:
-            cells = table.column(name).cast(pa.float64(), safe=False)
+            base, element = places[name]
+            cells = table.column(base)
+            if element is not None:
+                cells = pc.list_element(cells, element)
+            cells = cells.cast(pa.float64(), safe=False)
         except damage as error:
             raise InputError(
                 f"{file}: column {name!r} holds no numbers ({_first_line(error)})"
@@ -287,6 +297,16 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
         picked[name] = cells.to_numpy().astype(float)
     # Rows are counted as in a CSV file: the first one below the header is row 2.
     return Table(file, np.arange(2, table.num_rows + 2), picked)
+
+
+def _place(name: str, header: Sequence[str]) -> tuple[str, int | None]:
+    """Column of a name, and the number of the element where it is one of a column of vectors.
+
+    >>> _place("q[2]", ["t", "q"]), _place("q[2]", ["t", "q[2]"])
+    (('q', 2), ('q[2]', None))
+    """
+    match = re.fullmatch(r"(.+)\[(\d{1,6})\]", name, re.ASCII)
+    return (name, None) if name in header or match is None else (match[1], int(match[2]))
 
 
 def _mat(content: bytes, file: str, columns: Sequence[str]) -> Table:

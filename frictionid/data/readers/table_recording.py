@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, ColumnNames, DatasetToml
+from frictionid.data.readers.column_toml import ColumnNames
+from frictionid.data.readers.dataset_toml import RELATIVE, UNITS, DatasetToml
 from frictionid.data.readers.motor_toml import Motor
 from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_signals import signal_of
@@ -62,7 +63,7 @@ def _at_joints(signal: Signal, motor: Motor | None, quantity: str) -> Signal:
     if motor is None:
         return signal
     torque = quantity == "torque"
-    if (motor.torque if torque else motor.angle) == "joint" and not (torque and motor.kt):
+    if not (motor.torque_at_shaft if torque else motor.angle == "motor"):
         return signal
     C = motor.matrix(signal.value.shape[1])
     to_joints = C if torque else np.linalg.inv(C).T
@@ -99,11 +100,14 @@ def _signal(
     """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
     torque = quantity == "torque"
     clock = columns.time.torque if torque and any(names) else columns.time.angle
+    if quantity == "velocity" and names == columns.velocity:
+        clock = columns.velocity_clock
     sigma = getattr(toml.sigma, quantity) if quantity else None
     unit: Any = np.array(toml.units.scales(quantity) if quantity else [1.0])
     unit = unit * np.array(toml.signs.of(quantity), float)
-    if torque and toml.motor is not None and toml.motor.kt is not None:
-        unit = unit * np.where(np.isin(toml.units.torque, CURRENTS), toml.motor.kt, 1.0)
+    if toml.motor is not None and quantity:
+        units = getattr(toml.units, quantity)
+        unit = unit * np.where(np.isin(units, RELATIVE[quantity]), toml.motor.unit(quantity), 1.0)
     return signal_of(
         table,
         clock,

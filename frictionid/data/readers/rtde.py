@@ -1,0 +1,67 @@
+"""Reader `rtde`: CSV of Universal Robots' Real-Time Data Exchange.
+
+The recorders of [UR-RTDE] and of ur_rtde write one column per joint, from 0, of each field, with
+blanks or commas between the cells: timestamp [s since the controller started], actual_q [rad],
+actual_qd [rad/s], actual_current [A], and target_moment [N m], which the controller's model of the
+arm computes: it is no measurement, and holds no more of the friction than that model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from frictionid.config import Strict, checked
+from frictionid.data.readers.column_toml import ColumnNames
+from frictionid.data.readers.table import Table, read_table
+
+_ANGLE, _VELOCITY, _CURRENT, _MOMENT = (
+    *("actual_q", "actual_qd", "actual_current"),
+    "target_moment",
+)
+
+
+class RtdeSettings(Strict):
+    """Settings of the reader `rtde`.
+
+    joints : numbers of the mechanism's joints, from 0; velocity : whether actual_qd is read, too
+    """
+
+    joints: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = [0, 1, 2, 3, 4, 5]
+    velocity: bool = False
+
+
+def rtde_tables(
+    content: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
+) -> dict[str, Table]:
+    """Table of a recording."""
+    checked(RtdeSettings, dict(settings), f"{file}: [reader]")
+    return {"": read_table(content, file, columns.names())}
+
+
+def rtde_columns(document: dict[str, Any]) -> dict[str, Any]:
+    """A dataset.toml with [columns], and that moments are commands, where it does not say so.
+
+    Torques are actual_current where [units] says that they are currents, else target_moment.
+    """
+    own = {key: value for key, value in document["reader"].items() if key != "kind"}
+    if "columns" not in document:
+        given = checked(RtdeSettings, own, "[reader]")
+        units = document.get("units")
+        unit = str(units.get("torque", "N m")) if isinstance(units, dict) else "N m"
+        torque = _MOMENT if unit.endswith("m") else _CURRENT
+        fields = {"angle": _ANGLE, "torque": torque}
+        fields |= {"velocity": _VELOCITY} if given.velocity else {}
+        names = {key: [f"{field}_{j}" for j in given.joints] for key, field in fields.items()}
+        document = {**document, "columns": {"time": "timestamp", **names}}
+    if _is_moment(document["columns"]) and "torque" not in document:
+        document = {**document, "torque": {"at": "command"}}
+    return document
+
+
+def _is_moment(columns: object) -> bool:
+    torque = columns.get("torque", "") if isinstance(columns, dict) else ""
+    names = torque if isinstance(torque, list) else [torque]
+    return any(str(name).startswith(_MOMENT) for name in names)

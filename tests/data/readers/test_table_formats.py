@@ -1,0 +1,333 @@
+"""Logs of drives, LeRobot and UR: the motion that was written comes back, mistakes are one line."""
+
+import io
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import tomli_w
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.errors import InputError
+
+TIME = np.arange(400) / 500.0  # [s]
+ANGLE = 1.2 * np.sin(5.0 * TIME)  # [rad]
+SPEED = 6.0 * np.cos(5.0 * TIME)
+TORQUE = 0.8 * np.cos(7.0 * TIME) - 0.2  # [N m]
+PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
+patient = settings(
+    deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def load(folder, kind, pattern="*.csv", **tables):
+    document = {
+        "name": "rig",
+        "mechanism": PENDULUM,
+        "reader": {"kind": kind, **tables.pop("reader", {})},
+        "recordings": {"patterns": [pattern]},
+        **tables,
+    }
+    (folder / "dataset.toml").write_text(tomli_w.dumps(document))
+    return load_dataset(folder)
+
+
+def refused(words, *arguments, **tables):
+    with pytest.raises(InputError, match=words) as caught:
+        load(*arguments, **tables)
+    assert "\n" not in str(caught.value)
+
+
+# --- Recorders of drives --------------------------------------------------------------------------
+
+COUNTS, GEAR, RATED = 2**20, 50.0, 2.5
+DRIVE = {
+    "columns": {
+        "time": {"angle": "Time", "torque": "Time[2]", "velocity": "Time[3]"},
+        "angle": "0x6064",
+        "torque": "0x6077",
+        "velocity": "0x606C",
+    },
+    "units": {"time": "ms", "angle": "counts", "velocity": "counts/s", "torque": "permille"},
+    "motor": {"angle": "motor", "gear": GEAR, "counts_per_turn": COUNTS, "rated_torque": RATED},
+}
+PREAMBLE = ["Recorder 3.1;Axis 1", "", 'Start;"07.05.2024 10:31"']
+
+
+def recorder(separator=";", comma=True, order=(0, 1, 2), preamble=PREAMBLE, decimals=4):
+    """A recorder's file: position at 500 Hz, torque at 250 Hz, velocity at 100 Hz, each with its
+    own time column, cells below the end of the slower ones empty."""
+    to_counts = GEAR * COUNTS / (2 * np.pi)
+    every = [
+        ("Position actual value (0x6064)", ANGLE * to_counts, 1),
+        ("0x6077:00", TORQUE / GEAR / RATED * 1000.0, 2),
+        ("606Ch", SPEED * to_counts, 5),
+    ]
+    names, columns = [], []
+    for k in order:
+        name, values, step = every[k]
+        names += ["Time", name]
+        columns += [1e3 * TIME[::step], values[::step]]
+    lines = [*preamble, separator.join(names), separator.join(["[ms]", "[inc]"] * len(order))]
+    for row in range(len(TIME)):
+        cells = [f"{c[row]:.{decimals}f}" if row < len(c) else "" for c in columns]
+        line = separator.join(cells)
+        lines.append(line.replace(".", ",") if comma else line)
+    return "\r\n".join([*lines, "EOF"]).encode("cp1252")
+
+
+@patient
+@given(
+    st.sampled_from([(";", True), ("\t", True), (";", False), (",", False), ("\t", False)]),
+    st.permutations([0, 1, 2]),
+    st.sampled_from([PREAMBLE, [], ["Größe;°C"], ["a\tb"] * 7]),
+)
+def test_a_recorder_s_file_gives_the_motion_back_however_it_is_laid_out(
+    tmp_path, cells, order, preamble
+):
+    separator, comma = cells
+    content = recorder(separator, comma, order, preamble)
+    (tmp_path / "a.csv").write_bytes(content)
+    place = {k: "Time" if not at else f"Time[{at + 1}]" for at, k in enumerate(order)}
+    time = {"angle": place[0], "torque": place[1], "velocity": place[2]}
+    own = {**DRIVE, "columns": {**DRIVE["columns"], "time": time}}
+    (found,) = load(tmp_path, "drive_recorder", **own).recordings
+    np.testing.assert_allclose(found.angle.time, TIME, atol=1e-12)
+    np.testing.assert_allclose(found.torque.time, TIME[::2], atol=1e-12)
+    np.testing.assert_allclose(found.velocity.time, TIME[::5], atol=1e-12)
+    np.testing.assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
+    np.testing.assert_allclose(found.velocity.value[:, 0], SPEED[::5], atol=1e-10)
+    np.testing.assert_allclose(found.torque.value[:, 0], TORQUE[::2], atol=1e-5)
+
+
+def test_per_mille_of_a_rated_current_is_a_torque_by_its_constant(tmp_path):
+    (tmp_path / "a.csv").write_bytes(recorder())
+    motor = {"angle": "motor", "gear": GEAR, "counts_per_turn": COUNTS}
+    torque = load(tmp_path, "drive_recorder", **DRIVE).recordings[0].torque.value
+    own = {**DRIVE, "motor": {**motor, "rated_current": 5.0, "kt": 0.25}}
+    current = load(tmp_path, "drive_recorder", **own).recordings[0].torque.value
+    np.testing.assert_allclose(current, torque * (5.0 * 0.25 / RATED))
+
+
+def test_a_wrong_clock_of_a_recorder_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_bytes(recorder())
+    names = {**DRIVE["columns"], "time": "Time"}
+    refused(
+        r"'0x6077' stands behind the time 'Time\[2\]', which differs from 'Time'",
+        *(tmp_path, "drive_recorder"),
+        **{**DRIVE, "columns": {**names, "velocity": "606Ch"}},
+    )
+
+
+DRIVE_MISTAKES = {
+    "unit": ({"units": {}, "motor": {}}, r"units.angle of 0x6064 must be stated: \"counts\""),
+    "torque": (
+        {"units": {"angle": "deg", "velocity": "rpm"}, "motor": {}},
+        r"units.torque of 0x6077 must be stated: by CiA 402 \"permille\"",
+    ),
+    "no rating": ({"motor": {"counts_per_turn": 9}}, '"permille" and the table .motor. with rated'),
+    "no counts": ({"motor": {"rated_torque": 2.0}}, "counts_per_turn in the table .motor. need"),
+    "both": (
+        {"motor": {"rated_torque": 2.0, "rated_current": 2.0, "counts_per_turn": 9}},
+        "rated_current needs kt beside it",
+    ),
+    "ratings": (
+        {"motor": {"rated_torque": [2.0, 3.0], "counts_per_turn": 9}},
+        "motor.rated_torque has 2 numbers for 1 joints",
+    ),
+    "zero": ({"motor": {"rated_torque": 0.0}}, "must not hold a zero"),
+    "column": (
+        {"columns": {**DRIVE["columns"], "angle": "0x6063"}},
+        r"row 4 has no column '0x6063'; it has 'Time', 'Position actual value",
+    ),
+    "columns": ({"columns": None}, "the key 'columns' is missing"),
+    "setting": ({"reader": {"skip": 3}}, r"\[reader\]: unknown key 'skip'"),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), DRIVE_MISTAKES.values(), ids=DRIVE_MISTAKES)
+def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, changes, words):
+    (tmp_path / "a.csv").write_bytes(recorder())
+    tables = {key: value for key, value in {**DRIVE, **changes}.items() if value is not None}
+    refused(words, tmp_path, "drive_recorder", **tables)
+
+
+DRIVE_FILES = {
+    "empty": (b"", "none of its first 200 rows names a column 'Time'"),
+    "no rows": (b"\r\n".join(recorder().split(b"\r\n")[:5]), "has no rows of numbers"),
+    "a word": (recorder().replace(b"\n2,0000;", b"\n2,x;"), "row 7: column 'Time' holds '2,x'"),
+    "twice": (recorder().replace(b"606Ch", b"606Ch;16#6064"), "2 columns are '0x6064'; name one"),
+    "a hole": (recorder().replace(b"\n2,0000;", b"\n2,0000;;"), "row 7"),
+    "back": (recorder().replace(b"\n2,0000;", b"\n0,0000;"), "row 7: time must increase"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), DRIVE_FILES.values(), ids=DRIVE_FILES)
+def test_a_damaged_recorder_s_file_is_one_clear_line(tmp_path, content, words):
+    (tmp_path / "a.csv").write_bytes(content)
+    refused(words, tmp_path, "drive_recorder", **DRIVE)
+
+
+# --- UR RTDE --------------------------------------------------------------------------------------
+
+
+def rtde(separator=" ", order=None):
+    """The recorder's columns of two joints, of which only the second moves."""
+    columns = {"timestamp": 12.0 + TIME}
+    for name, values in (
+        ("target_q", 9.0 * ANGLE),
+        ("actual_q", ANGLE),
+        ("actual_qd", SPEED),
+        ("actual_current", 4.0 * TORQUE),
+        ("target_moment", TORQUE),
+    ):
+        columns |= {f"{name}_0": 0.0 * values, f"{name}_1": values}
+    names = order or list(columns)
+    rows = zip(*(columns[name] for name in names), strict=True)
+    lines = [separator.join(map(repr, map(float, row))) for row in rows]
+    return "\n".join([separator.join(names), *lines]).encode()
+
+
+@patient
+@given(st.sampled_from(" ,"), st.data())
+def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
+    order = data.draw(st.permutations(rtde().split(b"\n")[0].decode().split()))
+    (tmp_path / "a.csv").write_bytes(rtde(separator, order))
+    own = {"joints": [1], "velocity": True}
+    moments = load(tmp_path, "rtde", reader=own)
+    found = moments.recordings[0]
+    np.testing.assert_array_equal(found.angle.value[:, 0], ANGLE)
+    np.testing.assert_array_equal(found.velocity.value[:, 0], SPEED)
+    np.testing.assert_array_equal(found.torque.value[:, 0], TORQUE)
+    assert moments.torque_at == "command"  # the controller's model, no measurement
+    motor = {"kt": 0.1, "gear": 101.0}
+    currents = load(tmp_path, "rtde", reader=own, units={"torque": "A"}, motor=motor)
+    torque = currents.recordings[0].torque.value[:, 0]
+    np.testing.assert_allclose(torque, 10.1 * 4.0 * TORQUE)
+    assert currents.torque_at == "motor"
+
+
+RTDE_MISTAKES = {
+    "joints": ({"reader": {"joints": [-1]}}, "joints.*greater than or equal to 0"),
+    "no joint": ({"reader": {"joints": [7]}}, "has no column 'actual_q_7'"),
+    "no kt": ({"reader": {"joints": [1]}, "units": {"torque": "A"}}, "needs the table .motor."),
+    "setting": ({"reader": {"kt": 3.0}}, "unknown key 'kt'"),
+    "columns": ({"columns": 3}, "columns"),
+}
+
+
+@pytest.mark.parametrize(("tables", "words"), RTDE_MISTAKES.values(), ids=RTDE_MISTAKES)
+def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, tables, words):
+    (tmp_path / "a.csv").write_bytes(rtde())
+    refused(words, tmp_path, "rtde", **tables)
+
+
+# --- LeRobot --------------------------------------------------------------------------------------
+
+ELEMENTS = ["shoulder_pan.pos", "shoulder_lift.pos"]
+LEROBOT = {
+    "columns": {
+        "time": "timestamp",
+        "angle": "observation.state[shoulder_lift.pos]",
+        "torque": "observation.effort[0]",
+        "covariates": {"target": "action[shoulder_lift.pos]"},
+    },
+    "units": {"angle": "deg"},
+}
+PARTS = [slice(0, 150), slice(150, 260), slice(260, 400)]  # episodes
+
+
+def lerobot(folder, fixed=True, names=ELEMENTS, angle=np.degrees(ANGLE)):
+    """A data set of version 3, three episodes in one file; names as of version 2 in a mapping."""
+    (folder / "meta").mkdir()
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    feature = {"dtype": "float32", "shape": [2], "names": names}
+    features = {"observation.state": feature, "action": feature}
+    info = {"codebase_version": "v3.0", "fps": 500, "features": features}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    vector = pa.list_(pa.float32(), 2) if fixed else pa.list_(pa.float32())
+
+    def vectors(values):
+        return pa.array(np.stack([0 * values, values], 1).astype("float32").tolist(), vector)
+
+    local = np.concatenate([TIME[part] - TIME[part][0] for part in PARTS])
+    episode = np.concatenate([np.full(len(TIME[part]), k) for k, part in enumerate(PARTS)])
+    effort = pa.array([[u] for u in TORQUE.tolist()])
+    columns = {
+        "observation.state": vectors(angle),
+        "action": vectors(angle + 1.0),
+        "observation.effort": effort,
+        "timestamp": pa.array(local.astype("float32")),
+        "episode_index": pa.array(episode),
+    }
+    stream = io.BytesIO()
+    pq.write_table(pa.table(columns), stream)
+    (folder / "data" / "chunk-000" / "file-000.parquet").write_bytes(stream.getvalue())
+
+
+@pytest.mark.parametrize(("fixed", "names"), [(True, ELEMENTS), (False, {"motors": ELEMENTS})])
+def test_episodes_of_lerobot_are_recordings_with_features_by_name(tmp_path, fixed, names):
+    lerobot(tmp_path, fixed, names)
+    found = load(tmp_path, "lerobot", "data/*/*.parquet", **LEROBOT).recordings
+    assert [r.name for r in found] == [f"data/chunk-000/file-000/episode_{k}" for k in range(3)]
+    for recording, part in zip(found, PARTS, strict=True):
+        time = TIME[part] - TIME[part][0]
+        np.testing.assert_allclose(recording.angle.time, time, atol=1e-7)
+        np.testing.assert_allclose(recording.angle.value[:, 0], ANGLE[part], atol=1e-6)
+        np.testing.assert_array_equal(recording.torque.value[:, 0], TORQUE[part])
+        target = recording.covariates["target"].value[:, 0]  # in the unit of the file
+        np.testing.assert_allclose(target, np.degrees(ANGLE[part]) + 1.0, atol=1e-4)
+    one = load(
+        *(tmp_path, "lerobot", "data/*/*.parquet"), **{**LEROBOT, "reader": {"episodes": [1]}}
+    )
+    assert [r.name for r in one.recordings] == ["data/chunk-000/file-000/episode_1"]
+
+
+def test_normalised_angles_of_lerobot_are_angles_by_their_range(tmp_path):
+    low, high = -70.0, 110.0
+    lerobot(tmp_path, angle=(np.degrees(ANGLE) - low) / (high - low) * 200.0 - 100.0)
+    own = {**LEROBOT, "reader": {"range": {"shoulder_lift.pos": [low, high]}}}
+    found = load(tmp_path, "lerobot", "data/*/*.parquet", **own).recordings
+    for recording, part in zip(found, PARTS, strict=True):
+        np.testing.assert_allclose(recording.angle.value[:, 0], ANGLE[part], atol=1e-6)
+
+
+def state(name):
+    return {"columns": {**LEROBOT["columns"], "angle": name}}
+
+
+LEROBOT_MISTAKES = {
+    "unit": ({"units": {}}, r"units.angle of observation.* must be stated: .*-100 to 100"),
+    "element": (state("observation.state[shoulder_lift]"), "has no 'shoulder_lift'; did you mean"),
+    "feature": (state("observation.stat[shoulder_lift.pos]"), "has no feature 'observation.stat'"),
+    "number": (state("observation.state[7]"), r"'observation.state\[7\]' holds no numbers"),
+    "whole": (state("observation.state"), "'observation.state' holds no numbers"),
+    "no vector": (state("episode_index[0]"), r"'episode_index\[0\]' holds no numbers"),
+    "range": ({"reader": {"range": {"elbow": [0, 1]}}}, r"range: .*elbow"),
+    "empty range": (
+        {"reader": {"range": {"shoulder_lift.pos": [1.0, 1.0]}}},
+        "'shoulder_lift.pos' goes from 1 to 1",
+    ),
+    "no episode": ({"reader": {"episodes": [9]}}, "needs at least one recording"),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), LEROBOT_MISTAKES.values(), ids=LEROBOT_MISTAKES)
+def test_a_mistake_about_lerobot_is_one_clear_line(tmp_path, changes, words):
+    lerobot(tmp_path)
+    refused(words, tmp_path, "lerobot", "data/*/*.parquet", **{**LEROBOT, **changes})
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b'{"features": 3}', b'{"features": {"a": 1}}'])
+def test_a_damaged_info_of_lerobot_is_one_clear_line(tmp_path, content):
+    lerobot(tmp_path)
+    (tmp_path / "meta" / "info.json").write_bytes(content)
+    arguments = (tmp_path, "lerobot", "data/*/*.parquet")
+    refused(r"info\.json does not describe features; copy it again", *arguments, **LEROBOT)
+    (tmp_path / "meta" / "info.json").unlink()
+    (tmp_path / "meta").rmdir()
+    refused("no folder above has meta/info.json", *arguments, **LEROBOT)
