@@ -2,16 +2,19 @@
 
 import io
 import json
+import tomllib
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import tomli_w
+from fixtures.paths import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.errors import InputError
 
 TIME = np.arange(400) / 500.0  # [s]
@@ -331,3 +334,15 @@ def test_a_damaged_info_of_lerobot_is_one_clear_line(tmp_path, content):
     (tmp_path / "meta" / "info.json").unlink()
     (tmp_path / "meta").rmdir()
     refused("no folder above has meta/info.json", *arguments, **LEROBOT)
+
+
+# --- The pages that explain them ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["drive_recorder", "lerobot", "rtde"])
+def test_the_example_of_a_format_is_a_valid_dataset_toml(kind):
+    text = (ROOT / "data" / "README.md").read_text().partition(f"**`{kind}`**")[2]
+    example = tomllib.loads(text.partition("```toml\n")[2].partition("```")[0])
+    own = {"name": "rig", "mechanism": PENDULUM, "recordings": {"patterns": ["*"]}}
+    toml = check_dataset_toml({**own, **example}, "README")
+    assert toml.reader.kind == kind and toml.columns is not None
