@@ -20,7 +20,7 @@ from frictionid.monitor.two_samples import (
 Test = Literal["permutation", "normal"]
 Answer = Literal["changed", "unchanged", "cannot_tell"]
 _FASTER = 1.3  # times the fastest healthy recording: motion that the baseline does not have
-_LONGER = 1.5  # times the longest healthy recording, whose changes would scatter less
+_LONGER = 1.5  # times the longest healthy recording, whose changes scatter less
 
 
 class PartChange(NamedTuple):
@@ -71,7 +71,8 @@ def judge(
 ) -> Judgement:
     """Judgement on new recordings (k) against the healthy ones (N) of a baseline.
 
-    Linear effects of covariates, such as a temperature, are removed from both first.
+    Linear effects of covariates, such as a temperature, are removed from both first. Changes of
+    recordings that are shorter than the healthy ones scatter more: no rate holds for their alarms.
     """
     before, after = without_covariates(baseline.changes, new)
     speeds = baseline.reference.speeds
@@ -80,8 +81,9 @@ def judge(
         found, promised = hotelling_test(healthy, own), 0.0
     else:
         found, promised = permutation_test(healthy, own), least_rate(len(healthy), len(own))
-    able = np.isfinite(found.p) and promised <= rate * (1 + 1e-9)
     changed = tuple(int(j) for j in np.flatnonzero(found.p_of_joint <= rate * (1 + 1e-9)))
+    shorter = new.seconds.min() * _LONGER < baseline.changes.seconds.min()
+    able = np.isfinite(found.p) and promised <= rate * (1 + 1e-9) and not (changed and shorter)
     answer: Answer = "cannot_tell" if not able else "changed" if changed else "unchanged"
     return Judgement(
         answer,
@@ -157,7 +159,8 @@ def _notes(
         out.append(
             f"{baseline.joints[j]} moves {'faster' if faster[j] else 'slower'} than in the "
             f"baseline ({new.speeds[:, j].max():.3g} against {known[:, j].min():.3g} to "
-            f"{known[:, j].max():.3g}): other motion, not exchangeable with it"
+            f"{known[:, j].max():.3g}): other motion, not exchangeable with it, for which the rate "
+            "of false alarms does not hold"
         )
     length, usual = new.seconds, baseline.changes.seconds
     if length.max() > _LONGER * usual.max() or length.min() * _LONGER < usual.min():

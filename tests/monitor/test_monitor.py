@@ -170,6 +170,22 @@ def test_recordings_unlike_the_healthy_ones_are_named(known, healthy):
     assert "not exchangeable with healthy ones of 12 to 12 s" in str(found)
 
 
+def test_no_rate_holds_for_an_alarm_of_shorter_recordings(known, worn):
+    """Their changes scatter more than those of the healthy ones, whatever friction did."""
+
+    def first(seconds):
+        count = int(60 * seconds) + 1
+        signals = [(r, r.angle) for r in worn[1].recordings]
+        cut = (replace(r, angle=Signal(a.time[:count], a.value[:count])) for r, a in signals)
+        return fid.monitor(known, replace(worn[1], recordings=tuple(cut)))
+
+    assert first(9.0).answer == "changed"
+    short = first(6.0)
+    assert short.judgement.p <= 0.01
+    assert short.answer == "cannot_tell"
+    assert "take parts as long as those" in str(short)
+
+
 def test_a_baseline_survives_its_file(known, tmp_path):
     path = tmp_path / "baseline.json"
     save_baseline(known, path, LAWS, {})
