@@ -1,7 +1,9 @@
 """Rates of the monitor on simulated recordings: false alarms, changes found, sensors that are off.
 
 The rig is an acrobot with set-valued friction that scatters between recordings; see monitoring.toml
-for the numbers. Run from the clone: python comparisons/monitoring.py [--recordings N] [--jobs N]
+for the numbers. Its motion is integrated by the simulator's own steps, judged by the monitor's
+smoothing: no code is shared. Run from the clone:
+python comparisons/monitoring.py [--recordings N] [--groups N] [--jobs N]
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -22,27 +24,51 @@ from frictionid import fit
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
 from frictionid.monitor.baseline import Baseline, make_baseline
-from frictionid.monitor.changes import Changes, prepared_data, recording_changes
+from frictionid.monitor.changes import Changes, curve_changes, prepared_data, recording_changes
 from frictionid.monitor.judgement import judge
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, Variation, simulate
+from frictionid.monitor.martingale import log_evidence
+from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
 
 CURVE = Curve(
     (0.165, 0.055), (0.165, 0.05), (0.004, 0.0008), (0.0, 0.028), (0.0, 0.036), (1.0, 2.0)
 )
 RATE, NOISE = 60.0, 0.0016231562
+AT_ONCE = 100  # recordings whose changes are computed together, to spare memory
 
 
-def rig_of(settings: dict[str, Any], seed: int, count: int, wear: tuple[float, ...] = ()) -> Rig:
-    """Rig with recordings of as many random sines, worn from the first one on."""
+class Pools(NamedTuple):
+    """Changes of all recordings against one reference.
+
+    healthy : by what their sensors do, the same motions in the same order; "half" has half of each
+    worn : of each joint, groups of recordings with its levels raised
+    louder : healthy recordings by the share of the baseline's torque
+    """
+
+    known: Baseline
+    healthy: dict[str, Changes]
+    worn: list[Changes]
+    louder: dict[float, Changes]
+
+
+def rig_of(
+    settings: dict[str, Any],
+    seed: int,
+    count: int,
+    wear: tuple[float, ...] = (),
+    share: float = 1.0,
+) -> Rig:
+    """Rig with as many recordings of random motion, worn from the first one on."""
     rng = np.random.default_rng(seed)
-    runs = tuple(
-        Run(
-            f"run{seed}-{i}",
-            tuple(rng.uniform(-2.0, 2.0, 2).round(3).tolist()),
-            torques=(Sine(round(rng.uniform(0.13, 0.16), 3), round(rng.uniform(0.9, 1.2), 3)),),
-        )
-        for i in range(count)
-    )
+    motion = settings["motion"]
+
+    def torque() -> Multisine:
+        amplitude = round(share * rng.uniform(*motion["amplitude"]), 3)
+        return Multisine(amplitude, tuple(round(rng.uniform(*b), 3) for b in motion["bands"]))
+
+    def start() -> tuple[float, ...]:
+        return tuple(rng.uniform(-2.0, 2.0, 2).round(3).tolist())
+
+    runs = tuple(Run(f"run{seed}-{i}", start(), torques=(torque(),)) for i in range(count))
     camera = Camera(int(settings["seconds"] * RATE) + 1, RATE, NOISE)
     scatter = settings["friction"]["scatter"]
     variation = Variation(scatter=scatter, wear=wear, sudden=bool(wear))
@@ -76,17 +102,29 @@ def sensors_of(settings: dict[str, Any]) -> dict[str, Callable[[Any], Any]]:
     }
 
 
+def first_half(recording: Any) -> Any:
+    """The first half of a recording."""
+    angle = recording.angle
+    count = len(angle.time) // 2
+    return replace(
+        recording, angle=angle._replace(time=angle.time[:count], value=angle.value[:count])
+    )
+
+
 def batch(settings: dict[str, Any], known: Baseline, seed: int) -> dict[str, Changes]:
     """Changes of a batch of healthy recordings, by what their sensors do."""
     data = simulate(rig_of(settings, seed, settings["batch"]))
     variants = {"healthy": data}
     variants |= {name: with_sensors(data, f) for name, f in sensors_of(settings).items()}
+    variants["half"] = with_sensors(data, first_half)
     return {name: changes(known, own) for name, own in variants.items()}
 
 
 def changes(known: Baseline, data: Dataset) -> Changes:
     """Changes of recordings against the reference of a baseline."""
-    return recording_changes(prepared_data(data), known.reference, ())
+    firsts = range(0, len(data.recordings), AT_ONCE)
+    parts = [replace(data, recordings=data.recordings[i : i + AT_ONCE]) for i in firsts]
+    return joined([recording_changes(prepared_data(p), known.reference, ()) for p in parts])
 
 
 def worn(settings: dict[str, Any], known: Baseline, seed: int, joint: int) -> Changes:
@@ -95,6 +133,30 @@ def worn(settings: dict[str, Any], known: Baseline, seed: int, joint: int) -> Ch
     wear = tuple(own["change"] if j == joint else 0.0 for j in range(2))
     count = own["groups"] * own["group"]
     return changes(known, simulate(rig_of(settings, seed, count, wear)))
+
+
+def louder(settings: dict[str, Any], known: Baseline, seed: int, share: float) -> Changes:
+    """Changes of healthy recordings under another share of the baseline's torque."""
+    return changes(known, simulate(rig_of(settings, seed, settings["other"]["count"], (), share)))
+
+
+def pools_of(settings: dict[str, Any], jobs: int) -> Pools:
+    """All recordings, simulated and compared with one reference."""
+    data = simulate(rig_of(settings, 10**6, 20))
+    known = make_baseline(prepared_data(data), fit(data, "stribeck").friction)
+    first, count = settings["seed"], settings["recordings"] // settings["batch"]
+    shares = settings["other"]["torque"]
+    tasks = [
+        *(delayed(batch)(settings, known, first + i) for i in range(count)),
+        *(delayed(worn)(settings, known, 2 * 10**6 + j, j) for j in range(2)),
+        *(delayed(louder)(settings, known, 3 * 10**6 + i, s) for i, s in enumerate(shares)),
+    ]
+    run = Parallel(jobs, return_as="generator")
+    done = list(track(run(tasks), "recordings", total=len(tasks)))
+    healthy = {name: joined([part[name] for part in done[:count]]) for name in done[0]}
+    return Pools(
+        known, healthy, done[count : count + 2], dict(zip(shares, done[count + 2 :], strict=True))
+    )
 
 
 def taken(own: Changes, index: Any) -> Changes:
@@ -115,17 +177,19 @@ def counted(alarms: int, cases: int) -> str:
 
 
 def alarms_of(
-    settings: dict[str, Any], known: Baseline, pool: Changes, new: Changes, k: int, test: Any
+    settings: dict[str, Any], pools: Pools, new: Changes, k: int, test: Any = "permutation"
 ) -> tuple[int, int]:
     """Alarms among groups of k new recordings against random healthy ones, and number of groups."""
     size = settings["baselines"]["single" if k == 1 else "group"]
     rng = np.random.default_rng(settings["seed"])
+    pool = pools.healthy["healthy"]
     count, alarms = len(new.parts), 0
     groups = rng.permutation(count)[: count // k * k].reshape(-1, k)
     for own in groups:
-        free = np.setdiff1d(np.arange(len(pool.parts)), own)  # new may be the pool itself
-        base = replaced(known, taken(pool, rng.choice(free, size, replace=False)))
-        alarms += judge(base, taken(new, own), settings["rate"], test).answer == "changed"
+        free = np.setdiff1d(np.arange(len(pool.parts)), own)  # new may be of the pool itself
+        base = replaced(pools.known, taken(pool, rng.choice(free, size, replace=False)))
+        said = judge(base, taken(new, own), settings["rate"], test)
+        alarms += said.p <= settings["rate"] * (1 + 1e-9)
     return alarms, len(groups)
 
 
@@ -135,20 +199,75 @@ def replaced(known: Baseline, healthy: Changes) -> Baseline:
     return replace(known, changes=healthy, names=names, hashes=names)
 
 
-def found_of(
-    settings: dict[str, Any], known: Baseline, pool: Changes, new: Changes, joint: int
-) -> tuple[int, int, int]:
+def found_of(settings: dict[str, Any], pools: Pools, joint: int) -> tuple[int, int, int]:
     """Groups whose change was found, those in which the right joint was, and number of groups."""
     k, rng = settings["friction"]["group"], np.random.default_rng(settings["seed"])
+    pool, new = pools.healthy["healthy"], pools.worn[joint]
     found = right = 0
     groups = np.arange(len(new.parts)).reshape(-1, k)
     for own in groups:
         size = settings["baselines"]["group"]
-        base = replaced(known, taken(pool, rng.choice(len(pool.parts), size, replace=False)))
+        base = replaced(pools.known, taken(pool, rng.choice(len(pool.parts), size, replace=False)))
         said = judge(base, taken(new, own), settings["rate"])
         found += said.answer == "changed"
         right += said.answer == "changed" and int(said.p_of_joint.argmin()) == joint
     return found, right, len(groups)
+
+
+def first_alarms(
+    settings: dict[str, Any], pools: Pools, healthy: int, arriving: Changes | None = None
+) -> np.ndarray:
+    """Number of arrivals at the first alarm of each sequence (S,), inf where there is none.
+
+    Each sequence has its own choice of a baseline and arrivals: of the healthy ones, or of others.
+    """
+    own, rng = settings["sequences"], np.random.default_rng(settings["seed"])
+    speeds = pools.known.reference.speeds
+    rows = curve_changes(pools.healthy["healthy"].parts, speeds)
+    new = rows if arriving is None else curve_changes(arriving.parts, speeds)
+    first = np.full(own["count"], np.inf)
+    for i in range(own["count"]):
+        chosen = rng.choice(len(rows), healthy + own["arrivals"], replace=False)
+        which = (
+            chosen[healthy:] if arriving is None else rng.choice(len(new), own["arrivals"], False)
+        )
+        names = tuple(f"{i} {k}" for k in range(own["arrivals"]))
+        log = log_evidence(rows[chosen[:healthy]], new[which], names)
+        over = np.flatnonzero(log >= np.log(1.0 / settings["rate"]))
+        first[i] = over[0] + 1 if len(over) else np.inf
+    return first
+
+
+def print_rates(settings: dict[str, Any], pools: Pools) -> None:
+    """Print how often the monitor is right."""
+    healthy, group = pools.healthy["healthy"], settings["friction"]["group"]
+    total = healthy.parts[:, :, :2].sum(-1)
+    print(f"scatter of the total change: {total.std(axis=0) / pools.known.level} of the level")
+    print(f"scatter of the gain: {healthy.gain.std(axis=0)}, delay: {healthy.delay.std():.2g} s")
+    for k in (1, group):
+        share = counted(*alarms_of(settings, pools, healthy, k, "normal"))
+        print(f"healthy, {k} new, normal: {share}")
+    news = pools.healthy | {f"torque x {share:g}": own for share, own in pools.louder.items()}
+    for name, new in news.items():
+        for k in (1, group):
+            print(f"{name}, {k} new: {counted(*alarms_of(settings, pools, new, k))}")
+    for joint in range(2):
+        found, right, groups = found_of(settings, pools, joint)
+        print(f"joint {joint + 1} changed: found {counted(found, groups)}, right joint {right}")
+
+
+def print_sequences(settings: dict[str, Any], pools: Pools) -> None:
+    """Print how often and how soon the evidence over arriving recordings gives an alarm."""
+    arrivals = settings["sequences"]["arrivals"]
+    kinds = {"healthy": None, "joint 1 changed": pools.worn[0], "joint 2 changed": pools.worn[1]}
+    for size in settings["sequences"]["healthy"]:
+        for name, new in kinds.items():
+            first = first_alarms(settings, pools, size, new)
+            share = counted(int(np.isfinite(first).sum()), len(first))
+            print(
+                f"{name}, {size} in the baseline, alarm within {arrivals} arrivals: {share}", end=""
+            )
+            print(f", half of them by arrival {np.median(first):g}")
 
 
 def main() -> None:
@@ -159,29 +278,11 @@ def main() -> None:
     parser.add_argument("--groups", type=int, default=settings["friction"]["groups"])
     parser.add_argument("--jobs", type=int, default=-1)
     given = parser.parse_args()
-    settings["friction"]["groups"] = given.groups
+    settings["recordings"], settings["friction"]["groups"] = given.recordings, given.groups
     settings["batch"] = min(settings["batch"], given.recordings)
-    data = simulate(rig_of(settings, 10**6, 20))
-    known = make_baseline(prepared_data(data), fit(data, "stribeck").friction)
-    first, count = settings["seed"], given.recordings // settings["batch"]
-    run = Parallel(given.jobs, return_as="generator")
-    jobs = (delayed(batch)(settings, known, first + i) for i in range(count))
-    parts = list(track(run(jobs), "healthy recordings", total=count))
-    pool = {name: joined([part[name] for part in parts]) for name in parts[0]}
-    healthy = pool["healthy"]
-    print(f"scatter of the total change: {np.std(healthy.parts[:, :, :2].sum(-1), axis=0)} N m")
-    for test in ("permutation", "normal"):
-        for k in (1, settings["friction"]["group"]):
-            share = counted(*alarms_of(settings, known, healthy, healthy, k, test))
-            print(f"healthy, {k} new, {test}: {share}")
-    for name in list(pool)[1:]:
-        for k in (1, settings["friction"]["group"]):
-            share = counted(*alarms_of(settings, known, healthy, pool[name], k, "permutation"))
-            print(f"{name}, {k} new: {share}")
-    changed = run(delayed(worn)(settings, known, 2 * 10**6 + j, j) for j in range(2))
-    for joint, own in enumerate(track(changed, "worn recordings", total=2)):
-        found, right, groups = found_of(settings, known, healthy, own, joint)
-        print(f"joint {joint + 1} changed: found {counted(found, groups)}, right joint {right}")
+    pools = pools_of(settings, given.jobs)
+    print_rates(settings, pools)
+    print_sequences(settings, pools)
 
 
 if __name__ == "__main__":
