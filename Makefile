@@ -41,8 +41,8 @@ format: $(DEV) ## format the code and repair what lint can repair
 	@$(BIN)/ruff check --fix-only --quiet .
 	@$(BIN)/ruff format .
 
-bench: $(CORE) ## accuracy and time of the parts
-	@$(BIN)/python comparisons/bench.py $(ARGS)
+bench: $(CORE) ## speed and accuracy beside others, into report/bench (6 minutes)
+	@$(ONE_THREAD) $(BIN)/python comparisons/bench $(ARGS)
 
 docs: $(DOCS) ## the documentation as a site in site/, with the reports that are in report/
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --clean $(ARGS)

@@ -2,9 +2,9 @@
 
 python our_side.py TASK.npz RESULT.npz coulomb_viscous|stribeck
 
-As `frictionid fit --by shooting` does it: least squares for a start, then shooting with free start
-states over windows of 5, 10 and 20 samples. The smoothed starts that the task brings are the
-peer's; frictionid smooths for itself, in its own time.
+As `frictionid fit --by shooting --free friction` does it: least squares for a start, then
+shooting with free start states over windows of 5, 10 and 20 samples. The smoothed starts that the
+task brings are the peer's; frictionid smooths for itself, in its own time.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
 from frictionid.shooting import refine
+from frictionid.shooting.parameters import FrictionBlock
 
 LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": AsymmetricStribeck()}
 
@@ -43,7 +44,8 @@ def main(source: str, target: str, law: str) -> None:
     states = RTS()([r.angle for r in dataset.recordings])
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL, states=states)
     start = LeastSquares(LAWS[law]).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
-    np.savez(target, theta=refine(start, dataset, states=states).friction.theta)
+    found = refine(start, dataset, (FrictionBlock(),), states=states)
+    np.savez(target, theta=found.friction.theta)
 
 
 if __name__ == "__main__":

@@ -96,25 +96,29 @@ class Hybrid(torch.nn.Module):
         return w + torch.linalg.solve(terms.M, f) * s.dt
 
 
-def train(
-    dataset: Dataset, samples: Samples, fold: int, kind: type, epochs: int, batch: int = 32
-) -> float:
-    """Held-out loss [rad/s] of one fold after training on the others."""
-    torch.manual_seed(0)
-    learn, held = (
-        Samples(*(x[which] for x in samples))
-        for which in (samples.fold != fold, samples.fold == fold)
-    )
-    scales = learn.w.std(dim=(0, 1))
-    model = Hybrid(dataset, [kind(float(scale)) for scale in scales])
-    adam = torch.optim.Adam(model.parameters(), lr=1e-3)
-    for _ in range(epochs):
-        order = torch.randperm(len(learn.fold))
-        for begin in range(0, len(order), batch):
-            rows = Samples(*(x[order[begin : begin + batch]] for x in learn))
-            loss = (model(rows) - rows.w_next).norm(dim=1).mean()
-            adam.zero_grad()
-            loss.backward()
-            adam.step()
-    with torch.no_grad():
-        return float((model(held) - held.w_next).norm(dim=1).mean())
+class Training:
+    """Training of one fold on the others, by Adam on batches in random order."""
+
+    def __init__(self, dataset: Dataset, samples: Samples, fold: int, kind: type, batch: int = 32):
+        torch.manual_seed(0)
+        self.batch = batch
+        self.learn, self.held = (
+            Samples(*(x[which] for x in samples))
+            for which in (samples.fold != fold, samples.fold == fold)
+        )
+        scales = self.learn.w.std(dim=(0, 1))
+        self.model = Hybrid(dataset, [kind(float(scale)) for scale in scales])
+        self.adam = torch.optim.Adam(self.model.parameters(), lr=1e-3)
+
+    def epochs(self, count: int) -> float:
+        """Held-out loss [rad/s] after so many more epochs."""
+        for _ in range(count):
+            order = torch.randperm(len(self.learn.fold))
+            for begin in range(0, len(order), self.batch):
+                rows = Samples(*(x[order[begin : begin + self.batch]] for x in self.learn))
+                loss = (self.model(rows) - rows.w_next).norm(dim=1).mean()
+                self.adam.zero_grad()
+                loss.backward()
+                self.adam.step()
+        with torch.no_grad():
+            return float((self.model(self.held) - self.held.w_next).norm(dim=1).mean())

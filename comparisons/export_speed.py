@@ -1,4 +1,4 @@
-"""Time of exported C for each joint and step: python comparisons/bench_export.py.
+"""Time of exported C for each joint and step: python comparisons/export_speed.py.
 
 Compiled with gcc -O2; the least of 15 runs over 20,000 random velocities. Beside it stands the time
 as a multiple of one tanh and one exp of the same machine.

@@ -1,6 +1,6 @@
-"""Shooting's part of `make bench`: how right and how fast it is.
+"""How right shooting is, and how long ten folds of it take.
 
-python comparisons/bench_shooting.py [--seeds 5] [--jobs 2]
+python comparisons/shooting_accuracy.py [--seeds 5] [--jobs 2]
 
 Simulated rigs with set-valued friction, the recordings of data/acrobot_sim and acrobot_clean with
 torques and noise of their own for each seed; the worst of the seeds is told. Predictions are judged

@@ -1,0 +1,133 @@
+"""Predictions from many starts, beside MuJoCo's `rollout` on one thread.
+
+The acrobot with Coulomb and viscous friction, which MuJoCo's joints have; four steps a sample. Our
+physics step sticks and slips exactly, MuJoCo's dry friction is a soft constraint: that shows in
+their errors, against steps eight times as fine of ours. The semi-implicit step of both, MuJoCo's
+"Euler", has no such means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from acrobot_mjcf import mjcf
+from case import Case, NotInstalledError, Part, Side
+from samples import RATE, acrobot
+
+from frictionid.data.plants import plant_of
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.evaluation import Protocol, prepare
+from frictionid.friction import Friction
+from frictionid.friction.laws import MLP, CoulombViscous
+
+THETA = np.array([[0.165, 0.004], [0.055, 0.0008]])
+STEPS = 4  # of a sample
+COPIES = 10  # of each start, where there are many
+ERROR = "median after 1 s, without camera noise [rad]"
+
+
+def mujoco_rollout() -> Any:
+    """The peer's module."""
+    try:
+        import mujoco
+        import mujoco.rollout
+    except ImportError:
+        raise NotInstalledError("mujoco (pip install mujoco)") from None
+    return mujoco
+
+
+class Motions(NamedTuple):
+    """Predictions to make: start states (S, 2), torques (T, S, 2) of the samples, and the plant."""
+
+    plant: Any
+    q: np.ndarray
+    w: np.ndarray
+    u: np.ndarray
+
+    def times(self, count: int) -> Motions:
+        """Each of them so many times."""
+        q, w = (np.tile(x, (count, 1)) for x in (self.q, self.w))
+        return Motions(self.plant, q, w, np.tile(self.u, (1, count, 1)))
+
+    def predicted(self, friction: Friction, *, refine: int = 1) -> np.ndarray:
+        """Angles at the end (S, 2), by the physics step."""
+        dt = np.full(self.u.shape[:2], 1 / RATE)
+        start = State(self.q, self.w)
+        return rollout(self.plant, friction, start, self.u, dt, refine=refine).q[-1]
+
+    def semi_implicit(self, friction: Friction) -> np.ndarray:
+        """Angles at the end (S, 2), by semi-implicit steps."""
+        u = np.repeat(self.u, STEPS, axis=0)
+        dt = np.full(u.shape[:2], 1 / RATE / STEPS)
+        start = State(self.q, self.w)
+        return rollout(self.plant, friction, start, u, dt, method="semi_implicit").q[-1]
+
+
+def motions() -> Motions:
+    """A start in each quarter of a second of the recordings, and the torques of 1 s after it."""
+    dataset = acrobot()
+    starts = prepare(dataset, Protocol(horizons=(1.0,))).initial_states
+    return Motions(plant_of(dataset)[0], starts.q, starts.w, starts.u)
+
+
+def in_mujoco(mujoco: Any, motions: Motions, integrator: str) -> Callable[[], np.ndarray]:
+    """Function that predicts angles at the end (S, 2) by MuJoCo."""
+    spec = mujoco.MjSpec.from_string(
+        mjcf({k: float(v) for k, v in motions.plant.parameters.items()})
+    )
+    for (coulomb, viscous), name in zip(THETA, ("joint1", "joint2"), strict=True):
+        spec.joint(name).frictionloss = coulomb
+        spec.joint(name).damping[0] = viscous
+    spec.option.timestep = 1 / RATE / STEPS
+    spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    start = np.zeros((len(motions.q), size))  # time, then angles and velocities
+    start[:, 1:3], start[:, 3:5] = motions.q, motions.w
+    torque = np.repeat(np.swapaxes(motions.u, 0, 1)[..., 1:], STEPS, axis=1)
+    return lambda: mujoco.rollout.rollout(model, data, start, torque)[0][:, -1, 1:3]
+
+
+def rollouts() -> Part:
+    """The physics step and the semi-implicit one, with a parametric law and with a network."""
+    mujoco, few = mujoco_rollout(), motions()
+    many, share = few.times(COPIES), 1 / COPIES
+    law, net = (
+        Friction(CoulombViscous(), THETA),
+        Friction(MLP(), np.stack([MLP().initial[0]] * 2)),
+    )
+    right = few.predicted(law, refine=8)
+
+    def off(found: np.ndarray) -> float:
+        return float(np.median(np.linalg.norm(found[: len(right)] - right, axis=1)))
+
+    euler, rk4 = (in_mujoco(mujoco, few, name) for name in ("EULER", "RK4"))
+    theirs = Side("MuJoCo's rollout, Euler", lambda: off(euler()), share=share)
+    finer = Side("MuJoCo's rollout, RK4", lambda: off(rk4()), share=share)
+    fine = Side("MuJoCo's rollout, RK4", finer.run)
+    count, fewer = len(many.q), len(few.q)
+    semi = "frictionid, semi-implicit, NumPy"
+    physics = "frictionid, the physics step, NumPy"
+    plain = Side(semi, lambda: off(many.semi_implicit(law)))
+    network = Side(f"{semi}, with an MLP", lambda: _without_error(many.semi_implicit(net)))
+    stiction = Side(physics, lambda: off(many.predicted(law)))
+    usual = Side(physics, lambda: off(few.predicted(law)))
+    return Part(
+        (
+            Case(f"rollout, {count} starts", plain, theirs, ERROR, bar=15.0),
+            Case(f"rollout, {count} starts, MLP", network, theirs, ERROR, bar=3.0),
+            Case(f"rollout with stiction, {count} starts", stiction, finer, ERROR, bar=15.0),
+            Case(f"rollout with stiction, {fewer} starts", usual, fine, ERROR, bar=15.0),
+        ),
+        3,
+    )
+
+
+def _without_error(motion: np.ndarray) -> float:
+    """There is no true network to compare with."""
+    assert np.isfinite(motion).all()
+    return float("nan")
