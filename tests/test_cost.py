@@ -11,7 +11,6 @@ from fixtures.paths import ROOT
 
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.state_estimators import RTS
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation import Split, make_folds
@@ -45,13 +44,6 @@ def recordings(dataset, count):
     return replace(dataset, recordings=dataset.recordings[:count])
 
 
-def long(dataset, samples):
-    """The angle of one recording, repeated until it has so many samples."""
-    angle = dataset.recordings[0].angle
-    value = np.resize(angle.value, (samples, angle.value.shape[1]))
-    return angle._replace(time=np.arange(samples) / 60.0, value=value)
-
-
 @pytest.mark.parametrize("recipe", [STUDY, INTEGRAL], ids=["study", "integral"])
 def test_memory_of_one_step_problems_grows_with_the_samples_at_most(acrobot, recipe):
     def work(count):
@@ -71,11 +63,6 @@ def test_memory_of_residuals_grows_with_the_samples_at_most(acrobot):
         return lambda: problem.residual(along(friction, problem.nodes))
 
     assert peak(work(24)) < LINEAR * peak(work(6))
-
-
-def test_memory_of_the_smoother_grows_with_one_recording_at_most(acrobot):
-    few, many = ([long(acrobot, samples)] for samples in (2_000, 8_000))
-    assert peak(lambda: RTS()(many)) < LINEAR * peak(lambda: RTS()(few))
 
 
 class Counted:

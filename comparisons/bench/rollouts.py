@@ -92,39 +92,46 @@ def in_mujoco(mujoco: Any, motions: Motions, integrator: str) -> Callable[[], np
     return lambda: mujoco.rollout.rollout(model, data, start, torque)[0][:, -1, 1:3]
 
 
-def rollouts() -> Part:
-    """The physics step and the semi-implicit one, with a parametric law and with a network."""
+def smooth() -> Part:
+    """Semi-implicit steps, with a parametric law and with a network."""
     mujoco, few = mujoco_rollout(), motions()
-    many, share = few.times(COPIES), 1 / COPIES
-    law, net = (
-        Friction(CoulombViscous(), THETA),
-        Friction(MLP(), np.stack([MLP().initial[0]] * 2)),
-    )
-    right = few.predicted(law, refine=8)
-
-    def off(found: np.ndarray) -> float:
-        return float(np.median(np.linalg.norm(found[: len(right)] - right, axis=1)))
-
-    euler, rk4 = (in_mujoco(mujoco, few, name) for name in ("EULER", "RK4"))
-    theirs = Side("MuJoCo's rollout, Euler", lambda: off(euler()), share=share)
-    finer = Side("MuJoCo's rollout, RK4", lambda: off(rk4()), share=share)
-    fine = Side("MuJoCo's rollout, RK4", finer.run)
-    count, fewer = len(many.q), len(few.q)
-    semi = "frictionid, semi-implicit, NumPy"
-    physics = "frictionid, the physics step, NumPy"
-    plain = Side(semi, lambda: off(many.semi_implicit(law)))
-    network = Side(f"{semi}, with an MLP", lambda: _without_error(many.semi_implicit(net)))
-    stiction = Side(physics, lambda: off(many.predicted(law)))
-    usual = Side(physics, lambda: off(few.predicted(law)))
+    many, friction, off = few.times(COPIES), _parametric(), error_of(few)
+    network = Friction(MLP(), np.stack([MLP().initial[0]] * 2))
+    euler = in_mujoco(mujoco, few, "EULER")
+    theirs = Side("MuJoCo's rollout, Euler", lambda: off(euler()), share=1 / COPIES)
+    how, count = "frictionid, semi-implicit, NumPy", len(many.q)
+    law = Side(how, lambda: off(many.semi_implicit(friction)))
+    net = Side(f"{how}, with an MLP", lambda: _without_error(many.semi_implicit(network)))
     return Part(
         (
-            Case(f"rollout, {count} starts", plain, theirs, ERROR, bar=15.0),
-            Case(f"rollout, {count} starts, MLP", network, theirs, ERROR, bar=3.0),
-            Case(f"rollout with stiction, {count} starts", stiction, finer, ERROR, bar=15.0),
-            Case(f"rollout with stiction, {fewer} starts", usual, fine, ERROR, bar=15.0),
+            Case(f"rollout, {count} starts", law, theirs, ERROR, bar=15.0),
+            Case(f"rollout, {count} starts, MLP", net, theirs, ERROR, bar=3.0),
         ),
-        3,
+        6,
     )
+
+
+def with_stiction() -> Part:
+    """The physics step, for many starts and for those of the default comparison."""
+    mujoco, few = mujoco_rollout(), motions()
+    friction, off, rk4 = _parametric(), error_of(few), in_mujoco(mujoco, few, "RK4")
+    cases = []
+    for copies in (COPIES, 1):
+        some = few.times(copies)
+        own = Side("frictionid", lambda some=some: off(some.predicted(friction)))
+        peer = Side("MuJoCo's rollout, RK4", lambda: off(rk4()), share=1 / copies)
+        cases.append(Case(f"rollout with stiction, {len(some.q)} starts", own, peer, ERROR, 15.0))
+    return Part(tuple(cases), 3)
+
+
+def _parametric() -> Friction:
+    return Friction(CoulombViscous(), THETA)
+
+
+def error_of(motions: Motions) -> Callable[[np.ndarray], float]:
+    """Function that gives the median error [rad] of angles at the end (S, 2)."""
+    right = motions.predicted(_parametric(), refine=8)
+    return lambda q: float(np.median(np.linalg.norm(q[: len(right)] - right, axis=1)))
 
 
 def _without_error(motion: np.ndarray) -> float:
