@@ -132,7 +132,7 @@ def seconds(time: float) -> str:
     ('12 ms', '2.5 s')
     """
     if time < 1e-3:
-        return f"{1e6 * time:.2g} us"
+        return f"{1e6 * time:.3g} us"
     return f"{1e3 * time:.3g} ms" if time < 1.0 else f"{time:.3g} s"
 
 
