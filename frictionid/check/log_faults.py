@@ -1,4 +1,4 @@
-"""Faults of a log: repeated rows, stamps that jitter, dead currents, late velocities.
+"""Faults of a log: repeated rows, stamps that jitter, dead currents, late or coarse velocities.
 
 All show in the columns themselves, whatever the mechanism is.
 """
@@ -12,8 +12,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding, percent
-from frictionid.check.fine_structure import deviations
+from frictionid.check.fine_structure import deviations, resolution
 from frictionid.check.motion import Measured, Motion
+from frictionid.check.unsigned_torque import unsigned_torques
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 
@@ -30,6 +31,8 @@ ZERO, SHORT, OFTEN = 0.5, 5, 10
 ERRORS, LATE, WIDEST, STEP = 4.0, 0.02, 0.5, 0.005
 # It is another quantity where its size is off by this factor, or this share stays unexplained.
 SIZE, UNLIKE = 1.25, 0.5
+# A velocity is coarse whose steps are this share of its root mean square.
+COARSE = 0.1
 _MAD = 1.4826
 
 
@@ -40,7 +43,9 @@ def log_findings(measured: Measured, dead: Sequence[int]) -> list[Finding]:
         *repeated_rows(dataset),
         *jittering_stamps(dataset),
         *(_dead(measured, j) for j in dead),
+        *unsigned_torques(dataset),
         *velocity_findings(measured),
+        *coarse_velocities(dataset),
     ]
 
 
@@ -209,6 +214,28 @@ def velocity_findings(measured: Measured) -> list[Finding]:
     late = [(j, lag) for j, lag in known if lag.left < UNLIKE and _is_late(lag)]
     wrong = [(j, lag) for j, lag in known if (j, lag) not in late and _is_other(lag)]
     return [*_late(late), *(_other(j, lag) for j, lag in wrong)]
+
+
+def coarse_velocities(dataset: Dataset) -> list[Finding]:
+    """A finding for each joint whose velocity comes in steps of a good part of its size."""
+    logged = [r.velocity.value for r in dataset.recordings if r.velocity is not None]
+    out = []
+    for j, value in enumerate(np.concatenate(logged).T if logged else ()):
+        step, size = resolution(value), float(np.sqrt(np.mean(value**2)))
+        if step > COARSE * size:
+            out.append(
+                Finding(
+                    "coarse_velocity",
+                    "doubtful",
+                    f"the velocity of joint {j + 1} comes in steps of {step:.2g} "
+                    f"{dataset.mechanism.position_units[j]}/s ({percent(step / size)} of its root "
+                    "mean square), as differences of encoder counts do",
+                    "leave velocity out of [columns]: velocities are estimated from the angles",
+                    j + 1,
+                    {"step": step, "size": size},
+                )
+            )
+    return out
 
 
 def _is_late(lag: Lag) -> bool:

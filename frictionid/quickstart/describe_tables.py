@@ -85,6 +85,11 @@ def tables_at(paths: Sequence[Path]) -> Tables:
 
 def _tables_in(folder: Path) -> list[Path]:
     files = sorted(file for file in folder.iterdir() if is_table(file))
+    if not files and (folder / "meta" / "info.json").is_file():
+        raise InputError(
+            f"{folder} is a LeRobot data set, whose features no guess can assign: write a "
+            'dataset.toml with [reader] kind = "lerobot", as in data/README.md of frictionid'
+        )
     if not files:
         raise InputError(f"{folder} has no table that ends with {', '.join(TABLES)}")
     return files

@@ -1,0 +1,101 @@
+"""What `check` says of columns as drives and servos log them: unsigned, coarse, held, with gaps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.one_joint_sets import Setup, sets
+
+from frictionid.check import check
+from frictionid.check.log_faults import coarse_velocities, repeated_rows
+from frictionid.check.unsigned_torque import unsigned_torques
+from frictionid.data.signals import Signal, taken
+
+COUNT = 30
+SETUPS = [
+    Setup(),
+    Setup(logged="command", lag=0.005),
+    Setup(feedback=True, noise=(1e-3, 3e-3)),
+    Setup(passive=True),
+]
+
+
+def changed(dataset, quantity, change):
+    """The data set with other values of a signal."""
+
+    def one(recording):
+        signal = getattr(recording, quantity)
+        return replace(recording, **{quantity: signal._replace(value=change(signal.value))})
+
+    return replace(dataset, recordings=tuple(map(one, dataset.recordings)))
+
+
+@pytest.mark.parametrize("setup", SETUPS[:3], ids=["sensor", "command", "feedback"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_torque_without_its_sign_is_named(setup, sign):
+    """In 95 % of 30 sets of each, seed 8."""
+    data = sets(setup, COUNT, seed=8)
+    found = [
+        [f.kind for f in unsigned_torques(changed(d, "torque", lambda u: sign * np.abs(u)))]
+        for d in data
+    ]
+    assert np.mean([kinds == ["unsigned_torque"] for kinds in found]) >= 0.95
+
+
+@pytest.mark.parametrize("setup", SETUPS, ids=["sensor", "command", "feedback", "passive"])
+def test_a_torque_with_its_sign_is_not_called_unsigned(setup):
+    """Neither as logged, nor lifted so that it acts in one direction only."""
+    for data in sets(setup, COUNT, seed=8):
+        assert unsigned_torques(data) == []
+        assert unsigned_torques(changed(data, "torque", lambda u: u - u.min())) == []
+        assert unsigned_torques(changed(data, "torque", lambda u: np.maximum(u, 0.0))) == []
+
+
+def with_velocity(data, step):
+    """The data set with velocities [rad/s] in steps of a share of their root mean square."""
+    slopes = [np.gradient(r.angle.value, r.angle.time, axis=0) for r in data.recordings]
+    own = step * np.sqrt(np.mean(np.concatenate(slopes) ** 2))
+    values = [own * np.rint(w / own) if step else w for w in slopes]
+    recordings = [
+        replace(r, velocity=Signal(r.angle.time, w))
+        for r, w in zip(data.recordings, values, strict=True)
+    ]
+    return replace(data, recordings=tuple(recordings))
+
+
+@pytest.mark.parametrize(("step", "named"), [(0.0, False), (0.01, False), (0.2, True), (0.7, True)])
+def test_a_velocity_in_coarse_steps_is_named(step, named):
+    for data in sets(Setup(), 10, seed=2):
+        found = coarse_velocities(with_velocity(data, step))
+        assert [f.kind for f in found] == ["coarse_velocity"] * named
+        if named:
+            assert found[0].numbers["step"] == pytest.approx(
+                step * found[0].numbers["size"], rel=0.1
+            )
+
+
+def test_held_samples_of_a_log_faster_than_its_sensor_are_named():
+    def held(value):
+        out = value.copy()
+        out[1::2] = value[::2][: len(value[1::2])]
+        return out
+
+    for data in sets(Setup(counts=4096), COUNT, seed=4):
+        found = repeated_rows(changed(data, "angle", held))
+        assert [(f.kind, f.level) for f in found] == [("repeated_rows", "doubtful")]
+        assert repeated_rows(data) == []
+
+
+def test_all_of_it_is_in_the_verdict_and_gaps_are_counted():
+    """A log without signs, with coarse velocities, and half a second that was not written."""
+    (data,) = sets(Setup(), 1, seed=6)
+    bad = changed(with_velocity(data, 0.3), "torque", np.abs)
+    recording, *others = bad.recordings
+    time = recording.angle.time
+    rows = (time < time[0] + 1.0) | (time > time[0] + 1.5)
+    cut = {name: taken(getattr(recording, name), rows) for name in ("angle", "velocity")}
+    verdict = check(replace(bad, recordings=(replace(recording, **cut), *others)))
+    kinds = {f.kind: f.level for f in verdict.findings}
+    assert kinds["unsigned_torque"] == "unusable" == verdict.level
+    assert kinds["coarse_velocity"] == "doubtful"
+    assert verdict.clock.gaps == 1 and verdict.clock.longest_gap == pytest.approx(0.5, abs=0.03)
