@@ -11,7 +11,7 @@ from frictionid.check.log_faults import coarse_velocities, repeated_rows
 from frictionid.check.unsigned_torque import unsigned_torques
 from frictionid.data.signals import Signal, taken
 
-COUNT = 30
+COUNT = 20
 SETUPS = [
     Setup(),
     Setup(logged="command", lag=0.005),
@@ -33,7 +33,7 @@ def changed(dataset, quantity, change):
 @pytest.mark.parametrize("setup", SETUPS[:3], ids=["sensor", "command", "feedback"])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_torque_without_its_sign_is_named(setup, sign):
-    """In 95 % of 30 sets of each, seed 8."""
+    """In 95 % of 20 sets of each, seed 8."""
     data = sets(setup, COUNT, seed=8)
     found = [
         [f.kind for f in unsigned_torques(changed(d, "torque", lambda u: sign * np.abs(u)))]
@@ -65,7 +65,7 @@ def with_velocity(data, step):
 
 @pytest.mark.parametrize(("step", "named"), [(0.0, False), (0.01, False), (0.2, True), (0.7, True)])
 def test_a_velocity_in_coarse_steps_is_named(step, named):
-    for data in sets(Setup(), 10, seed=2):
+    for data in sets(Setup(), 5, seed=2):
         found = coarse_velocities(with_velocity(data, step))
         assert [f.kind for f in found] == ["coarse_velocity"] * named
         if named:

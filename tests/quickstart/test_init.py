@@ -240,6 +240,16 @@ def test_what_cannot_be_told_is_said_with_the_columns_there_are(columns, words):
         guessed(columns, (False, True) if "2 joints" in words else (True,))
 
 
+def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_path):
+    (tmp_path / "episodes" / "data" / "chunk-000").mkdir(parents=True)
+    (tmp_path / "episodes" / "data" / "chunk-000" / "file-000.parquet").write_bytes(b"PAR1")
+    (tmp_path / "episodes" / "meta").mkdir()
+    (tmp_path / "episodes" / "meta" / "info.json").write_text('{"fps": 30}')
+    code, _, err = call("init", "episodes", *INIT)
+    assert code == 2 and len(err.splitlines()) == 1
+    assert "is a LeRobot data set" in err and 'kind = "lerobot"' in err
+
+
 def test_given_columns_count(lab):
     g = guessed({"t": TIME, "q": Q, "u": U, "b": W}, given={"angle": ["b"], "torque": ["q"]})
     assert g.angle.columns == ("b",) and g.torque.columns == ("q",)
