@@ -36,19 +36,15 @@ def read_bytes(path: Path) -> bytes:
         raise InputError(f"{path} cannot be read ({error.strerror}); check it") from None
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file as a whole or not at all; its folder is made.
-
-    Raises
-    ------
-    InputError
-        Where the place cannot be written.
-    """
-    write_bytes(path, text.encode())
+def write_text(path: Path, text: str, *, durable: bool = False) -> None:
+    """Write a text file as a whole or not at all, see `write_bytes`."""
+    write_bytes(path, text.encode(), durable=durable)
 
 
-def write_bytes(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
     """Write a file as a whole or not at all, with the permissions of new files; its folder is made.
+
+    durable : it survives a power cut, too, from the moment that this returns
 
     Raises
     ------
@@ -57,6 +53,24 @@ def write_bytes(path: Path, content: bytes) -> None:
     """
     with written_beside(path) as beside:
         beside.write_bytes(content)
+        if durable:
+            _sync(beside)
+    if durable:
+        sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Put the names of a folder's files on the disk, where its file system can."""
+    with suppress(OSError):
+        _sync(folder)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 @contextmanager
@@ -104,9 +118,11 @@ def remove_unfinished(folder: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def write_json(path: Path, document: Mapping[str, Any], indent: int | None = 1) -> None:
-    """Write a document as JSON, see `json_text`."""
-    write_text(path, json_text(document, indent))
+def write_json(
+    path: Path, document: Mapping[str, Any], indent: int | None = 1, *, durable: bool = False
+) -> None:
+    """Write a document as JSON, see `json_text` and `write_bytes`."""
+    write_text(path, json_text(document, indent), durable=durable)
 
 
 def json_text(document: Mapping[str, Any], indent: int | None = 1) -> str:

@@ -6,7 +6,8 @@ A CSV table with the columns
 
 `host` is the arrival of a row by this computer's clock (Unix time without later corrections),
 `time` that of the controller. Whole rows are written at once, without a buffer, and synced to the
-disk twice a second. Only the last row of a file can be incomplete; it is left out.
+disk twice a second. The last row of a file can be incomplete, and a power cut can leave zeros in place
+of rows that were not yet synced: such rows are left out.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from frictionid.acquire.rig_settings import RigSettings
 from frictionid.data.readers.table import read_table
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.files import read_bytes
+from frictionid.files import read_bytes, sync_folder
 
 _SYNC = 0.5  # [s] between two syncs to the disk
 _DIGITS = {"s": 0, "ms": 3, "us": 6}
@@ -108,6 +109,8 @@ class Appender:
             self._file = os.open(path, flags if existed else flags | os.O_EXCL, 0o644)
         except OSError as error:
             raise InputError(f"{path} cannot be written ({error.strerror}); check it") from None
+        if not existed:
+            sync_folder(path.parent)
         self._wake, self._dirty = threading.Event(), threading.Event()
         try:
             self._begin(header)
@@ -186,8 +189,18 @@ class Log(NamedTuple):
         return Log(self.file, columns), runs, uncertainty
 
 
+def _whole_rows(content: bytes) -> bytes:
+    r"""Lines that are whole: with their end, and without what a power cut left as zero bytes.
+
+    >>> _whole_rows(b"time,torque\n1,2\n3,\0\0\0,6\n7,8\n9,1")
+    b'time,torque\n1,2\n7,8\n'
+    """
+    lines = content[: content.rfind(b"\n") + 1].splitlines(keepends=True)
+    return b"".join(line for line in lines if b"\0" not in line)
+
+
 def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
-    """Log of a file; an incomplete last row is left out.
+    """Log of a file; an incomplete last row, and rows with zero bytes, are left out.
 
     columns : required beside host and time
 
@@ -196,8 +209,7 @@ def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
     InputError
         Where the file is no log, has no rows, or a row was changed by hand.
     """
-    content, file = read_bytes(path), str(path)
-    content = content[: content.rfind(b"\n") + 1]
+    content, file = _whole_rows(read_bytes(path)), str(path)
     header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
     for name in ("host", "time", *columns):
         if name not in header:

@@ -18,7 +18,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frictionid.errors import InputError
-from frictionid.files import plain, read_json, remove_unfinished
+from frictionid.files import plain, read_json, remove_unfinished, sync_folder
 from frictionid.outputs import check_unchanged, linked
 
 UNFINISHED = "unfinished"
@@ -127,7 +127,12 @@ def read_sealed(path: Path) -> dict[str, Any]:
     InputError
         Where it cannot be read, or was changed.
     """
-    document = read_json(path)
+    try:
+        document = read_json(path)
+    except InputError as error:
+        if not path.exists():
+            raise
+        raise InputError(f"{error}: make it anew with --resume") from None
     if SEAL in document and not is_sealed(document):
         raise InputError(f"{path}: was changed since it was written: make it anew with --resume")
     return document
@@ -177,9 +182,9 @@ def _tasks(folder: Path, suite: str, replace: bool) -> list[str]:
         return []
     try:
         document = read_json(folder / PROVENANCE)
-    except InputError:
+    except InputError as error:
         if not replace:
-            raise
+            raise InputError(f"{error}: begin anew with --replace") from None
         document = {}
     other = document.get("suite")
     if other != suite and not replace:
@@ -211,14 +216,20 @@ def _remove_finished(folder: Path, files: Iterable[str]) -> None:
 
 
 def _move_into_place(place: Path, folder: Path, files: Sequence[str]) -> None:
-    """Move a comparison into the place of the earlier one, which is still whole until now."""
+    """Move a comparison into the place of the earlier one, which is still whole until now.
+
+    The syncs keep the order of the moves in a power cut: the two comparisons never mix.
+    """
     (folder / "tasks").mkdir(exist_ok=True)
     (folder / PROVENANCE).unlink(missing_ok=True)  # from here on the unfinished one is what counts
+    sync_folder(folder)
     for name in files:
         if (place / "tasks" / name).exists():
             os.replace(place / "tasks" / name, folder / "tasks" / name)
+    sync_folder(folder / "tasks")
     for name in (DATASETS, PROVENANCE):
         os.replace(place / name, folder / name)
+        sync_folder(folder)
     for empty in (place / "tasks", place):
         with suppress(OSError):  # the user's own files stay
             empty.rmdir()

@@ -79,8 +79,9 @@ def describe(
 ) -> None:
     """Write provenance.json and datasets.json."""
     provenance = provenance_of(suite, title, settings, tasks)
-    write_json(folder / PROVENANCE, sealed(provenance))
-    write_json(folder / DATASETS, sealed(descriptions_of(prepared_benchmarks)), None)
+    datasets = descriptions_of(prepared_benchmarks)
+    write_json(folder / PROVENANCE, sealed(provenance), durable=True)
+    write_json(folder / DATASETS, sealed(datasets), None, durable=True)
 
 
 def provenance_of(suite: str, title: str, settings: Any, tasks: Sequence[Task]) -> dict[str, Any]:

@@ -137,7 +137,7 @@ def run_tasks(
             report(task)
     left = [task for task in tasks if task.file not in finished]
     for task, result in results_of(left, prepared_benchmarks, jobs=jobs):
-        write_json(folder / task.file, sealed(document(task, result, laws)), None)
+        write_json(folder / task.file, sealed(document(task, result, laws)), None, durable=True)
         report(task)
 
 

@@ -166,7 +166,8 @@ def run_cases(
         case = left[i]
         results[case.file] = result
         if folder is not None:
-            write_json(folder / case.file, sealed({"digest": case.digest, **result}), None)
+            document = sealed({"digest": case.digest, **result})
+            write_json(folder / case.file, document, None, durable=True)
         done(case.label)
     return result_frame(cases, [results[case.file] or {} for case in cases])
 
