@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import json
 import math
 import os
@@ -19,6 +20,7 @@ import numpy as np
 
 from frictionid.errors import InputError
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)  # no space, or no more of it for this user
 TEMPORARY = ".frictionid-"  # begins the names of files that are being written
 
 
@@ -91,8 +93,9 @@ def written_beside(path: Path) -> Iterator[Path]:
         yield beside
         os.replace(beside, path)
     except OSError as error:
+        advice = "make room, or choose" if error.errno in _FULL else "choose"
         raise InputError(
-            f"{path}: cannot be written ({error.strerror}): choose another place"
+            f"{path}: cannot be written ({error.strerror}): {advice} another place"
         ) from None
     finally:
         with suppress(OSError):

@@ -1,7 +1,8 @@
 """Kills of commands that write, at any instant: what was finished stays, the rest resumes.
 
-python tests/kill_trial.py --comparisons 100 --others 20 [--seed 0] [--only NAME]; each kill is
-SIGKILL to the whole process group, after a share of an undisturbed run's time drawn by chance.
+python tests/kill_trial.py --comparisons 100 --others 20 --disks 20 [--seed 0] [--only NAME]; each
+kill is SIGKILL to the whole process group, after a share of an undisturbed run's time drawn by
+chance; each disk is a real file system that a comparison fills, and that then gets more room.
 Pictures are not drawn: what counts is where and when they are written.
 """
 
@@ -28,6 +29,8 @@ from matplotlib.figure import Figure
 import frictionid
 
 sys.path.insert(0, str(Path(__file__).parent))
+from fixtures.small_disk import enlarge, on_small_disk
+
 TASKS = 8
 # What must still be possible with what a kill leaves.
 USES = {
@@ -45,6 +48,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--comparisons", type=int, default=100)
     parser.add_argument("--others", type=int, default=20)
+    parser.add_argument("--disks", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", action="append", help="One of the other commands; repeatable.")
     options = parser.parse_args()
@@ -54,6 +58,7 @@ def main() -> int:
     Figure.savefig = lambda _, stream, **__: stream.write(b"picture" * 5000)
     with tempfile.TemporaryDirectory() as scratch:
         faults = _comparisons(Path(scratch) / "compare", options.comparisons, rng)
+        faults += _disks(Path(scratch) / "disks", options.disks, rng)
         faults += _others(Path(scratch) / "others", options, rng)
     print("\n".join([*faults, f"{len(faults)} faults"]))
     return int(bool(faults))
@@ -110,7 +115,7 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
     assert status == 0
     wanted, first = _timeless(folder / "whole"), _first_result(folder, words)
     print(f"undisturbed: {whole:.1f} s, its first result after {first:.1f} s", flush=True)
-    faults, fresh, late, out = [], 0, 0, folder / "out"
+    faults, fresh, late, equal, out = [], 0, 0, 0, folder / "out"
     for kill in range(count):
         kind = ("fresh", "resumed", "anew")[kill % 3]
         shutil.rmtree(out, ignore_errors=True)
@@ -131,7 +136,9 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
         faults += [f"kill {kill} ({kind}): {name} is lost" for name in lost]
         done = {content for own in after.values() for content in own}
         _, status = _ended(folder, [*words, "out", "--resume"])
-        if status or _timeless(out) != wanted:
+        made = _timeless(out)
+        equal += made["scores.csv"] == wanted["scores.csv"]
+        if status or made != wanted:
             faults.append(
                 f"kill {kill} ({kind}): not resumed as it would have been, status {status}"
             )
@@ -142,6 +149,30 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
             )
         print(f"kill {kill} ({kind}): {len(faults)} faults so far", flush=True)
     print(f"{count} kills of a comparison; of {fresh} fresh ones {late} after the first result")
+    print(f"{equal} of {count} were resumed to the same scores.csv, bit for bit")
+    return faults
+
+
+def _disks(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
+    """Fill disks of any size by a comparison; then make room, and resume."""
+    if not count:
+        return []
+    words = _suite(folder)
+    assert _ended(folder, [*words, "whole"])[1] == 0
+    wanted, disk, faults = _timeless(folder / "whole"), folder / "disk", []
+    whole = sum(map(len, _contents(folder / "whole").values()))
+
+    def fill_and_resume() -> int:
+        full = _ended(folder, [*words, str(disk / "out")])[1]
+        enlarge(disk, 10**9)
+        resumed = _ended(folder, [*words, str(disk / "out"), "--resume"])[1]
+        return int((full, resumed) != (2, 0) or _timeless(disk / "out") != wanted)
+
+    for number in range(count):
+        size = int(rng.uniform(0.01, 0.95) * whole)
+        status = on_small_disk(disk, size, fill_and_resume)
+        faults += [f"disk {number} of {size} bytes: not resumed, {status}"] if status else []
+        print(f"disk {number} of {size} bytes: {len(faults)} faults so far", flush=True)
     return faults
 
 

@@ -6,8 +6,8 @@ A CSV table with the columns
 
 `host` is the arrival of a row by this computer's clock (Unix time without later corrections),
 `time` that of the controller. Whole rows are written at once, without a buffer, and synced to the
-disk twice a second. The last row of a file can be incomplete, and a power cut can leave zeros in place
-of rows that were not yet synced: such rows are left out.
+disk twice a second. The last row of a file can be incomplete, and a power cut can leave zero bytes
+in place of rows that were not yet synced: such rows are left out.
 """
 
 from __future__ import annotations

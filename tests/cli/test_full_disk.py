@@ -11,6 +11,8 @@ from contextlib import suppress
 import pytest
 from fixtures.damage_targets import TUTORIAL, Target, _acquisition, _results, _simulation
 from fixtures.paths import ROOT
+from fixtures.small_disk import NO_MOUNT, enlarge, on_small_disk
+from fixtures.tiny_pendulums import compare_into
 
 from frictionid.cli import main
 
@@ -30,16 +32,21 @@ def contents(folder):
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+def say_into(path):
+    """Let this process write what it says to a file."""
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT)
+    os.dup2(handle, 1)
+    os.dup2(handle, 2)
+    sys.stdout = sys.stderr = open(1, "w", closefd=False)
+
+
 def on_a_full_disk(folder, words, said):
     """Exit status and output of a command that can write no file of more than `ROOM` bytes."""
     child = os.fork()
     if not child:
         status = 70
         try:
-            handle = os.open(said, os.O_WRONLY | os.O_CREAT)
-            os.dup2(handle, 1)
-            os.dup2(handle, 2)
-            sys.stdout = sys.stderr = open(1, "w", closefd=False)
+            say_into(said)
             resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, ROOM))
             os.chdir(folder)
             sys.argv = ["frictionid", *words]
@@ -78,6 +85,33 @@ def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(places, tmp_pat
     new = {n: c for n, c in after.items() if n not in before and "journal" not in n}
     assert all(len(content) < ROOM for content in new.values()), {n: len(c) for n, c in new.items()}
     assert not any(".frictionid-" in n or n.endswith((".mp4", ".mov")) for n in new)
+
+
+@pytest.mark.parametrize(("size", "tasks"), [(16 << 10, 0), (96 << 10, 2), (160 << 10, 3)])
+def test_a_comparison_goes_on_once_there_is_space(places, tmp_path, monkeypatch, size, tasks):
+    """On a file system that is full before the first task, after two, and after the last."""
+    folder, disk, said = places["result"].parent / "compared", tmp_path / "disk", tmp_path / "said"
+    wanted = (places["result"] / "scores.csv").read_bytes()
+
+    def work():
+        say_into(said)
+        monkeypatch.chdir(folder)
+        out = disk / "out"
+        words = ["compare", "suite.toml", "--jobs", "1", "--out", str(out)]
+        monkeypatch.setattr(sys, "argv", ["frictionid", *words])
+        status = main()
+        sys.stdout.flush()
+        print(f"{len(list(out.glob('**/tasks/[!.]*.json')))} tasks", flush=True)
+        enlarge(disk, 10**8)
+        compare_into(folder / "suite.toml", out, resume=True)
+        return status if (out / "scores.csv").read_bytes() == wanted else 1
+
+    status = on_small_disk(disk, size, work)
+    if status == NO_MOUNT:
+        pytest.skip("this system lets nobody mount a file system")
+    lines = said.read_text().splitlines()
+    assert status == 2 and len(lines) == 2 and lines[1] == f"{tasks} tasks", lines
+    assert "cannot be written (No space left on device): make room, or" in lines[0]
 
 
 def test_loops_that_cannot_be_kept_compiled_are_used_all_the_same(tmp_path):
