@@ -193,6 +193,10 @@ class Law(ABC):
         """Derivatives of the torque in theta (..., n, P) and in each memory entry, or None."""
         return None
 
+    def memory_slopes(self, theta: Array, x: Inputs, memory: Memory) -> Memory | None:
+        """Derivatives (..., n) of the torque in each memory entry alone, or None."""
+        return None
+
     def has_parameters(self, joints: int) -> NDArray[np.bool_]:
         """Which of the P parameters each joint has, (joints, P): all, unless joints differ."""
         return np.ones((joints, len(self.names)), dtype=bool)

@@ -112,7 +112,7 @@ def slopes(
             A = plant.mechanism.friction_map
             by_q, by_w = None if by_q is None else by_q @ A, by_w @ A
             by_u = None if by_u is None else by_u @ torque_map(plant.mechanism)
-    gradient, of_memory = _own_slopes(law, theta, x, memory)
+    gradient, of_memory = _own_slopes(law, theta, x, memory, len(free.place) > 0)
     of_theta = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
     return Slopes(here, by_q, by_w, by_u, of_memory, of_theta)
 
@@ -126,10 +126,18 @@ def _difference(
     return (up - down) / (2 * SPEED)
 
 
-def _own_slopes(law: Law, theta: Array, x: Inputs, memory: Memory) -> tuple[Array | None, Memory]:
-    """Derivatives of the torque by theta (K, n, P), of laws that know them, and by the memory."""
+def _own_slopes(
+    law: Law, theta: Array, x: Inputs, memory: Memory, free: bool
+) -> tuple[Array | None, Memory]:
+    """Derivatives of the torque by theta (K, n, P), of laws that know them, and by the memory.
+
+    free : whether anything of theta is; otherwise only the memory's are needed
+    """
     if not memory:
-        return law.gradient(theta, x), ()
+        return (law.gradient(theta, x) if free else None), ()
+    alone = None if free else law.memory_slopes(theta, x, memory)
+    if alone is not None:
+        return None, alone
     known = law.slopes(theta, x, memory)
     return known or (None, by_memory(lambda m: law.torque(theta, x, m), memory))
 

@@ -26,6 +26,7 @@ from frictionid.shooting.windows import (
 )
 
 _ROUNDS = 6
+_STILL = 1e-3  # of the noise, and of the slow velocity: a window whose nodes move less is solved
 _HUBER = 2.5  # [noise]
 _ROWS = 4000  # intervals at a time, for the cache's sake
 _FINE = 0.0007  # [s] of the physics step near rest
@@ -125,13 +126,20 @@ def solve_states(
     the intervals linearised at the solution, and how far [rad] nodes are from the prediction of
     their own window, for each window that has an interval
     """
-    windows = samples.windows[samples.windows[:, 0] >= 0]
+    rows = np.flatnonzero(samples.windows[:, 0] >= 0)
     nodes = _initial_nodes(samples, friction)
     linearised = _linearised(samples, plant, friction, nodes)
+    windows = moving = samples.windows[rows]
     for _ in range(_ROUNDS):
         with np.errstate(all="ignore"):
-            nodes = _moved(samples, linearised, nodes, windows)
-            linearised = _linearised(samples, plant, friction, nodes)
+            moved, still = _moved(samples, linearised, nodes, moving)
+            rows, moving = rows[~still], moving[~still]
+            if not len(rows):
+                break
+            some = moving[moving >= 0]
+            nodes[some] = moved[some]
+            own = _linearised(samples.take(rows), plant[rows], friction[rows], nodes[some])
+        linearised.end[some], linearised.by_start[some] = own.end, own.by_start
     n = samples.intervals.n
     prediction = predict_windows(samples.intervals, linearised, nodes, windows, np.zeros(n))
     return linearised, np.abs(prediction.moved[..., :n]).max(axis=(1, 2))
@@ -139,8 +147,11 @@ def solve_states(
 
 def _moved(
     samples: SampleWindows, linearised: Linearisation, nodes: Array, windows: Array
-) -> Array:
-    """Nodes after a step of each window on its own; those that got lost begin anew."""
+) -> tuple[Array, Array]:
+    """Nodes after a step of each window (W,) on its own, and which windows stay where they are.
+
+    Nodes that got lost begin anew.
+    """
     intervals, sigma, n = samples.intervals, samples.sigma, samples.intervals.n
     prediction = predict_windows(intervals, linearised, nodes, windows, np.zeros(n))
     scales = intervals.dataset.scales
@@ -153,10 +164,12 @@ def _moved(
         weight = np.minimum(1.0, _HUBER * sigma / np.maximum(np.abs(left), 1e-12))
     step = prediction.moved + (prediction.carried @ start)[..., 0]
     on = windows >= 0
+    still = (np.abs(step[..., :n]) < _STILL * sigma).all(axis=(1, 2))
+    still &= (np.abs(step[..., n : 2 * n]) < _STILL * scales.slow).all(axis=(1, 2))
     out = nodes.copy()
     out[windows[on]] += step[on]
     off = np.abs(out[:, :n] - intervals.before) / scales.size
     lost = ~(off.max(axis=-1) < _LOST)
     lost |= ~np.isfinite(out).all(-1)
     out[lost, : 2 * n] = np.concatenate([intervals.q, intervals.w], axis=-1)[lost]
-    return out
+    return out, still

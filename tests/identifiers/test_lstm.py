@@ -60,6 +60,18 @@ def test_friction_of_the_mirrored_motion_is_mirrored_where_it_is_odd(odd):
     assert (off < 1e-12) == odd
 
 
+@pytest.mark.parametrize("law", [LSTM(3, hidden=(4, 2)), LSTM(2, hidden=(3,), odd=True), FREE])
+def test_slopes_in_the_memory_are_those_of_differences(law):
+    rng = np.random.default_rng(2)
+    theta = drawn(law)[0]
+    x = at_rest(3.0 * rng.normal(size=(6, 2)))
+    memory = tuple(z + 0.3 * rng.normal(size=z.shape) for z in law.start(theta, x))
+    for i, slope in enumerate(law.memory_slopes(theta, x, memory)):
+        more, less = ((*memory[:i], memory[i] + s, *memory[i + 1 :]) for s in (1e-6, -1e-6))
+        rise = law.torque(theta, x, more) - law.torque(theta, x, less)
+        np.testing.assert_allclose(slope, rise / 2e-6, atol=1e-8)
+
+
 def test_it_never_drives_a_joint_whatever_its_weights():
     nodes = synthetic_problem(2).nodes
     for seed in range(4):

@@ -58,22 +58,21 @@ def slopes(weights: Array, z: Array, sizes: Sequence[int]) -> tuple[Array, Array
     Shapes (..., n, P) and (..., n, sizes[0]).
     """
     row, z, many = laid(weights, z)
-    xp = namespace(row, z)
-    values = _forward(row, z, sizes)
-    delta, parts = 0.0 * values[-1] + 1.0, []
-    for (W, _), before in zip(reversed(list(_layers(row, sizes))), values[-2::-1], strict=True):
+    xp, values, parts = namespace(row, z), _forward(row, z, sizes), []
+    deltas = _backward(row, values, sizes)
+    for delta, before in zip(deltas[:-1], values[-2::-1], strict=True):
         product = before[..., :, None] * delta[..., None, :]
         flat = xp.reshape(product, (*product.shape[:-2], product.shape[-2] * product.shape[-1]))
         parts += [delta, flat]
-        delta = xp.matmul(delta, xp.swapaxes(W, -1, -2))
-        if before is not values[0]:
-            delta = delta * (1.0 - before * before)
     by_weights = xp.concat(parts[::-1], axis=-1)
-    return (
-        unlaid(values[-1], many)[..., 0],
-        unlaid(by_weights, many),
-        unlaid(delta, many),
-    )
+    return unlaid(values[-1], many)[..., 0], unlaid(by_weights, many), unlaid(deltas[-1], many)
+
+
+def input_slopes(weights: Array, z: Array, sizes: Sequence[int]) -> tuple[Array, Array]:
+    """Output (..., n) of a network that has one; its slopes (..., n, sizes[0]) in the inputs."""
+    row, z, many = laid(weights, z)
+    values = _forward(row, z, sizes)
+    return unlaid(values[-1], many)[..., 0], unlaid(_backward(row, values, sizes)[-1], many)
 
 
 def _layers(row: Array, sizes: Sequence[int]) -> Iterator[tuple[Array, Array]]:
@@ -93,6 +92,15 @@ def _forward(row: Array, z: Array, sizes: Sequence[int]) -> list[Array]:
         z = xp.tanh(z) if i < len(sizes) - 2 else z
         values.append(z)
     return values
+
+
+def _backward(row: Array, values: list[Array], sizes: Sequence[int]) -> list[Array]:
+    """Slopes of the only output in what the units of each layer sum up, last first; in inputs."""
+    xp, deltas = namespace(row), [0.0 * values[-1] + 1.0]
+    for (W, _), before in zip(reversed(list(_layers(row, sizes))), values[-2::-1], strict=True):
+        delta = xp.matmul(deltas[-1], xp.swapaxes(W, -1, -2))
+        deltas.append(delta if before is values[0] else delta * (1.0 - before * before))
+    return deltas
 
 
 def laid(weights: Array, z: Array) -> tuple[Array, Array, bool]:

@@ -15,13 +15,14 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import Hidden, count, drawn, outputs
+from frictionid.friction.laws.layers import Hidden, count, drawn, input_slopes, outputs
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.network_law import (
     Features,
     NetworkLaw,
     fine,
     level_of,
+    level_slopes,
     rise,
     side_of,
     stacked,
@@ -105,8 +106,26 @@ class LSTM(NetworkLaw):
         return Features(z, share * float(not self.free), self._sign(x.w), self._read(theta, x.w))
 
     def level(self, theta: Array, z: Array, share: Array) -> Array:
-        y = outputs(theta[..., 3 + count(self.gate_sizes) :], z, self.sizes)[..., 0]
+        y = outputs(self._layer_weights(theta), z, self.sizes)[..., 0]
         return level_of(theta, y, share, self.dissipative, self.monotone_tail)
+
+    def memory_slopes(self, theta: Array, x: Inputs, memory: Memory) -> Memory:
+        """The level depends on what the cells give, not on what they hold."""
+        share = namespace(x.w).abs(x.w) / theta[..., 1]
+        own = self._own(share, side_of(x.w))
+        share = share * float(not self.free)
+        sign = self._sign(x.w) / (1 + self.odd)
+        out = []
+        for k in range(1 + self.odd):
+            h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
+            y, by_z = input_slopes(self._layer_weights(theta), stacked([*own, *h]), self.sizes)
+            of = level_slopes(theta, y, share, self.dissipative, self.monotone_tail)
+            out += [of.by_y * sign * by_z[..., len(own) + i] for i in range(self.cells)]
+            out += [0.0 * y] * self.cells
+        return tuple(out)
+
+    def _layer_weights(self, theta: Array) -> Array:
+        return theta[..., 3 + count(self.gate_sizes) :]
 
     def _level(self, theta: Array, speed: Array, side: Array, memory: Memory) -> Array:
         share = speed / theta[..., 1]
