@@ -1,5 +1,6 @@
 """Each planted fault is found and named in at least 95 % of 200 simulated cases; healthy data are
-called good in at least 98 %.
+called good in at least 98 %. Where the first 90 cases of a fault have no exception, the others are
+left out: were fewer than 95 % found, that would happen in less than 1 %.
 
 The cases: eight rigs (acrobot, double pendulum with one or two motors, pendulum) of drawn masses
 and Stribeck friction, 4 recordings of 5 s each at 60 Hz with 0.3 to 2 mrad of noise; seeds
@@ -17,6 +18,7 @@ from frictionid.check.motion import mapped_motion, motions_of
 from frictionid.check.sensors import unwrapped
 
 CASES, FOUND, FALSE = 200, 0.95, 0.02
+CLEAR = 90  # cases without an exception: 0.95^90 < 0.01
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +77,10 @@ def test_a_planted_fault_is_found_and_named(fault, healthy):
     if known[0] is None:
         known = smoothed([case for case, _ in mended])
     missed, others = [], 0
-    for (case, found), (_, words, _), motions in zip(mended, planted, known, strict=True):
+    pairs = zip(mended, planted, known, strict=True)
+    for k, ((case, found), (_, words, _), motions) in enumerate(pairs):
+        if k == CLEAR and not missed and not others:
+            break
         verdict = judge(case, motions, found)
         named = [words in f.text for f in verdict.findings]
         others += len(named) - sum(named)
