@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from frictionid.api.monitor import Monitored as Monitored
     from frictionid.api.monitor import baseline as baseline
     from frictionid.api.monitor import monitor as monitor
+    from frictionid.api.pool import Pooled as Pooled
+    from frictionid.api.pool import pool as pool
     from frictionid.api.quick import quick as quick
     from frictionid.api.sensitivity import sensitivity as sensitivity
     from frictionid.api.simulate import simulate as simulate
@@ -140,6 +142,7 @@ _HOME = {
     "MotorLoadQuadratic": "frictionid.friction.laws",
     "Network": "frictionid.identifiers",
     "NoFriction": "frictionid.friction.laws",
+    "Pooled": "frictionid.api.pool",
     "Protocol": "frictionid.evaluation.protocol",
     "Published": "frictionid.identifiers",
     "Quadratic": "frictionid.friction.laws",
@@ -176,6 +179,7 @@ _HOME = {
     "load_model": "frictionid.api.fit",
     "make_folds": "frictionid.evaluation.folds",
     "monitor": "frictionid.api.monitor",
+    "pool": "frictionid.api.pool",
     "predict": "frictionid.api.evaluate",
     "predicted_motion": "frictionid.evaluation.predicted_motion",
     "quick": "frictionid.api.quick",

@@ -31,6 +31,7 @@ LAYERS = (
     "evaluation",
     "comparison",
     "acquire",
+    "pooling",
     *("export", "use", "monitor"),
     "report",
     "quickstart",

@@ -92,8 +92,10 @@ class Fit:
 
     @property
     def method(self) -> str:
-        """How it was fitted: "shooting", "inverse_dynamics" or "one_step"."""
+        """How it was fitted: "shooting", "inverse_dynamics", "one_step", or "pooled" of fits."""
         source = self.friction.provenance
+        if "pooled" in source:
+            return "pooled"
         recipe = source.get("recipe") or source.get("settings", {}).get("recipe", "")
         if str(recipe).startswith("InverseDynamics"):
             return "inverse_dynamics"
@@ -308,7 +310,8 @@ class Fit:
     @property
     def _known(self) -> bool:
         """Whether intervals are known: not of one-step fits in model files of earlier versions."""
-        return bool(self._document or self._half_widths) or self.made is not None
+        pooled = self.method == "pooled"
+        return pooled or bool(self._document or self._half_widths) or self.made is not None
 
     @property
     def _half_widths(self) -> Any:

@@ -24,6 +24,7 @@ from frictionid.cli.laws import laws
 from frictionid.cli.log import log
 from frictionid.cli.mechanisms import mechanisms
 from frictionid.cli.monitor import monitor
+from frictionid.cli.pool import pool
 from frictionid.cli.predict import predict
 from frictionid.cli.quick import quick
 from frictionid.cli.quiet import QUIET, without_quiet
@@ -51,6 +52,7 @@ for command in (
     fit,
     evaluate,
     predict,
+    pool,
     export,
     compensate,
     report,

@@ -48,6 +48,12 @@ def _models_and_dataset(paths: list[Path]) -> list[Path]:
     return paths
 
 
+def _models(paths: list[Path]) -> list[Path]:
+    for path in paths:
+        present(path)
+    return paths
+
+
 DatasetPath = Annotated[
     Path,
     typer.Argument(
@@ -66,6 +72,9 @@ OtherFolder = Annotated[
     typer.Argument(help="A second one, to say what changed.", callback=_other_results),
 ]
 ModelPath = Annotated[Path, typer.Argument(help="Model file.", callback=present)]
+ModelPaths = Annotated[
+    list[Path], typer.Argument(help="MODEL.json MODEL.json ...", callback=_models)
+]
 ModelsAndDataset = Annotated[
     list[Path], typer.Argument(help="MODEL.json ... DATASET", callback=_models_and_dataset)
 ]

@@ -12,6 +12,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.export.exported import ExportedFriction
 from frictionid.friction import Friction
+from frictionid.pooling.samples import pooled_document, pooled_draws
 
 FORMAT = "frictionid samples 1"
 _FEWEST = 200  # draws behind the ranges of an engine's own numbers
@@ -22,7 +23,8 @@ def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | No
     """JSON with 95 % ranges of all fitted parameters, and `count` samples of them together.
 
     Samples are normal with the fit's covariance, cut to the law's bounds and to what the ranges
-    leave open to one side. Parameters that the data do not determine stay at their values.
+    leave open to one side; of a pooled model they are further specimens, within the ranges of
+    these. Parameters that the data do not determine stay at their values.
 
     Parameters
     ----------
@@ -37,14 +39,7 @@ def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | No
     InputError
         For models without a covariance.
     """
-    document = own.friction.provenance.get("refined")
-    if not isinstance(document, Mapping) or not document.get("parameters"):
-        raise InputError(
-            "randomise: the model has no covariance of its parameters: fit by shooting "
-            "(--by shooting); the intervals of one-step fits hold the noise alone"
-        )
-    entries = document["parameters"]
-    draws = drawn(document, max(count, _FEWEST), seed)
+    entries, draws = _distribution(own.friction, max(count, _FEWEST), seed)
     thetas = _thetas(own.friction, entries, draws)
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -57,6 +52,22 @@ def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | No
     if held is not None:
         content["engine"] = _engine(own, thetas, held, count)
     return (json.dumps(content, indent=1) + "\n").encode()
+
+
+def _distribution(friction: Friction, count: int, seed: int) -> tuple[Any, Array]:
+    """Parameters with their 95 % ranges, and samples (count, D) of them."""
+    several = pooled_document(friction)
+    if several:
+        entries = [{**e, "interval_95": e["range_95"]} for e in several["parameters"]]
+        return entries, pooled_draws(several, count, seed)
+    document = friction.provenance.get("refined")
+    if not isinstance(document, Mapping) or not document.get("parameters"):
+        raise InputError(
+            "randomise: the model has no covariance of its parameters: fit by shooting "
+            "(--by shooting), or pool models of several specimens (frictionid pool); the "
+            "intervals of one-step fits hold the noise alone"
+        )
+    return document["parameters"], drawn(document, count, seed)
 
 
 def drawn(document: Mapping[str, Any], count: int, seed: int) -> Array:

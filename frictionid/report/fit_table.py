@@ -30,7 +30,8 @@ def fit_estimates(
 
     A network's weights and terms that a sparse law does not have are left out.
     """
-    document: Any = friction.provenance.get("refined")
+    source: Any = friction.provenance
+    document = source.get("refined") or source.get("pooled")
     if document:
         return estimates(document)
     if friction.law.is_network:

@@ -1,0 +1,150 @@
+"""Random effects: estimates of several specimens, each with its error, as one distribution.
+
+    y_i = mu + u_i + e_i,   u_i ~ N(0, tau^2) between specimens,   e_i ~ N(0, s_i^2) of estimates
+
+With weights w_i = 1/(tau^2 + s_i^2) and the weighted mean m, the generalised statistic of Cochran
+
+    Q(tau^2) = sum_i w_i (y_i - m)^2
+
+has a chi-squared distribution with k - 1 degrees of freedom at the true tau [Viechtbauer2007]. All
+follows from it: tau itself, where Q = k - 1 [PauleMandel1982], the fixed point of the iterated
+estimator of DerSimonian and Laird [DerSimonianKacker2007]; its interval; and the distribution of
+another specimen's true value, the mixture of
+
+    N(m(tau_c^2), 1/sum_i w_i(tau_c^2) + tau_c^2),   Q(tau_c^2) = c,
+
+over the quantiles c of chi-squared, which is over the confidence distribution of tau
+[Nagashima2019]. It is exact where the errors vanish, a t distribution then, and it knows that a few
+specimens say little of tau.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc, chdtri, ndtr, stdtrit  # scipy.stats takes half a second
+
+from frictionid.arrays import Array
+
+_POINTS = 400  # of the mixture
+_HALVINGS = 50
+
+
+class RandomEffects(NamedTuple):
+    """One quantity of several specimens.
+
+    Attributes
+    ----------
+    mean, error : the mean of all specimens there may be, and its standard error
+    freedom : of the t distribution of the mean, specimens less one
+    tau, tau_low, tau_high : standard deviation between specimens, with its 95 % interval
+    Q, p_value : heterogeneity: Q at tau = 0, and how likely more is where all are alike
+    means, deviations : (M,) of the normal distributions whose mixture another specimen follows
+    """
+
+    mean: float
+    error: float
+    freedom: int
+    tau: float
+    tau_low: float
+    tau_high: float
+    Q: float
+    p_value: float
+    means: Array
+    deviations: Array
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of the mean [HartungKnapp2001]."""
+        half = float(stdtrit(self.freedom, 0.5 + level / 2)) * self.error
+        return self.mean - half, self.mean + half
+
+    def probability(self, x: Array) -> Array:
+        """Probability that another specimen lies below values x, of any shape."""
+        z = (np.asarray(x)[..., None] - self.means) / self.deviations
+        return np.asarray(ndtr(z).mean(axis=-1))
+
+    def quantile(self, p: float) -> float:
+        """Value below which another specimen lies with probability p."""
+        low = float(np.min(self.means - 40.0 * self.deviations))
+        high = float(np.max(self.means + 40.0 * self.deviations))
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            if self.probability(np.array(middle)) < p:
+                low = middle
+            else:
+                high = middle
+        return (low + high) / 2
+
+    def range(self, level: float = 0.95) -> tuple[float, float]:
+        """Prediction interval of another specimen, no narrower than the interval of the mean."""
+        low, high = self.interval(level)
+        tail = (1.0 - level) / 2
+        return min(self.quantile(tail), low), max(self.quantile(1.0 - tail), high)
+
+
+def random_effects(values: Array, errors: Array) -> RandomEffects:
+    """Random-effects meta-analysis of estimates (k,) with standard errors (k,).
+
+    The standard error of the mean is 1/sqrt(sum w), with a t distribution of k - 1 degrees of
+    freedom: that of Hartung and Knapp, whose factor is one at this tau, and is not let fall below
+    one where tau is zero [Rover2015].
+
+    Raises
+    ------
+    ValueError
+        With fewer than two values, or errors that are not positive.
+
+    Examples
+    --------
+    >>> found = random_effects(np.array([0.10, 0.14, 0.12, 0.17]), np.full(4, 0.005))
+    >>> round(found.mean, 4), round(found.tau, 4), round(found.p_value, 4)
+    (0.1325, 0.0294, 0.0)
+    >>> [round(end, 3) for end in found.range()]  # of another specimen
+    [0.027, 0.238]
+    """
+    y, s = np.asarray(values, dtype=float), np.asarray(errors, dtype=float)
+    if len(y) < 2 or not (np.isfinite(y).all() and np.isfinite(s).all() and (s > 0).all()):
+        raise ValueError(f"{len(y)} values: at least 2, with errors that are finite and positive")
+    freedom = len(y) - 1
+    levels = np.append((np.arange(_POINTS) + 0.5) / _POINTS, [0.025, 0.975])
+    variance = between(y, s, np.append(chdtri(freedom, 1.0 - levels), freedom))
+    mean, weight = weighted(y, s, variance)
+    homogeneous = float(_statistic(y, s, np.zeros(1))[0])
+    return RandomEffects(
+        mean=float(mean[-1]),
+        error=float(weight[-1] ** -0.5),
+        freedom=freedom,
+        tau=float(np.sqrt(variance[-1])),
+        tau_low=float(np.sqrt(variance[-2])),
+        tau_high=float(np.sqrt(variance[-3])),
+        Q=homogeneous,
+        p_value=float(chdtrc(freedom, homogeneous)),
+        means=mean[:_POINTS],
+        deviations=np.sqrt(1.0 / weight + variance)[:_POINTS],
+    )
+
+
+def weighted(y: Array, s: Array, variance: Array) -> tuple[Array, Array]:
+    """Weighted mean (N,) and sum of the weights (N,) at variances tau^2 (N,)."""
+    w = 1.0 / (variance[:, None] + s**2)
+    total = w.sum(axis=1)
+    return (w @ y) / total, total
+
+
+def between(y: Array, s: Array, level: Array) -> Array:
+    """Variances tau^2 (N,) at which Q is as large as levels (N,); zero where it never is."""
+    low, high = np.zeros(len(level)), np.sum((y - y.mean()) ** 2) / level  # Q is below there
+    low, high = np.where(_statistic(y, s, low) <= level, [low, low], [low, high])
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        above = _statistic(y, s, middle) > level
+        low, high = np.where(above, [middle, high], [low, middle])
+    return (low + high) / 2
+
+
+def _statistic(y: Array, s: Array, variance: Array) -> Array:
+    """Q (N,) at variances tau^2 (N,); it falls as these grow."""
+    mean, _ = weighted(y, s, variance)
+    out: Array = np.sum((y - mean[:, None]) ** 2 / (variance[:, None] + s**2), axis=1)
+    return out
