@@ -118,7 +118,7 @@ def pool(models: Sequence[Any] | Mapping[str, Any]) -> Pooled:
     >>> pool(rigs).frame[["parameter", "value", "range_low", "range_high"]].round(3)
       parameter  value  range_low  range_high
     0   coulomb  0.132      0.027       0.238
-    1   viscous  0.020      0.019       0.021
+    1   viscous  0.020      0.018       0.022
     """
     if isinstance(models, Mapping):
         names, given = [str(name) for name in models], list(models.values())
