@@ -50,6 +50,7 @@ def compare(
     sample_time: float | None = None,
     whole: bool = False,
     jobs: int = 1,
+    dask: str | None = None,
     folder: str | Path | None = None,
     replace: bool = False,
     done: Callable[[str], None] | None = None,
@@ -82,6 +83,8 @@ def compare(
         Also simulate whole recordings from their start.
     jobs : int
         Number of models that are fitted side by side; 0: one for each core.
+    dask : str, optional
+        Address of the scheduler of a Dask cluster, whose workers fit the models.
     folder : str or Path, optional
         Result folder to write, with tables, pictures, models and a page; else all is in memory.
     replace : bool
@@ -123,11 +126,18 @@ def compare(
         place = Path(folder)
         check_writable(place)
         results = run_in_folder(
-            tasks, prepared, about, place, jobs=jobs, replace=replace, done=lambda t: report(t.name)
+            tasks,
+            prepared,
+            about,
+            place,
+            jobs=jobs,
+            dask=dask,
+            replace=replace,
+            done=lambda t: report(t.name),
         )
         return Comparison(results, dataset, laws=_own_laws(tasks))
     found: dict[tuple[str, str], tuple[Task, Result]] = {}
-    for task, result in results_of(tasks, prepared, jobs=jobs):
+    for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):
         found[task.name, task.recipe.name] = task, result
         report(task.name)
     ordered = [found[task.name, task.recipe.name] for task in tasks]

@@ -29,6 +29,7 @@ def run_in_folder(
     folder: Path,
     *,
     jobs: int = 0,
+    dask: str | None = None,
     resume: bool = False,
     replace: bool = False,
     done: Callable[[Task], None] = lambda _: None,
@@ -46,7 +47,7 @@ def run_in_folder(
             describe(place, *about, tasks, prepared)
             new = place / "tasks"
             kept = (new, folder / "tasks") if resume else ()
-            run_tasks(tasks, prepared, new, LAWS, jobs=jobs, kept=kept, done=done)
+            run_tasks(tasks, prepared, new, LAWS, jobs=jobs, dask=dask, kept=kept, done=done)
         results = load_results(folder)
         build(results, replace=replace)
     return results

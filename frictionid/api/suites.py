@@ -58,6 +58,7 @@ class OpenSuite:
         self,
         *,
         jobs: int = 0,
+        dask: str | None = None,
         resume: bool = False,
         replace: bool = False,
         done: Callable[[str], None] = lambda _: None,
@@ -83,6 +84,7 @@ class OpenSuite:
             about,
             self.folder,
             jobs=jobs,
+            dask=dask,
             resume=resume,
             replace=replace,
             done=report,
@@ -119,6 +121,7 @@ def run_suite(
     data: str | Path | None = None,
     out: str | Path | None = None,
     jobs: int = 0,
+    dask: str | None = None,
     resume: bool = False,
     replace: bool = False,
     device: str | None = None,
@@ -137,6 +140,8 @@ def run_suite(
         Result folder; report/<suite>.
     jobs : int
         Number of parallel tasks; 0: one for each core.
+    dask : str, optional
+        Address of the scheduler of a Dask cluster, whose workers run the tasks.
     resume : bool
         Keep finished tasks.
     replace : bool
@@ -154,4 +159,4 @@ def run_suite(
         Where the suite is wrong, a task fails, or the folder holds what is not to be replaced.
     """
     opened = open_suite(suite, data=data, out=out, device=device, trust=trust)
-    return opened.run(jobs=jobs, resume=resume, replace=replace, done=done)
+    return opened.run(jobs=jobs, dask=dask, resume=resume, replace=replace, done=done)

@@ -10,6 +10,7 @@ import typer
 
 from frictionid.cli.options import Json, Require, Trust
 from frictionid.cli.paths import SuitePath
+from frictionid.errors import InputError
 
 
 class Device(StrEnum):
@@ -28,6 +29,10 @@ def compare(
     jobs: Annotated[
         int, typer.Option(min=0, help="Number of parallel tasks; 0: one per core.")
     ] = 0,
+    dask: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Run the tasks on the cluster of a Dask scheduler."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Keep finished tasks.")] = False,
     trust: Trust = False,
     replace: Annotated[
@@ -48,12 +53,14 @@ def compare(
     from frictionid.report import results_json, show
 
     check_requirements(require)
+    if dask and jobs:
+        raise InputError("--jobs is for this computer, --dask for a cluster: give one of them")
     where = device.value if device else None
     opened = open_suite(suite, data=data, out=out, device=where, trust=trust)
     try:
         title = f"comparing ({opened.suite.name})"
         with running([*opened.steps.values()], title, jobs or cpu_count()) as count:
-            compared = opened.run(jobs=jobs, resume=resume, replace=replace, done=count)
+            compared = opened.run(jobs=jobs, dask=dask, resume=resume, replace=replace, done=count)
     except KeyboardInterrupt:
         typer.echo(
             f"frictionid: interrupted; what is done stays in {opened.folder}: finish it with "

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import platform
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+_PACKAGES = (
+    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
+    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
+)
 
 
 def digest_of(value: Any) -> str:
@@ -49,6 +56,11 @@ def _parts(value: Any) -> Iterator[bytes]:
             else getattr(value, "__dict__", ())
         )
         yield from _parts({} if kind is value else {name: getattr(value, name) for name in names})
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, this package, and those that its numbers come from."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
 
 
 @cache

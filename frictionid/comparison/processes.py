@@ -29,7 +29,7 @@ def side_by_side(
     workers = min(jobs, len(calls))
     if workers < 2:
         with threadpool_limits(1):
-            _one_torch_thread()
+            one_torch_thread()
             yield from ((i, work(*call)) for i, call in enumerate(calls))
         return
     # who interrupts a comparison knows that tasks were cancelled
@@ -59,7 +59,7 @@ def _in_worker(
     parent: int, index: int, work: Callable[..., Returned], call: tuple[Any, ...]
 ) -> tuple[int, Returned]:
     _end_with(parent)
-    _one_torch_thread()
+    one_torch_thread()
     return index, work(*call)
 
 
@@ -75,7 +75,8 @@ def _watch(parent: int) -> None:
     os._exit(1)
 
 
-def _one_torch_thread() -> None:
+def one_torch_thread() -> None:
+    """Let torch, where it is loaded, compute on one thread."""
     torch = sys.modules.get("torch")
     if torch is not None:
         torch.set_num_threads(1)

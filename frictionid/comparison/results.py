@@ -14,10 +14,8 @@ SHA256SUMS        of the files from scores.csv on: those that are unchanged are 
 from __future__ import annotations
 
 import json
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,7 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.check import check
 from frictionid.comparison.cross_validate import PreparedBenchmark, Result
+from frictionid.comparison.digests import versions
 from frictionid.comparison.result_folder import (
     DATASETS,
     PROVENANCE,
@@ -63,10 +62,6 @@ DOCUMENT = (
 COLUMNS = ("suite", "dataset", "identifier", "fit", *SCORE_COLUMNS, "seed")  # of scores.csv
 _LEVELS = (0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
 _SHOWN = 1200  # velocities in a scatter, about
-_PACKAGES = (
-    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
-    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
-)
 
 
 def describe(
@@ -93,7 +88,7 @@ def provenance_of(suite: str, title: str, settings: Any, tasks: Sequence[Task]) 
         "title": title,
         "settings": settings,
         "tasks": [task.file for task in tasks],
-        "versions": {"python": platform.python_version(), **{p: version(p) for p in _PACKAGES}},
+        "versions": versions(),
         "data": {name: dict(d.hashes) for name, d in everything.items()},
         "origin": {name: dict(d.origin) for name, d in everything.items()},
         "folds": {name: benchmark.folds.hash for name, benchmark in benchmarks.items()},

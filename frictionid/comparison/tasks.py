@@ -116,12 +116,13 @@ def run_tasks(
     laws: Mapping[str, type],
     *,
     jobs: int = 0,
+    dask: str | None = None,
     kept: Sequence[Path] = (),
     done: Callable[[Task], None] | None = None,
 ) -> None:
     """Run the tasks, `jobs` at a time on one thread each, and write their results to the folder.
 
-    jobs : 0 for one per core
+    jobs, dask : see `results_of`
     kept : folders with earlier results: those of the same digest, and unchanged, count
     done : called with each task that is finished
 
@@ -136,17 +137,22 @@ def run_tasks(
         if task.file in finished:
             report(task)
     left = [task for task in tasks if task.file not in finished]
-    for task, result in results_of(left, prepared_benchmarks, jobs=jobs):
+    for task, result in results_of(left, prepared_benchmarks, jobs=jobs, dask=dask):
         write_json(folder / task.file, sealed(document(task, result, laws)), None, durable=True)
         report(task)
 
 
 def results_of(
-    tasks: Sequence[Task], prepared_benchmarks: Mapping[str, PreparedBenchmark], *, jobs: int = 0
+    tasks: Sequence[Task],
+    prepared_benchmarks: Mapping[str, PreparedBenchmark],
+    *,
+    jobs: int = 0,
+    dask: str | None = None,
 ) -> Iterator[tuple[Task, Result]]:
     """Results of the tasks as they are finished, `jobs` at a time on one thread each.
 
     jobs : 0 for one per core
+    dask : address of the scheduler of a cluster, whose workers run the tasks in place of these
 
     Raises
     ------
@@ -156,9 +162,33 @@ def results_of(
     groups = _alike(tasks)
     firsts = [group[0] for group in groups]
     calls = [(task, prepared_benchmarks[task.benchmark.dataset.name]) for task in firsts]
-    for i, result in side_by_side(_run, calls, jobs or cpu_count()):
+    if dask is None or not calls:
+        found = side_by_side(_run, calls, jobs or cpu_count())
+    else:
+        found = _on_cluster(calls, dask)
+    for i, result in found:
         for task in groups[i]:
             yield task, result
+
+
+def _on_cluster(
+    calls: Sequence[tuple[Task, PreparedBenchmark]], dask: str
+) -> Iterator[tuple[int, Result]]:
+    """What `_run` gives; tasks of one benchmark share its data."""
+    try:
+        from frictionid.comparison.cluster import on_cluster
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"a cluster needs the package {error.name}: pip install 'frictionid[dask]'"
+        ) from None
+    data = {id(shared): (task.benchmark, shared) for task, shared in calls}
+    separate = [(data[id(shared)], *task[1:]) for task, shared in calls]
+    return on_cluster(_run_apart, separate, dask)
+
+
+def _run_apart(data: tuple[Benchmark, PreparedBenchmark], *settings: Any) -> Result:
+    benchmark, shared = data
+    return _run(Task(benchmark, *settings), shared)
 
 
 def _finished(task: Task, path: Path) -> bool:

@@ -1,0 +1,164 @@
+"""A comparison on a Dask cluster: the numbers are those of one process, whatever dies."""
+
+import os
+import sys
+import time
+
+import pytest
+from distributed import Client
+from fixtures.cluster import Cluster
+from fixtures.tiny_pendulums import compare_into, write_suite
+
+from frictionid.cli import main
+from frictionid.comparison import cluster as clusters
+from frictionid.comparison.cluster import check_equal, on_cluster
+from frictionid.errors import InputError
+
+OWN = """
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from signal import SIGKILL
+from time import sleep
+from frictionid.friction.laws import CoulombViscous
+from frictionid.identifiers import Identifier, LeastSquares
+
+@dataclass(frozen=True)
+class Killer(Identifier):
+    file: str = ""
+    seconds: float = 0.0
+    def fit(self, problem, weights, seed):
+        sleep(self.seconds)
+        if self.file and Path(self.file).exists():
+            process = int(Path(self.file).read_text()) or os.getpid()
+            Path(self.file).unlink()
+            os.kill(process, SIGKILL)
+            sleep(30 * (process != os.getpid()))
+        return LeastSquares(CoulombViscous()).fit(problem, weights, seed)
+"""
+KIND = "own_part:Killer"
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """A scheduler, at first without workers."""
+    made = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a suite of own identifiers, one of which kills, and what it gives serially."""
+    folder = tmp_path_factory.mktemp("suite")
+    (folder / "own_part.py").write_text(OWN)
+    own = [{"kind": KIND, "name": f"slow{i}", "seconds": 0.3 + 0.01 * i} for i in range(4)]
+    own.insert(1, {"kind": KIND, "name": "killer", "file": str(folder / "kill")})
+    changes = [("recipes", [{"name": "integral"}]), ("identifiers", [{"kind": "none"}, *own])]
+    write_suite(folder, changes)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [*sys.path, str(folder)])
+        compare_into(folder / "suite.toml", folder / "serial")
+        yield folder
+
+
+def assert_same_scores(folder, other):
+    assert (folder / "scores.csv").read_bytes() == (other / "scores.csv").read_bytes()
+    models = sorted(path.name for path in (other / "models").iterdir())
+    assert sorted(path.name for path in (folder / "models").iterdir()) == models
+    for name in models:
+        assert (folder / "models" / name).read_bytes() == (other / "models" / name).read_bytes()
+
+
+def said(patch, capsys, folder, *options):
+    """Exit status of a comparison, and the one line that it says."""
+    patch.chdir(folder)
+    patch.setattr(sys, "argv", ["frictionid", "compare", "suite.toml", "--out", "no", *options])
+    status = main()
+    return status, capsys.readouterr().err.strip()
+
+
+# --- Mistakes -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("address", "line"),
+    [
+        ("127.0.0.1:1", "127.0.0.1:1: no Dask scheduler answers there (Timed out"),
+        ("nonsense", "'nonsense' is no address of a scheduler: it is like tcp://10.0.0.1:8786"),
+        ("http://a:1/b", "'http://a:1/b' is no address of a scheduler"),
+    ],
+)
+def test_a_wrong_address_is_one_line(place, monkeypatch, capsys, address, line):
+    monkeypatch.setattr(clusters, "PATIENCE", 0.5)
+    status, text = said(monkeypatch, capsys, place, "--dask", address)
+    assert status == 2 and text.startswith(f"frictionid: {line}") and "\n" not in text
+
+
+def test_dask_that_is_not_installed_is_one_line(place, monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "frictionid.comparison.cluster")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert said(monkeypatch, capsys, place, "--dask", "127.0.0.1:1") == (
+        2,
+        "frictionid: a cluster needs the package distributed: pip install 'frictionid[dask]'",
+    )
+
+
+def test_jobs_are_for_one_computer(place, monkeypatch, capsys):
+    status, text = said(monkeypatch, capsys, place, "--dask", "127.0.0.1:1", "--jobs", "2")
+    assert status == 2 and text.endswith("--dask for a cluster: give one of them")
+
+
+def test_a_scheduler_without_workers_is_one_line(cluster, place, monkeypatch, capsys):
+    monkeypatch.setattr(clusters, "PATIENCE", 1.0)
+    status, text = said(monkeypatch, capsys, place, "--dask", cluster.address)
+    assert status == 2 and "\n" not in text
+    assert f"the scheduler has no workers: start some with `dask worker {cluster.address}" in text
+
+
+def test_workers_that_would_find_other_numbers_are_refused():
+    found = {"numpy": "2.0", "threads": "1"}
+    check_equal(found, {"numpy": "2.0"}, "a")
+    with pytest.raises(InputError, match="worker a: numpy is 2.0 there and 2.1 here: install"):
+        check_equal(found, {"numpy": "2.1"}, "a")
+    with pytest.raises(InputError, match="worker a: has 4 threads, .* with --nthreads 1"):
+        check_equal({**found, "threads": "4"}, {"numpy": "2.0"}, "a")
+
+
+# --- On a scheduler with two worker processes -----------------------------------------------------
+
+
+def test_two_workers_give_the_numbers_of_one_process(cluster, place):
+    for _ in range(2):
+        cluster.add_worker()
+    with Client(cluster.address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+    processes = dict(on_cluster(slept, [(None, 0.2)] * 6, cluster.address))
+    assert sorted(processes) == [*range(6)]
+    assert set(processes.values()) == {worker.pid for worker in cluster.workers}
+    compare_into(place / "suite.toml", place / "two", dask=cluster.address)
+    assert_same_scores(place / "two", place / "serial")
+
+
+def slept(_, seconds):
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def test_a_killed_worker_costs_only_time(cluster, place):
+    (place / "kill").write_text("0")  # itself
+    compare_into(place / "suite.toml", place / "killed", dask=cluster.address)
+    assert not (place / "kill").exists()
+    ended = [worker.poll() for worker in cluster.workers]
+    assert sorted(ended, key=str) == [-9, None]
+    assert_same_scores(place / "killed", place / "serial")
+
+
+def test_a_dead_scheduler_is_one_line_and_the_comparison_is_resumed_without(cluster, place):
+    (place / "kill").write_text(str(cluster.scheduler.pid))
+    with pytest.raises(InputError, match=r"the scheduler is gone: .* finish with --resume"):
+        compare_into(place / "suite.toml", place / "resumed", dask=cluster.address)
+    done = [p.name for p in (place / "resumed" / "unfinished" / "tasks").glob("[!.]*.json")]
+    assert "tiny--none--integral--seed0.json" in done
+    compare_into(place / "suite.toml", place / "resumed", resume=True)
+    assert_same_scores(place / "resumed", place / "serial")
