@@ -57,6 +57,7 @@ from frictionid.identifiers.estimators import estimator_named
 from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
 from frictionid.shooting.parameters import (
     ActuatorBlock,
+    BacklashBlock,
     BiasBlock,
     DelayBlock,
     FrictionBlock,
@@ -64,6 +65,7 @@ from frictionid.shooting.parameters import (
     InertiaBlock,
     OffsetBlock,
     ParameterBlock,
+    TargetDelayBlock,
 )
 
 LAWS: Mapping[str, type] = {
@@ -176,4 +178,6 @@ BLOCKS: Mapping[str, Callable[..., ParameterBlock]] = {
     "bias": BiasBlock,
     "offset": OffsetBlock,
     "actuator": ActuatorBlock,
+    "target_delay": TargetDelayBlock,
+    "backlash": BacklashBlock,
 }

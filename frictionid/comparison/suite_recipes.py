@@ -290,7 +290,7 @@ def blocks_of(
     return tuple(blocks)
 
 
-_PARTLY_FIXED = ("inertia", "friction", "actuator", "gain", "bias", "offset")
+_PARTLY_FIXED = ("inertia", "friction", "actuator", "gain", "bias", "offset", "backlash")
 
 
 def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, tuple[str, ...]]:
@@ -301,7 +301,8 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
         if block not in parts or not parameter or block not in free:
             raise InputError(
                 f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME, actuator.kt or "
-                "actuator.R, gain.JOINT, bias.JOINT or offset.JOINT of a free block, such as "
+                "actuator.R, gain.JOINT, bias.JOINT, offset.JOINT or backlash.JOINT of a free "
+                "block, such as "
                 '"inertia.gravity_2"'
             )
         parts[block].append(parameter)

@@ -4,12 +4,13 @@ The true torque and angle follow from the recorded u and q:
 
     u_true(t) = gain u(t - delay) + bias,    q_true = q - offset
 
-Where a servo drives, kt and R of its motors may be calibrated; u then follows from its voltage.
+Where a servo drives, kt and R of its motors, the delay of its targets and its backlash may be
+calibrated; u then follows from its controller.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.servo import servo_torque
+from frictionid.data.servo import Servo, servo_torque
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 
@@ -35,6 +36,8 @@ class Calibration:
     offset : array, shape (..., n) [rad]
     motor : array, shape (..., 2), kt [N m/A] and R [Ohm] of servos, or None for those of the
         recordings
+    target_delay : array, shape (...) [s] of servos, or None for that of the recordings
+    backlash : array, shape (..., n) [rad] of servos, or None for that of the recordings
 
     >>> calibration = Calibration.ideal(2)
     >>> calibration.gain, float(calibration.delay)
@@ -47,6 +50,8 @@ class Calibration:
     bias: Array
     offset: Array
     motor: Array | None = None
+    target_delay: Array | None = None
+    backlash: Array | None = None
 
     @staticmethod
     def ideal(n: int, base: Array | None = None) -> Calibration:
@@ -55,17 +60,16 @@ class Calibration:
 
     def __getitem__(self, index: Any) -> Calibration:
         """Calibration at an index into the batch axes."""
-        base, motor = (None if x is None else x[index] for x in (self.base, self.motor))
-        gain, delay, bias, offset = (getattr(self, name)[index] for name in _SENSORS)
-        return Calibration(base, gain, delay, bias, offset, motor)
+        known: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        parts: dict[str, Any] = {k: None if x is None else x[index] for k, x in known.items()}
+        return Calibration(**parts)
 
 
 def stack_calibrations(calibrations: list[Calibration]) -> Calibration:
     """One calibration with a new leading batch axis."""
-    parts = {name: np.stack([getattr(r, name) for r in calibrations]) for name in _SENSORS}
-    return Calibration(
-        _all([r.base for r in calibrations]), **parts, motor=_all([r.motor for r in calibrations])
-    )
+    names = [f.name for f in fields(Calibration)]
+    parts: dict[str, Any] = {n: _all([getattr(r, n) for r in calibrations]) for n in names}
+    return Calibration(**parts)
 
 
 def _all(values: list[Array | None]) -> Array | None:
@@ -73,7 +77,15 @@ def _all(values: list[Array | None]) -> Array | None:
     return np.stack(known) if len(known) == len(values) else None
 
 
-_SENSORS = ("gain", "delay", "bias", "offset")
+def calibrated_servo(servo: Servo, calibration: Calibration) -> Servo:
+    """The servo with what the calibration knows of its motors, targets and backlash."""
+    if calibration.motor is not None:
+        servo = servo.with_motor(*calibration.motor)
+    if calibration.target_delay is not None:
+        servo = replace(servo, target_delay=float(calibration.target_delay))
+    if calibration.backlash is not None:
+        servo = replace(servo, backlash=np.asarray(calibration.backlash, dtype=float))
+    return servo
 
 
 def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
@@ -112,12 +124,12 @@ def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
 def _calibrated(recording: Recording, calibration: Calibration, driven: Array) -> Recording:
     angle, torque, servo = recording.angle, recording.torque, recording.servo
     angle = angle._replace(value=angle.value - calibration.offset)
-    if servo is not None:
+    if servo is not None and servo.target == "position":
         servo = replace(
             servo, goal=servo.goal._replace(value=servo.goal.value - calibration.offset)
         )
-    if servo is not None and calibration.motor is not None:
-        servo = servo.with_motor(*calibration.motor)
+    given, servo = servo, None if servo is None else calibrated_servo(servo, calibration)
+    if servo is not None and servo is not given:
         torque = servo_torque(servo, angle, float(calibration.delay))
     else:
         torque = torque._replace(time=torque.time + calibration.delay)

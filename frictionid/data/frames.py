@@ -51,11 +51,26 @@ class FrameColumns:
     covariates: Mapping[str, str] = field(default_factory=dict)
     missing: str = "refuse"
     torque_at: str = "motor"
+    actuator: Mapping[str, Any] | None = None
 
     @property
     def gears(self) -> Gears | None:
         """Gears between the motors that columns are of and the joints."""
         return _toml(self)[0].gears
+
+    def read_all(self, frames: Any) -> dict[str, tuple[Recorded, str]]:
+        """What `read` gives of each of several frames, by name, or of a single one.
+
+        Raises
+        ------
+        InputError
+            As `read`, and where an actuator names recordings that are none of these.
+        """
+        given = frames if isinstance(frames, Mapping) else {"recording": frames}
+        actuator = _toml(self)[0].actuator
+        if actuator is not None:
+            actuator.check_recordings([str(key) for key in given], "")
+        return {str(key): self.read(frame, str(key)) for key, frame in given.items()}
 
     def read(self, frame: Any, name: str) -> tuple[Recorded, str]:
         """Signals of a frame in SI units, and the SHA-256 of its columns.
@@ -67,13 +82,13 @@ class FrameColumns:
         """
         toml, scales = _toml(self)
         assert toml.columns is not None
-        table = _table(frame, toml.columns.names(), f"frame {name!r}")
+        table = _table(frame, toml.asked.names(), f"frame {name!r}")
         digest = hashlib.sha256()
         for column, values in table.columns.items():
             digest.update(column.encode() + np.ascontiguousarray(values, "<f8").tobytes())
         for column, scale in scales.items():
             table.columns[column] = table.columns[column] * scale
-        return recorded(table, toml), digest.hexdigest()
+        return recorded(table, toml, name), digest.hexdigest()
 
 
 def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
@@ -112,6 +127,8 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
     }
     if columns.motor is not None:
         document["motor"] = {key: _toml_value(value) for key, value in columns.motor.items()}
+    if columns.actuator is not None:
+        document["actuator"] = _plain(columns.actuator)
     return check_dataset_toml(document, "columns of the frames"), scales
 
 
@@ -130,6 +147,15 @@ def _toml_value(value: Any) -> Any:
     if isinstance(value, str):
         return value
     return np.asarray(value, dtype=float).tolist()
+
+
+def _plain(value: Any) -> Any:
+    """Tables and lists of Python's own numbers, as TOML has them."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(own) for key, own in value.items()}
+    if isinstance(value, list | tuple | np.ndarray | np.generic):
+        return np.asarray(value).tolist()
+    return value
 
 
 def _each(value: Any, names: Sequence[str]) -> list[tuple[Any, str]]:

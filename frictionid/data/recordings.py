@@ -61,8 +61,7 @@ class Recording:
     truth : TrueMotion or None
         The noise-free motion, for simulated recordings.
     servo : Servo or None
-        Controller and motors that make the torque, where known; `torque` then follows from the
-        recorded motion.
+        Controller and motors that make the torque, where known; `torque` follows from the motion.
 
     Raises
     ------
@@ -225,6 +224,7 @@ class Dataset:
         signs: Mapping[str, Numbers] | None = None,
         motor: Mapping[str, Any] | None = None,
         torque_at: str = "motor",
+        actuator: Mapping[str, Any] | None = None,
         hold: str | None = None,
         sigma: Numbers | Mapping[str, Numbers] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
@@ -257,6 +257,8 @@ class Dataset:
             the motors: the keys of [motor] in a dataset.toml.
         torque_at : "motor", "link" or "command"
             Those of the motors, of sensors at the links (which show no friction), or asked for.
+        actuator : mapping of "target", "output", "P" ... to columns and numbers
+            Where torque follows from a controller: the keys of [actuator] in a dataset.toml
         hold : "previous" or "linear"
             What the torque does between two samples; see `Signal`.
         sigma : float, one for each joint, or mapping of "angle", "velocity", "torque" to these
@@ -296,10 +298,9 @@ class Dataset:
             covariates or {},
             missing,
             torque_at,
+            actuator,
         )
-        given = frames if isinstance(frames, Mapping) else {"recording": frames}
-        reads = {str(key): columns.read(frame, str(key)) for key, frame in given.items()}
-        data = _of_reads(name, mechanism, reads, parameters or {})
+        data = _of_reads(name, mechanism, columns.read_all(frames), parameters or {})
         return replace(data, columns=columns, gears=columns.gears, torque_at=torque_at)
 
     @classmethod
@@ -354,9 +355,7 @@ class Dataset:
                 f"data set {self.name!r} was not read from frames, so that the columns of a frame "
                 "are not known: make a data set of it by Dataset.from_frames"
             )
-        given = frames if isinstance(frames, Mapping) else {"recording": frames}
-        reads = {str(key): self.columns.read(frame, str(key)) for key, frame in given.items()}
-        data = _of_reads(name or self.name, self.mechanism, reads, {})
+        data = _of_reads(name or self.name, self.mechanism, self.columns.read_all(frames), {})
         return replace(data, columns=self.columns, gears=self.gears, torque_at=self.torque_at)
 
 
@@ -384,6 +383,7 @@ def _of_reads(
             velocity=signals.velocity,
             parameters=dict(parameters.get(key, {})),
             covariates=signals.covariates,
+            servo=signals.servo,
         )
         for key, (signals, _) in reads.items()
     )

@@ -19,7 +19,7 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages
 from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.servo import Servo, motor_torque, servo_torque
+from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States
 from frictionid.dynamics.rollout import rollout
@@ -143,32 +143,34 @@ def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
 
 
 class _Drive(NamedTuple):
-    """The servos of R recordings: constants (R, 1), and what the calibration makes of their torque.
+    """The servos of R recordings, and what the calibration makes of their torque.
 
     gain, bias (R, n) or (n,); delay [s], (R,) or one: so much later the voltage acts.
     """
 
     servos: tuple[Servo, ...]
-    kt: Array
-    R: Array
     gain: Array
     bias: Array
     delay: Array
 
-    def torque(self, time: Array, q: Array, w: Array) -> Array:
+    def torque(self, time: Array, seen: Array, w: Array) -> Array:
         """Torque (R, n) [N m] of each recording's servo at its own time (R,) and state (R, n)."""
         later = self.delay + 0.0 * time
-        time, q = time - later, q - later[:, None] * w
-        each = [s.voltage(t[None], a[None]) for s, t, a in zip(self.servos, time, q, strict=True)]
-        connected = [s.connected(t[None]) for s, t in zip(self.servos, time, strict=True)]
-        u = motor_torque(np.concatenate(each), w, self.kt, self.R)
-        return self.gain * u * np.concatenate(connected) + self.bias
+        time, seen = time - later, seen - later[:, None] * w
+        states = zip(self.servos, time[:, None], seen[:, None], w[:, None], strict=True)
+        each = [servo.torque(t, q, v) for servo, t, q, v in states]
+        return self.gain * np.concatenate(each) + self.bias
+
+    @property
+    def backlash(self) -> Array:
+        """Backlash (R, n) [rad] before the encoders."""
+        n = self.servos[0].goal.value.shape[1]
+        return np.array([s.backlash + np.zeros(n) for s in self.servos])
 
 
 def _drive_of(trajectory: Trajectory, calibration: Calibration | None) -> _Drive:
-    kt, R = (np.array([[getattr(s, name)] for s in trajectory.servos]) for name in ("kt", "R"))
     calibration = calibration or Calibration.ideal(trajectory.q.shape[-1])
-    return _Drive(trajectory.servos, kt, R, calibration.gain, calibration.bias, calibration.delay)
+    return _Drive(trajectory.servos, calibration.gain, calibration.bias, calibration.delay)
 
 
 def _run(plant: Plant, friction: Friction, start: State, trajectory: Trajectory) -> Array:
@@ -179,14 +181,16 @@ def _run(plant: Plant, friction: Friction, start: State, trajectory: Trajectory)
     u = drive.torque(trajectory.time[0], start.q, start.w)
     x = inputs(plant, friction, start, u)
     state = start._replace(memory=friction.law.start(friction.theta, x))
-    before, q = state, [state.q]
+    before, q, half = state, [state.q], drive.backlash / 2
+    z = 0.0 * state.q
     for k, number in enumerate(pieces):
         h = trajectory.dt[k][:, None] / number
         for piece in range(number):
             w = state.w + (state.w - before.w) / 2  # that of the piece's middle
             time = trajectory.time[k] + (piece + 0.5) * h[:, 0]
-            u = drive.torque(time, state.q + w * h / 2, w)
+            u = drive.torque(time, state.q + w * h / 2 - z, w)
             before, state = state, step(plant, friction, state, u, h, count)
+            z = np.clip(z + state.q - before.q, -half, half)
         state = _sampled(plant, friction, state, u, trajectory.dt[k][:, None])
         q.append(state.q)
     return np.stack(q)

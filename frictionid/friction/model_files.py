@@ -26,6 +26,7 @@ from frictionid.friction.bam_files import is_bam, read_bam
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"
+_OF_SERVOS = ("motor", "target_delay", "backlash")  # of a calibration, where servos drive
 
 
 def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
@@ -261,15 +262,18 @@ def _calibration(table: Any, where: str) -> Calibration | None:
     """Calibration of its table, every number finite."""
     if table is None:
         return None
-    names = [f.name for f in fields(Calibration) if f.name != "motor"]
-    if not isinstance(table, Mapping) or set(table) - {"motor"} != set(names):
-        raise InputError(f'{where}: "calibration" must have {", ".join(names)}, and may have motor')
+    names = [f.name for f in fields(Calibration) if f.name not in _OF_SERVOS]
+    if not isinstance(table, Mapping) or set(table) - set(_OF_SERVOS) != set(names):
+        raise InputError(
+            f'{where}: "calibration" must have {", ".join(names)}, and may have '
+            f"{', '.join(_OF_SERVOS)}"
+        )
     numbers: dict[str, Any] = {
         k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()
     }
     for name, value in numbers.items():
         known = value is not None and np.isfinite(value).all()
-        if not known and not (value is None and name in ("base", "motor")):
+        if not known and not (value is None and name in ("base", *_OF_SERVOS)):
             raise InputError(f"{where}: calibration.{name} must be finite numbers")
     return Calibration(**numbers)
 

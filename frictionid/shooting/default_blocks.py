@@ -1,4 +1,4 @@
-"""What shooting frees where nothing is said: friction, and the delay of a sampled torque."""
+"""What shooting frees where nothing is said: friction, the delay of a sampled torque or target."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.data.recordings import Dataset
+from frictionid.data.signals import holds
+from frictionid.shooting.parameters.actuator import TargetDelayBlock
 from frictionid.shooting.parameters.friction import FrictionBlock
 from frictionid.shooting.parameters.parameter_block import ParameterBlock
 from frictionid.shooting.parameters.sensors import DelayBlock
@@ -27,3 +29,16 @@ def applicable(blocks: Sequence[ParameterBlock], dataset: Dataset) -> tuple[Para
     return tuple(
         b for b in blocks if sampled or not (isinstance(b, DelayBlock) and b.where_sampled)
     )
+
+
+def blocks_for(blocks: Sequence[ParameterBlock], dataset: Dataset) -> tuple[ParameterBlock, ...]:
+    """The applicable blocks; where servos drive by held targets, the delay is that of the targets.
+
+    A controller that gets its targets late looks like viscous friction, too.
+    """
+    servos = [r.servo for r in dataset.recordings if r.servo is not None]
+    late = any(isinstance(b, DelayBlock) and b.where_sampled for b in blocks)
+    here = applicable(blocks, dataset)
+    if not (late and servos and all(holds(s.goal) for s in servos)) or torque_is_sampled(dataset):
+        return here
+    return (*here, TargetDelayBlock())

@@ -13,15 +13,29 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.shooting.data_checks import check_blocks
 from frictionid.shooting.gauss_newton import Solution
-from frictionid.shooting.parameters import BiasBlock, DelayBlock, InertiaBlock, OffsetBlock
-from frictionid.shooting.parameters.parameter_block import ParameterBlock
+from frictionid.shooting.parameters import (
+    BacklashBlock,
+    BiasBlock,
+    DelayBlock,
+    InertiaBlock,
+    OffsetBlock,
+    TargetDelayBlock,
+)
+from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock
 from frictionid.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.shooting.sandwich import clusters_of, sandwich, shown_once, solve_scaled
-from frictionid.shooting.servo_problem import has_actuator
+from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_servo
 from frictionid.shooting.window_steps import linearised_at
 from frictionid.shooting.windows import NormalEquations, eliminate_states
 
 OFFERED: tuple[ParameterBlock, ...] = (InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock())
+OF_SERVOS: tuple[ParameterBlock, ...] = (
+    InertiaBlock(),
+    TargetDelayBlock(),
+    BacklashBlock(),
+    BiasBlock(),
+    OffsetBlock(),
+)
 _CLEAR = 0.01  # p-value of a block that would show
 _OWN = 1e-6  # of a parameter's information that no other one shares, or it is no question
 
@@ -40,20 +54,22 @@ class Omitted(NamedTuple):
 def omitted_blocks(problem: ShootingProblem, solution: Solution) -> Omitted | None:
     """Blocks that would differ significantly from what they were held at, if they were free.
 
-    Of inertia, delay, bias and offset all are freed, and the least significant one is left out
-    until all show: by one Gauss-Newton step from the normal equations of all of them, with p-values
-    by the covariance between recordings, times the number of the block's parameters.
+    Of inertia, delay, bias and offset, of servos the targets' delay and backlash in place of the
+    delay, all are freed, and the least significant one is left out until all show: by one
+    Gauss-Newton step from the normal equations of all of them, with p-values by the covariance
+    between recordings, times the number of the block's parameters.
     """
     given = tuple(own.block for own in problem.blocks)
     network = solution.estimate.friction.law.is_network
-    if network or has_actuator(given) or not problem.count:
+    motors = {b.name for b in given if b.enters == "actuator"} == {"actuator"}
+    if network or motors or not problem.count:
         return None
     more = _that_may_be_free(problem, solution, given)
     if not more:
         return None
     blocks = (*given, *more)
-    wider = shooting_problem(problem.intervals, solution.estimate, blocks, problem.settings)
-    normal = _normal_equations(wider, solution)
+    wider, start = _wider(problem, solution.estimate, blocks)
+    normal = _normal_equations(wider, solution._replace(estimate=start))
     if not np.isfinite(normal.H[solution.closed]).all():
         return None
     step = _Step(problem, wider, solution, normal)
@@ -65,6 +81,17 @@ def omitted_blocks(problem: ShootingProblem, solution: Solution) -> Omitted | No
             return Omitted(names, p, step.shift(names))
         names = (*names[:worst], *names[worst + 1 :])
     return None
+
+
+def _wider(
+    problem: ShootingProblem, estimate: Estimate, blocks: tuple[ParameterBlock, ...]
+) -> tuple[ShootingProblem, Estimate]:
+    """The problem with more blocks, and the estimate with what these free."""
+    intervals, settings = problem.intervals, problem.settings
+    if not has_actuator(blocks):
+        return shooting_problem(intervals, estimate, blocks, settings), estimate
+    estimate = with_servo(estimate, intervals.dataset, blocks)
+    return servo_problem(intervals, estimate, blocks, settings), estimate
 
 
 def model_error(omitted: Omitted | None) -> Array | float:
@@ -87,10 +114,13 @@ def _that_may_be_free(
     """Blocks that are not free and may be, all together."""
     names = [b.name for b in given]
     out: tuple[ParameterBlock, ...] = ()
-    for block in OFFERED:
+    estimate, driven = solution.estimate, has_actuator(given)
+    if driven:
+        estimate = with_servo(estimate, problem.intervals.dataset, OF_SERVOS)
+    for block in OF_SERVOS if driven else OFFERED:
         try:
-            if block.name not in names and block.parameters(solution.estimate):
-                check_blocks((*given, *out, block), solution.estimate, problem.intervals)
+            if block.name not in names and block.parameters(estimate):
+                check_blocks((*given, *out, block), estimate, problem.intervals)
                 out = (*out, block)
         except InputError:  # these data do not tell it
             continue

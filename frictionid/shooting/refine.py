@@ -20,7 +20,7 @@ from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.torque_outliers import without_torque_outliers
 from frictionid.shooting.covariance import Covariance, covariance_of
 from frictionid.shooting.data_checks import check_blocks, check_data, warnings_of
-from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
+from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, blocks_for
 from frictionid.shooting.gauss_newton import Solution, solve
 from frictionid.shooting.limits_of_data import limits_of_data
 from frictionid.shooting.networks import as_given, on_arrays, with_combinations
@@ -39,7 +39,7 @@ from frictionid.shooting.parameters.parameter_block import (
 )
 from frictionid.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.shooting.sample_intervals import Intervals, intervals_of
-from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_motor
+from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_servo
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.significance import Dropped, least_significant
 from frictionid.shooting.torque_samples import torque_samples
@@ -201,7 +201,7 @@ def fit_blocks(
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     dropped: list[Dropped] = []
-    blocks = on_support(applicable(blocks, intervals.dataset), friction)
+    blocks = on_support(blocks_for(blocks, intervals.dataset), friction)
     ended: Solution | None = None
     while True:
         problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
@@ -244,7 +244,7 @@ def prepare_fit(
         samples = torque_samples(friction, mechanism, calibration, intervals, use)
         friction, blocks = with_combinations(friction, samples, blocks)
     estimate = Estimate(friction, calibration, mechanism)
-    estimate = with_motor(estimate, intervals.dataset) if has_actuator(blocks) else estimate
+    estimate = with_servo(estimate, intervals.dataset, blocks) if has_actuator(blocks) else estimate
     check_blocks(blocks, estimate, intervals)
     made = servo_problem if has_actuator(blocks) else shooting_problem
     problem = made(intervals, estimate, blocks, settings)

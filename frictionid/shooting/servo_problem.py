@@ -1,39 +1,77 @@
-"""Intervals of recordings that a servo drives: torque follows from voltage and predicted motion.
+"""Intervals of recordings that a servo drives: torque follows from target and predicted motion.
 
-u = (kt/R) V - (kt^2/R) w while the motor is connected, else zero. The first term is a torque like
-any other, of a logged V with the gain kt/R; the second acts like a friction, with `BackEMF`. So the
-inner problem has the voltage for a torque, and gain and back-EMF as free parameters; derivatives in
-kt and R follow by the chain rule.
+u = A(t) - B w, see `servo_signals`. The first term is a torque like any other; the second acts like
+a friction, with `BackEMF`. What is free of the servo changes A, by differences; what that changes
+in B acts on the difference of predicted and recorded velocity only, and has no derivative.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.servo import applied_voltage
-from frictionid.data.signals import Signal
+from frictionid.data.integrals import SignalIntegrals, pieces_of
+from frictionid.data.recordings import Dataset
+from frictionid.data.servo import Servo
 from frictionid.errors import InputError
 from frictionid.friction.coordinates import refuse_coupled
 from frictionid.shooting.back_emf import with_back_emf
 from frictionid.shooting.parameters.actuator import MOTOR
 from frictionid.shooting.parameters.friction import FrictionBlock
-from frictionid.shooting.parameters.parameter_block import Estimate, ParameterBlock, free_blocks
-from frictionid.shooting.parameters.sensors import VoltageBlock
+from frictionid.shooting.parameters.parameter_block import (
+    Estimate,
+    Parameter,
+    ParameterBlock,
+    free_blocks,
+)
 from frictionid.shooting.problem import Linearisation, ShootingProblem, shooting_problem
 from frictionid.shooting.sample_intervals import Intervals
+from frictionid.shooting.sensitivities import MotorTorque
+from frictionid.shooting.servo_signals import damping, torque_signals
 from frictionid.shooting.settings import Settings
+
+_SHARE = 1e-4  # of a constant, by which it is changed for a difference
+_CHANGE = {"s": 1e-4, "rad": 1e-4, "m": 1e-4}  # of what may be zero
+
+
+class Change(NamedTuple):
+    """Integrals of A with a parameter above and below its value, and how far that is apart."""
+
+    above: SignalIntegrals
+    below: SignalIntegrals
+    apart: float
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenProblem(ShootingProblem):
+    """Intervals under the torque A, whose changes with the servo's free parameters are known."""
+
+    changes: tuple[Change, ...] = ()
+
+    def _torque_between(self, estimate: Estimate, rows: Array, share: Array) -> MotorTorque:
+        motor = super()._torque_between(estimate, rows, share)
+        intervals, calibration = self.intervals, estimate.calibration
+        edges = intervals.time[rows, None] + intervals.dt[rows, None] * share
+        edges = edges - float(calibration.delay)
+        of, scale = intervals.recording[rows], calibration.gain * estimate.mechanism.motors
+        assert motor.moment_by is not None
+        by, moment_by = [motor.by], [motor.moment_by]
+        for change in self.changes:
+            up, down = (pieces_of(own, of, edges) for own in change[:2])
+            by.append(((up.mean - down.mean) * scale / change.apart)[:, None])
+            moment_by.append(((up.moment - down.moment) * scale / change.apart)[:, None])
+        return motor._replace(by=np.concatenate(by, 1), moment_by=np.concatenate(moment_by, 1))
 
 
 @dataclass(frozen=True, eq=False)
 class ServoProblem(ShootingProblem):
     """The problem of recordings that a servo drives.
 
-    inner : with the voltage for a torque, gain and back-EMF free
+    inner : blocks of the same parameters, friction's with back-EMF
     """
 
     inner: ShootingProblem
@@ -41,13 +79,17 @@ class ServoProblem(ShootingProblem):
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
         out = Linearisation.zeros(nodes, self._angle())
-        connected = self.connected(estimate)
-        for pattern in np.unique(connected[rows], axis=0):
-            some = rows[(connected[rows] == pattern).all(axis=1)]
-            own = self.inner.linearise(_inside(estimate, pattern), nodes, some)
-            out.end[some], out.by_start[some] = own.end[some], own.by_start[some]
-            out.by[some] = own.by[some] @ self.chain_rule(estimate, pattern)
+        B, driven = self.damping(estimate), self._driven(estimate)
+        for own in np.unique(B[rows], axis=0):
+            some = rows[(B[rows] == own).all(axis=1)]
+            found = driven.linearise(_inside(estimate, own), nodes, some)
+            out.end[some], out.by_start[some] = found.end[some], found.by_start[some]
+            out.by[some] = found.by[some]
         return out
+
+    def damping(self, estimate: Estimate) -> Array:
+        """B (K, n) [N m s/rad] of the servos in each interval."""
+        return damping(self.intervals, estimate.calibration, estimate.mechanism.motors)
 
     def connected(self, estimate: Estimate) -> Array:
         """Whether (K, n) the motor of a joint is connected in the middle of an interval: 1 or 0."""
@@ -61,62 +103,63 @@ class ServoProblem(ShootingProblem):
                 out[own] = recording.servo.connected(middle[own]) * driven
         return out
 
-    def chain_rule(self, estimate: Estimate, connected: Array) -> Array:
-        """Derivatives (D', D) of the inner parameters in the free ones, by joints' connection."""
-        kt, R = (float(x) for x in np.asarray(estimate.calibration.motor))
-        by_motor = {
-            "gain": {"kt": 1 / R, "R": -kt / R**2},
-            "back_emf": {"kt": 2 * kt / R, "R": -((kt / R) ** 2)},
-        }
-        column = {(p.block, p.name): k for k, p in enumerate(self.parameters)}
-        out = np.zeros((self.inner.count, self.count))
-        last = len(estimate.friction.law.names)
-        for row, p in enumerate(self.inner.parameters):
-            if (p.block, p.name) in column:
-                out[row, column[p.block, p.name]] = 1.0
-                continue
-            emf = p.block == "friction" and p.place[1] == last
-            share = connected[p.place[0]] if emf else 1.0
-            for name in MOTOR:
-                if ("actuator", name) in column:
-                    slope = by_motor["back_emf" if emf else "gain"][name]
-                    out[row, column["actuator", name]] = share * slope
-        return out
+    def _driven(self, estimate: Estimate) -> DrivenProblem:
+        """The inner problem under the torque of an estimate's servos."""
+        intervals, B = self.intervals, self.damping(estimate)
+        own = replace(intervals)
+        own.__dict__["torque"] = torque_signals(intervals, estimate.calibration, B)
+        changes = tuple(
+            self._change(estimate, block.block, p, B)
+            for block in self.blocks
+            if block.block.enters == "actuator"
+            for p in block.block.parameters(estimate)
+        )
+        inner = self.inner
+        return DrivenProblem(own, inner.blocks, inner.settings, inner.reads, changes)
+
+    def _change(
+        self, estimate: Estimate, block: ParameterBlock, parameter: Parameter, B: Array
+    ) -> Change:
+        value = parameter.value
+        step = _CHANGE.get(parameter.unit, _SHARE * abs(value))
+        values = (value + step, max(value - step, parameter.low))
+        above, below = (
+            torque_signals(
+                self.intervals, block.with_values(estimate, [(parameter, v)]).calibration, B
+            )
+            for v in values
+        )
+        return Change(above, below, values[0] - values[1])
 
 
-def _inside(estimate: Estimate, connected: Array) -> Estimate:
-    """The estimate of the inner problem, with the motors (n,) that are connected."""
-    kt, R = (float(x) for x in np.asarray(estimate.calibration.motor))
-    friction, n = estimate.friction, estimate.mechanism.n
+def _inside(estimate: Estimate, B: Array) -> Estimate:
+    """The estimate of the inner problem, with damping (n,) of the servos."""
+    friction = estimate.friction
     theta = np.asarray(friction.theta, dtype=float)
-    emf = (kt**2 / R * connected)[:, None]
-    law = with_back_emf(friction.law)
+    emf = (np.asarray(estimate.calibration.gain) * B)[:, None]
     theta = np.concatenate([theta, emf], axis=-1)
-    friction = replace(friction, law=law, theta=theta, constraints=None)
-    calibration = replace(estimate.calibration, gain=np.full(n, kt / R), motor=None)
-    return estimate._replace(friction=friction, calibration=calibration)
+    law = with_back_emf(friction.law)
+    return estimate._replace(friction=replace(friction, law=law, theta=theta, constraints=None))
 
 
 def has_actuator(blocks: Sequence[ParameterBlock]) -> bool:
-    """Whether torque is to follow from a servo's voltage."""
-    return any(b.name == "actuator" for b in blocks)
+    """Whether torque is to follow from a servo's target and the predicted motion."""
+    return any(b.enters == "actuator" for b in blocks)
 
 
-def with_motor(estimate: Estimate, dataset: Dataset) -> Estimate:
-    """The estimate with motor constants: those that the friction brings, or the recordings'.
+def with_servo(estimate: Estimate, dataset: Dataset, blocks: Sequence[ParameterBlock]) -> Estimate:
+    """The estimate with what the blocks free of the servos: the friction's, or the recordings' own.
 
     Raises
     ------
     InputError
         Where no recording knows its servo, some do not, or they have different motors.
     """
-    if estimate.calibration.motor is not None:
-        return estimate
-    own = estimate.friction.parameters
-    found = {(r.servo.kt, r.servo.R) for r in dataset.recordings if r.servo is not None}
-    where = f"data set {dataset.name!r}, block 'actuator'"
+    names = {b.name for b in blocks if b.enters == "actuator"}
+    servos = [r.servo for r in dataset.recordings if r.servo is not None]
+    where = f"data set {dataset.name!r}, block {min(names)!r}"
     remedy = "leave the block out, and free 'gain' for a wrong torque constant"
-    if not found:
+    if not servos:
         raise InputError(f"{where}: no recording knows the servo that drives it: {remedy}")
     for r in dataset.recordings:
         if r.servo is None and np.any(r.torque.value):
@@ -124,66 +167,68 @@ def with_motor(estimate: Estimate, dataset: Dataset) -> Estimate:
                 f"{where}: recording {r.name!r} has a torque and no servo: leave it out, or "
                 f"{remedy}"
             )
+    new = estimate.calibration
+    if "actuator" in names and new.motor is None:
+        new = replace(new, motor=_motor(estimate, servos, where, remedy))
+    if "target_delay" in names and new.target_delay is None:
+        new = replace(new, target_delay=np.array(np.mean([s.target_delay for s in servos])))
+    if "backlash" in names and new.backlash is None:
+        n = estimate.mechanism.n
+        new = replace(new, backlash=np.mean([s.backlash + np.zeros(n) for s in servos], axis=0))
+    return estimate._replace(calibration=new)
+
+
+def _motor(estimate: Estimate, servos: Sequence[Servo], where: str, remedy: str) -> Array:
+    """Constants kt and R that a fit begins with."""
+    if any(not s.has_motor for s in servos):
+        raise InputError(f'{where}: output = "{servos[0].output}" knows no kt and R: {remedy}')
+    found = {(s.kt, s.R) for s in servos}
     if len(found) > 1:
         raise InputError(
             f"{where}: the recordings have {len(found)} different motors (kt, R): fit those of "
             "each motor alone"
         )
+    own = estimate.friction.parameters
     motor = np.array([own.get("kt") or 0.0, own.get("R") or 0.0])
-    motor = motor if (motor > 0).all() else np.array(found.pop())
-    return estimate._replace(calibration=replace(estimate.calibration, motor=motor))
+    return motor if (motor > 0).all() else np.array(found.pop())
 
 
 def servo_problem(
     intervals: Intervals, estimate: Estimate, blocks: Sequence[ParameterBlock], settings: Settings
 ) -> ServoProblem:
-    """The problem of intervals whose torque follows from the voltage of servos.
+    """The problem of intervals whose torque follows from the targets of servos.
 
     Raises
     ------
     InputError
         For blocks that no data, or not these, can tell apart.
     """
-    refuse_coupled(estimate.mechanism, "block 'actuator'")
+    name = next(b.name for b in blocks if b.enters == "actuator")
+    refuse_coupled(estimate.mechanism, f"block {name!r}")
     law = estimate.friction.law
     if hasattr(estimate.friction.theta, "detach") or law.sample_time is not None:
         raise InputError(
-            f"block 'actuator': {law} learns by reverse mode, which knows no voltages: leave the "
+            f"block {name!r}: {law} learns by reverse mode, which knows no voltages: leave the "
             "block out"
         )
-    own = next((b for b in blocks if b.enters == "friction"), None)
-    friction = FrictionBlock(law.names if own is None else own.fixed)
-    others = [b for b in blocks if b.name not in ("actuator", "friction")]
-    volts = replace(
-        intervals.dataset, recordings=tuple(_as_voltage(r) for r in intervals.dataset.recordings)
+    inside = tuple(
+        replace(b, fixed=(*b.fixed, "back_emf")) if isinstance(b, FrictionBlock) else b
+        for b in blocks
     )
     outer = free_blocks(blocks, estimate)
-    inner = shooting_problem(
-        replace(intervals, dataset=volts),
-        _inside(estimate, np.ones(intervals.n)),
-        (friction, *others, VoltageBlock()),
-        settings,
-    )
+    inner = shooting_problem(intervals, _inside(estimate, np.zeros(intervals.n)), inside, settings)
     problem = ServoProblem(intervals, outer, settings, inner.reads, inner)
     _check(problem, estimate)
     return problem
 
 
-def _as_voltage(recording: Recording) -> Recording:
-    """The recording with the voltage [V] of its motors in the place of their torque."""
-    if recording.servo is None:
-        return recording
-    volts: Signal = applied_voltage(recording.servo, recording.angle)
-    return replace(recording, torque=volts)
-
-
 def _check(problem: ServoProblem, estimate: Estimate) -> None:
     """Refuse what these recordings cannot tell of motor, machine and friction together."""
     parameters = {own.block.name: own.parameters for own in problem.blocks}
-    free = {p.name for p in parameters["actuator"]}
+    free = {p.name for p in parameters.get("actuator", ())}
     known = any(np.isfinite(p.prior) for p in problem.parameters)
     remedy = "fix actuator.kt or actuator.R, or give a prior of the block"
-    if "gain" in parameters:
+    if "gain" in parameters and "actuator" in parameters:
         raise InputError(
             "blocks 'gain' and 'actuator': a gain of the torque is one of kt/R: leave one out"
         )

@@ -12,6 +12,7 @@ from frictionid.shooting.covariance import Covariance
 from frictionid.shooting.parameters.parameter_block import ParameterBlock
 
 IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
+IDEAL |= {"target_delay": 0.0, "backlash": 0.0}
 
 
 class Dropped(NamedTuple):

@@ -10,7 +10,7 @@ import pytest
 from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration, calibrated_dataset, stack_calibrations
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.servo import Servo, applied_voltage, servo_torque
+from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
@@ -30,6 +30,7 @@ from frictionid.shooting.parameters import (
 from frictionid.shooting.parameters.parameter_block import values_of, with_values
 from frictionid.shooting.refine import prepare_fit
 from frictionid.shooting.sample_intervals import intervals_of
+from frictionid.shooting.servo_signals import ServoMotion, torque_signal
 
 KT, R = 0.39, 4.0
 TRUE = np.array([[0.013, 0.0037]])
@@ -189,7 +190,11 @@ def test_derivatives_are_the_slopes_of_the_ends(law):
 
 def test_voltage_falls_at_once_where_the_motor_is_switched_off():
     servo, angle = DROPPED[0].servo, DROPPED[0].angle
-    volts = applied_voltage(servo, angle)
+    time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
+    emf = KT**2 / R * servo.connected((time[1:] + time[:-1]) / 2)
+    motion = ServoMotion(angle, Signal(time, rate))
+    torque = torque_signal(servo.with_motor(KT, R), motion, time[:-1], emf)
+    volts = torque._replace(value=R / KT * torque.value)  # what remains without the motion
     off = angle.time[np.argmin(servo.enabled.value[:, 0])]
     before, after = sample(volts, [off - 2e-5, off])[:, 0]
     assert after == 0.0

@@ -79,6 +79,8 @@ def load_dataset(
     if machine is not None:
         name = toml.mechanism.file
         hashes[name] = _sha256(read_bytes(machine), machine, toml.sha256.get(name))
+    if toml.actuator is not None:
+        toml.actuator.check_recordings([r.name for r in recordings], f"{file}: ")
     own = _mechanism(document["mechanism"], file, machine, mechanism, trust)
     _check_units(toml, own, file)
     origin = {key: getattr(toml, key) for key in ("description", "origin", "licence", "citation")}
@@ -244,16 +246,16 @@ def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> 
     assert toml.columns is not None
     file = str(folder / name)
     if toml.reader is None:
-        tables = {"": read_table(content, file, toml.columns.names())}
+        tables = {"": read_table(content, file, toml.asked.names())}
     else:
         form = TABLE_FORMATS[toml.reader.kind]
-        tables = form.tables(content, file, toml.reader.settings, toml.columns)
+        tables = form.tables(content, file, toml.reader.settings, toml.asked)
     return [_from_table(table, name, part, toml) for part, table in tables.items()]
 
 
 def _from_table(table: Table, name: str, part: str, toml: DatasetToml) -> Recording:
     """Recording of a table; part : what the name of its file is extended by."""
-    signals = recorded(table, toml)
+    signals = recorded(table, toml, table_name(name) + part)
     truth = None if signals.truth is None else TrueMotion(*signals.truth)
     return Recording(
         name=table_name(name) + part,
@@ -263,6 +265,7 @@ def _from_table(table: Table, name: str, part: str, toml: DatasetToml) -> Record
         parameters=toml.recordings.parameters.get(name, {}),
         covariates=signals.covariates,
         truth=truth,
+        servo=signals.servo,
     )
 
 

@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
 from frictionid.data.gears import Gears
+from frictionid.data.readers.actuator_toml import Actuator
 from frictionid.data.readers.column_toml import ColumnNames, Names
 from frictionid.data.readers.motor_toml import Motor, TorquePlace, as_list
 from frictionid.data.readers.table_formats import TABLE_FORMATS, with_defaults
@@ -201,6 +202,7 @@ class DatasetToml(Strict):
     columns: Annotated[ColumnNames | None, Field(validate_default=True)] = None
     units: Units = Units()
     motor: Motor | None = None
+    actuator: Actuator | None = None
     torque: TorquePlace = TorquePlace()
     signs: Signs = Signs()
     hold: Hold = Hold()
@@ -215,6 +217,15 @@ class DatasetToml(Strict):
         if self.motor is None or self.columns is None:
             return None
         return self.motor.gears(len(self.columns.angle))
+
+    @property
+    def asked(self) -> ColumnNames:
+        """All columns to read; those of the actuator are covariates here."""
+        assert self.columns is not None
+        if self.actuator is None:
+            return self.columns
+        more = {f"actuator {name}": name for name in self.actuator.columns()}
+        return self.columns.model_copy(update={"covariates": self.columns.covariates | more})
 
     @field_validator("columns")
     @classmethod
@@ -232,7 +243,7 @@ class DatasetToml(Strict):
     @model_validator(mode="after")
     def _columns_and_reader(self) -> Self:
         if self.reader is not None and self.reader.kind not in TABLE_FORMATS:
-            for key in ("columns", "units", "hold", "motor", "signs"):
+            for key in ("columns", "units", "hold", "motor", "actuator", "signs"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
         return self
@@ -245,6 +256,18 @@ class DatasetToml(Strict):
                 'torque.at = "link", but [motor] says that the torques are of the motors: delete '
                 "one of them"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _actuator_or_torque(self) -> Self:
+        if self.actuator is None or self.columns is None:
+            return self
+        if any(self.columns.torque):
+            raise ValueError(
+                "[actuator] and columns.torque exclude each other: a torque that was measured "
+                "drives better than one that is computed; delete one of them"
+            )
+        self.actuator.check_joints(len(self.columns.angle))
         return self
 
     @model_validator(mode="after")
@@ -353,4 +376,14 @@ def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
         ...
     frictionid.errors.InputError: dataset.toml: unknown key 'nane'; did you mean 'name'?
     """
-    return checked(DatasetToml, with_defaults(document), file)
+    return checked(DatasetToml, _without_torque(with_defaults(document)), file)
+
+
+def _without_torque(document: dict[str, Any]) -> dict[str, Any]:
+    """The document, where [actuator] makes the torque, with no columns of torque."""
+    columns = document.get("columns")
+    if "actuator" not in document or not isinstance(columns, dict) or "torque" in columns:
+        return document
+    joints = as_list(columns.get("angle", ""))
+    none = [""] * len(joints) if isinstance(joints, list) else [""]
+    return {**document, "columns": {**columns, "torque": none}}

@@ -6,27 +6,33 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from frictionid.data.readers.actuator_signals import servo_of
 from frictionid.data.readers.column_toml import ColumnNames
 from frictionid.data.readers.dataset_toml import RELATIVE, UNITS, DatasetToml
 from frictionid.data.readers.motor_toml import Motor
 from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 
 
 class Recorded(NamedTuple):
-    """Signals of a recording in SI units, each on its clock; truth: noise-free angle, velocity."""
+    """Signals of a recording in SI units, each on its clock; truth: noise-free angle, velocity.
+
+    servo : what makes the torque, where the table says targets in its place
+    """
 
     angle: Signal
     torque: Signal
     velocity: Signal | None
     covariates: Mapping[str, Signal]
     truth: tuple[Signal, Signal] | None
+    servo: Servo | None = None
 
 
-def recorded(table: Table, toml: DatasetToml) -> Recorded:
-    """Signals of a table in SI units.
+def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
+    """Signals of a table in SI units; a name is that of the recording.
 
     Raises
     ------
@@ -47,14 +53,20 @@ def recorded(table: Table, toml: DatasetToml) -> Recorded:
         )
     velocity = signals("velocity", columns.velocity) if columns.velocity else None
     angle = _with_deviations(signals("angle", columns.angle), table, toml, columns)
+    angle = _at_joints(angle, toml.motor, "angle")
+    servo = None if toml.actuator is None else servo_of(whole, toml, name, angle)
+    if servo is None:
+        torque = _signal(whole, toml, columns, "torque", columns.torque)
+        torque = _at_joints(torque, toml.motor, "torque")
+    else:
+        torque = servo_torque(servo, angle)
     return Recorded(
-        angle=_at_joints(angle, toml.motor, "angle"),
-        torque=_at_joints(
-            _signal(whole, toml, columns, "torque", columns.torque), toml.motor, "torque"
-        ),
+        angle=angle,
+        torque=torque,
         velocity=velocity and _at_joints(velocity, toml.motor, "velocity"),
         covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
         truth=truth,
+        servo=servo,
     )
 
 

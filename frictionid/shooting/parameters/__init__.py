@@ -1,6 +1,6 @@
-"""Blocks of parameters that shooting can free: friction, inertia, sensors and clock, motor."""
+"""Blocks of parameters that shooting can free: friction, inertia, sensors and clock, servo."""
 
-from frictionid.shooting.parameters.actuator import ActuatorBlock
+from frictionid.shooting.parameters.actuator import ActuatorBlock, BacklashBlock, TargetDelayBlock
 from frictionid.shooting.parameters.friction import FrictionBlock
 from frictionid.shooting.parameters.inertia import InertiaBlock
 from frictionid.shooting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
@@ -8,6 +8,7 @@ from frictionid.shooting.parameters.sensors import BiasBlock, DelayBlock, GainBl
 
 __all__ = [
     "ActuatorBlock",
+    "BacklashBlock",
     "BiasBlock",
     "DelayBlock",
     "Estimate",
@@ -17,4 +18,5 @@ __all__ = [
     "OffsetBlock",
     "Parameter",
     "ParameterBlock",
+    "TargetDelayBlock",
 ]

@@ -14,7 +14,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 
-_ORDER = ("friction", "base", "torque", "angle", "actuator")
+_ORDER = ("friction", "base", "torque", "actuator", "angle")
 
 
 class Estimate(NamedTuple):

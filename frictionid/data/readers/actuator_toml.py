@@ -1,0 +1,173 @@
+"""Schema of the table [actuator] of a dataset.toml: controllers that make the motors' torque."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+
+from frictionid.config import Strict, nearest
+from frictionid.data.readers.column_toml import Column, Names
+from frictionid.data.readers.motor_toml import as_list
+from frictionid.errors import InputError
+
+_Positive = Annotated[float, Field(gt=0)]
+_Gains = Annotated[
+    list[Annotated[float, Field(ge=0)]], Field(min_length=1), BeforeValidator(as_list)
+]
+_Positives = Annotated[list[_Positive], Field(min_length=1), BeforeValidator(as_list)]
+_Shares = Annotated[
+    list[Annotated[float, Field(gt=0, le=1)]], Field(min_length=1), BeforeValidator(as_list)
+]
+# Keys that say nothing of some outputs, and keys that these cannot do without.
+_SENSELESS = {
+    "torque": ("kt", "R", "supply", "current_limit", "gear"),
+    "current": ("R", "supply", "current_limit"),
+    "voltage": ("supply",),
+    "duty": (),
+}
+_NEEDED = {"torque": (), "current": ("kt",), "voltage": ("kt", "R"), "duty": ("kt", "R", "supply")}
+
+
+class Actuator(Strict):
+    """Controllers and motors, in place of a measured torque, see `Servo`.
+
+    Gains, limits and the motor's numbers may differ between recordings: see `recordings`.
+
+    target : columns of the targets, one per joint
+    kind : what the targets are: of "position" or "velocity", in the units of angle and velocity
+    target_velocity : columns of the target's velocity for D; without them D brakes
+    feedforward : columns of what is added to the output, in its SI unit
+    time : time column of the targets, that of the angles where there is none
+    hold : between two targets: "previous" (held) or "linear"
+    enabled : column that is above 0.5 while the motors are connected
+    output : what P, D and feed-forward add up to, and `limit` limits: "torque" [N m] at the joint,
+        "current" [A], "voltage" [V], or "duty", a share of the supply
+    P, D : output per radian and per rad/s of error, of a velocity controller P per rad/s; scale :
+        factor of both, where a firmware counts in units of its own
+    supply : [V], or the column of a supply that sags
+    current_limit : [A] of a controller that puts out a voltage
+    kt, R : torque constant [N m/A] and resistance [Ohm] of the motor; gear : turns of the motor
+        for one of the joint; efficiency : of the gear, where the motor drives
+    delay : [s] by which targets act later than by their clock; backlash : [rad], see `play`
+    recordings : keys that differ, by names or patterns of recordings, such as other gains
+    """
+
+    target: Names
+    kind: Literal["position", "velocity"] = "position"
+    target_velocity: Names | None = None
+    feedforward: Names | None = None
+    time: Column | None = None
+    hold: Literal["previous", "linear"] = "previous"
+    enabled: Column | None = None
+    output: Literal["torque", "current", "voltage", "duty"]
+    P: _Gains
+    D: _Gains = [0.0]
+    scale: _Positive = 1.0
+    limit: _Positives | None = None
+    supply: _Positive | Column | None = None
+    current_limit: _Positive | None = None
+    kt: _Positive | None = None
+    R: _Positive | None = None
+    gear: _Positives = [1.0]
+    efficiency: _Shares = [1.0]
+    delay: float = 0.0
+    backlash: _Gains = [0.0]
+    recordings: dict[str, dict[str, Any]] = {}
+
+    @model_validator(mode="after")
+    def _that_of_its_output(self) -> Self:
+        for key in _SENSELESS[self.output]:
+            if key in self.model_fields_set:
+                raise ValueError(f'{key} says nothing where output = "{self.output}"; delete it')
+        for key in _NEEDED[self.output]:
+            if getattr(self, key) is None:
+                raise ValueError(f'output = "{self.output}" needs the key {key!r}; add it')
+        if self.kind == "velocity" and (any(self.D) or self.target_velocity):
+            raise ValueError(
+                'kind = "velocity" has P only, of the velocity: delete D and target_velocity'
+            )
+        if not any(self.P) and not any(self.D) and self.feedforward is None:
+            raise ValueError("P = 0 without D and feedforward never moves a motor: give the gains")
+        return self
+
+    @model_validator(mode="after")
+    def _recordings_are_actuators(self) -> Self:
+        for name in self.recordings:
+            self.of(name)
+        return self
+
+    def of(self, name: str) -> Actuator:
+        """The actuator in the recording of a name, with the keys that differ there."""
+        own = {key: getattr(self, key) for key in self.model_fields_set - {"recordings"}}
+        for pattern, keys in self.recordings.items():
+            if name == pattern or fnmatchcase(name, pattern):
+                for key in keys:
+                    if key in _COLUMNS or key not in Actuator.model_fields:
+                        raise ValueError(
+                            f"recordings.{pattern}: {key!r} is none of the keys that may differ; "
+                            f"{nearest(key, _NUMBERS)}"
+                        )
+                own |= keys
+        try:
+            return Actuator(**own)
+        except ValidationError as error:
+            first = error.errors()[0]
+            at = ".".join(map(str, (*first["loc"][:1],)))
+            what = first["msg"].removeprefix("Value error, ")
+            raise ValueError(f"recordings.{name}: {at}: {what}") from None
+
+    def columns(self) -> list[str]:
+        """All columns that it reads, each once."""
+        names = [*self.target, *(self.target_velocity or []), *(self.feedforward or [])]
+        names += [self.time or "", self.enabled or ""]
+        supplies = [self.supply, *(own.get("supply") for own in self.recordings.values())]
+        names += [own for own in supplies if isinstance(own, str)]
+        return [name for name in dict.fromkeys(names) if name]
+
+    def check_joints(self, joints: int) -> None:
+        """Check that everything is one, or one per joint.
+
+        Raises
+        ------
+        ValueError
+            With the first key that is not.
+        """
+        for key in ("target", "target_velocity", "feedforward"):
+            names = getattr(self, key)
+            if names is not None and len(names) != joints:
+                raise ValueError(
+                    f"actuator.{key} names {len(names)} columns for {joints} joints; give one "
+                    "per joint"
+                )
+        for key in ("P", "D", "limit", "gear", "efficiency", "backlash"):
+            numbers = getattr(self, key)
+            if numbers is not None and len(numbers) not in (1, joints):
+                raise ValueError(
+                    f"actuator.{key} has {len(numbers)} numbers for {joints} joints; give one, or "
+                    "one per joint"
+                )
+
+    def check_recordings(self, names: Sequence[str], where: str) -> None:
+        """Check that each pattern of `recordings` is of some recording.
+
+        Raises
+        ------
+        InputError
+            With the first that is not.
+        """
+        for pattern in self.recordings:
+            if not any(name == pattern or fnmatchcase(name, pattern) for name in names):
+                raise InputError(
+                    f"{where}actuator.recordings: {pattern!r} matches no recording; "
+                    f"{nearest(pattern, names)}"
+                )
+
+
+_COLUMNS = (
+    *("target", "target_velocity", "feedforward", "time", "enabled"),
+    *("hold", "kind", "output", "recordings"),
+)
+_NUMBERS = [key for key in Actuator.model_fields if key not in _COLUMNS]

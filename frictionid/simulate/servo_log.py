@@ -1,0 +1,80 @@
+"""Logs of a simulated servo: a pendulum under PD gains, targets late, the encoder behind a play.
+
+Friction is set-valued: an impulse that stops the joint within a substep at most, after a symmetric
+drift and kick. Nothing here is shared with the physics step or the servos that are fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.compiled import compiled
+
+_FINE = 1e-5  # [s], substeps
+
+
+@dataclass(frozen=True)
+class ServoPendulum:
+    """A point mass on a massless arm, moved by u = P (q*(t - delay) - q + z) - D w.
+
+    mass [kg], length [m], coulomb [N m], viscous [N m s/rad] of its friction, a share `load` of |u|
+    beside them; delay [s] of the targets; backlash [rad], z its play; limit [N m] of u; noise
+    [rad]; rate [1/s] of the samples, and of the targets, which are held
+    """
+
+    mass: float = 0.5
+    length: float = 0.15
+    coulomb: float = 0.03
+    viscous: float = 0.02
+    load: float = 0.0
+    delay: float = 0.010
+    backlash: float = 0.0
+    limit: float = float("inf")
+    noise: float = 2e-4
+    rate: float = 200.0
+
+    def log(self, P: float, D: float, seed: int, seconds: float = 8.0) -> dict[str, Array]:
+        """A recording: time "t" [s], angle "q" [rad], "target" [rad] and torque "u" [N m], (T,).
+
+        The target is a sum of four sines that the seed draws.
+
+        >>> log = ServoPendulum().log(4.0, 0.05, seed=1, seconds=1.0)
+        >>> sorted(log), len(log["q"])
+        (['q', 't', 'target', 'u'], 200)
+        """
+        rng = np.random.default_rng(seed)
+        t = np.arange(round(seconds * self.rate)) / self.rate
+        size, rate, phase = rng.uniform([[0.15], [0.3], [0.0]], [[0.4], [1.6], [2 * np.pi]], (3, 4))
+        target = (size[:, None] * np.sin(2 * np.pi * rate[:, None] * t + phase[:, None])).sum(0)
+        parts = round(1 / self.rate / _FINE)
+        inertia, gravity = self.mass * self.length**2, self.mass * 9.81 * self.length
+        numbers = (P, D, inertia, gravity, self.coulomb, self.viscous, self.load)
+        late = round(self.delay * self.rate * parts)
+        rest = (self.backlash / 2, self.limit, 1 / self.rate / parts)
+        q, u = _motion(target, parts, late, np.array([*numbers, *rest]))
+        return {"t": t, "q": q + self.noise * rng.normal(size=len(t)), "target": target, "u": u}
+
+
+@compiled
+def _motion(target: Array, parts: int, late: int, numbers: Array) -> tuple[Array, Array]:
+    """Angles and torques (T,) at the samples of a target (T,), from rest at its start."""
+    P, D, inertia, gravity, coulomb, viscous, load, half, limit, h = numbers
+    q, w, z = target[0], 0.0, 0.0
+    angle, torque = np.empty(len(target)), np.empty(len(target))
+    for k in range(len(target) * parts):
+        aim = target[max(k - late, 0) // parts]
+        if k % parts == 0:
+            angle[k // parts] = q
+            torque[k // parts] = min(max(P * (aim - q + z) - D * w, -limit), limit)
+        q += h / 2 * w
+        z = min(max(z + h / 2 * w, -half), half)
+        u = min(max(P * (aim - q + z) - D * w, -limit), limit)
+        wanted = w + h / inertia * (u - gravity * np.sin(q) - viscous * w)
+        most = h / inertia * (coulomb + load * abs(u))
+        w = 0.0 if abs(wanted) <= most else wanted - np.sign(wanted) * most
+        q += h / 2 * w
+        z = min(max(z + h / 2 * w, -half), half)
+    return angle, torque

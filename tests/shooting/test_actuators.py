@@ -1,0 +1,130 @@
+"""Servos without a torque log: friction, the delay of the targets and backlash, by [actuator]."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import frictionid as fid
+from frictionid.simulate.servo_log import ServoPendulum
+
+GAINS = {"soft": (4.0, 0.05), "stiff": (10.0, 0.15)}
+BACKLASH = np.radians(0.5)
+ACTUATOR = {
+    **dict(target="target", output="torque", P=4.0, D=0.05),
+    "recordings": {"stiff*": {"P": 10.0, "D": 0.15}},
+}
+
+
+@cache
+def frames(rig, gains=("soft", "stiff"), runs=2, seconds=6.0):
+    names = [(name, run) for name in gains for run in range(runs)]
+    logs = [
+        rig.log(*GAINS[n], seed=31 * k + run, seconds=seconds) for k, (n, run) in enumerate(names)
+    ]
+    return {f"{n} {run}": pd.DataFrame(log) for (n, run), log in zip(names, logs, strict=True)}
+
+
+def dataset(own, rig, **changes):
+    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
+    actuator = {**ACTUATOR, **changes}
+    if not any(name.startswith("stiff") for name in own):
+        actuator["recordings"] = {}
+    return fid.Dataset.from_frames(own, machine, time="t", angle="q", actuator=actuator)
+
+
+def fitted(data, *free):
+    fit = fid.fit(data, "coulomb_viscous", method="shooting", free=list(free) or None)
+    return fit, {(row.block, row.parameter): row.value for row in fit.frame.itertuples()}
+
+
+def found_of(data, *free):
+    """Coulomb and viscous friction, and the delay of the targets."""
+    found = fitted(data, *free)[1]
+    return [found["friction", "coulomb"], found["friction", "viscous"], found[LATE]]
+
+
+LATE = ("target_delay", "target delay")
+LOOSE = ServoPendulum(backlash=BACKLASH)
+
+
+@pytest.fixture(scope="module")
+def loose():
+    return fitted(dataset(frames(LOOSE), LOOSE), "target_delay", "backlash")
+
+
+def test_friction_delay_and_backlash_are_found_from_targets_alone(loose):
+    _, found = loose
+    assert found["friction", "coulomb"] == pytest.approx(LOOSE.coulomb, rel=0.05)
+    assert found["friction", "viscous"] == pytest.approx(LOOSE.viscous, rel=0.05)
+    assert found[LATE] == pytest.approx(LOOSE.delay, abs=1e-3)
+    assert found["backlash", "backlash"] == pytest.approx(BACKLASH, rel=0.2)
+
+
+def test_without_the_backlash_the_fit_says_that_it_would_show():
+    fit, found = fitted(dataset(frames(LOOSE, runs=3, seconds=4.0), LOOSE))
+    assert any("Not free, and would show: 'backlash'" in w for w in fit.convergence.warnings)
+    assert abs(found["friction", "coulomb"] / LOOSE.coulomb - 1) > 0.3
+
+
+def test_a_gain_set_that_was_held_out_is_predicted_as_well_as_those_that_were_fitted(loose):
+    fit, _ = loose
+    logs = {"other": pd.DataFrame(LOOSE.log(6.0, 0.1, seed=7, seconds=6.0))}
+    other = dataset(logs, LOOSE, P=6.0, D=0.1)
+
+    def error(data):
+        runs = fit.predict(data, whole=True)
+        return float(np.sqrt(np.mean((runs["q1"] - runs["measured_q1"]) ** 2)))
+
+    assert error(other) < 1.5 * error(fit.data) and error(other) < np.radians(0.5)
+
+
+@pytest.mark.parametrize("late", [0.002, 0.012])
+def test_a_late_target_is_found_and_passes_for_no_viscous_friction(late):
+    rig = ServoPendulum(viscous=0.0, delay=late)
+    for gains in GAINS:
+        coulomb, viscous, delay = found_of(dataset(frames(rig, (gains,)), rig, **_gains(gains)))
+        assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
+        assert delay == pytest.approx(late, abs=1e-3)
+        assert abs(viscous) < 0.05 * rig.coulomb  # [N m] at 1 rad/s
+
+
+def _gains(name):
+    return dict(zip("PD", GAINS[name], strict=True))
+
+
+def test_a_late_target_that_is_taken_for_a_late_torque_is_not_found():
+    """The delay of a torque also takes off damping, which would be made up for by friction."""
+    rig = ServoPendulum(viscous=0.0, delay=0.012)
+    data = dataset(frames(rig, ("stiff",)), rig, **_gains("stiff"))
+    fit, found = fitted(data, "delay")
+    assert found["friction", "viscous"] > 0.3 * rig.coulomb
+
+
+def test_a_limit_of_the_torque_is_kept():
+    rig = ServoPendulum(limit=0.8)
+    data = dataset(frames(rig, ("stiff",)), rig, **_gains("stiff"), limit=0.8)
+    torque = data.recordings[0].torque.value
+    assert np.mean(np.abs(torque) == 0.8) > 0.03
+    coulomb, viscous, delay = found_of(data)
+    assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
+    assert viscous == pytest.approx(rig.viscous, rel=0.1)
+    assert delay == pytest.approx(rig.delay, abs=1e-3)
+
+
+def test_constants_of_a_motor_are_refused_where_the_controller_puts_out_a_torque():
+    data = dataset(frames(LOOSE), LOOSE)
+    with pytest.raises(fid.InputError, match='output = "torque" knows no kt and R'):
+        fitted(data, "actuator")
+
+
+def test_a_backlash_or_late_target_needs_a_servo():
+    frame = next(iter(frames(LOOSE).values()))
+    machine = fid.mechanisms.pendulum(mass=LOOSE.mass, length=LOOSE.length)
+    data = fid.Dataset.from_frames(frame, machine, time="t", angle="q", torque="u")
+    for name in ("backlash", "target_delay"):
+        with pytest.raises(fid.InputError, match=f"block '{name}': no recording knows the servo"):
+            fitted(data, name)
