@@ -19,7 +19,7 @@ from frictionid.monitor.two_samples import (
 
 Test = Literal["permutation", "normal"]
 Answer = Literal["changed", "unchanged", "cannot_tell"]
-_FASTER = 1.3  # times the fastest healthy recording: motion that the baseline does not have
+_OTHERWISE = 0.9985  # one-sided share of healthy choices whose mean speed differs less
 _LONGER = 1.5  # times the longest healthy recording, whose changes scatter less
 
 
@@ -134,6 +134,18 @@ def _parts(baseline: Baseline, healthy: Array, new: Array) -> list[PartChange]:
     return rows
 
 
+def _other_speed(healthy: Array, new: Array) -> Array:
+    """1 for joints (n,) that are faster on average than healthy ones (N, n) scatter, -1 slower."""
+    from scipy.stats import t
+
+    N, k = len(healthy), len(new)
+    if N < 2:
+        return np.zeros(healthy.shape[1])
+    scatter = healthy.std(axis=0, ddof=1) * np.sqrt(1 / N + 1 / k)
+    off = new.mean(axis=0) - healthy.mean(axis=0)
+    return np.sign(off) * (np.abs(off) > float(t.ppf(_OTHERWISE, N - 1)) * scatter)
+
+
 def _notes(
     baseline: Baseline, new: Changes, found: Difference, rate: float, promised: float, test: Test
 ) -> list[str]:
@@ -152,16 +164,15 @@ def _notes(
             else f"{N} healthy recordings are too few for the normal distribution: "
             f"{len(PARTS) + 2} are needed"
         )
-    faster = new.speeds.max(axis=0) > _FASTER * baseline.changes.speeds.max(axis=0)
-    slower = new.speeds.max(axis=0) * _FASTER < baseline.changes.speeds.min(axis=0)
-    known = baseline.changes.speeds
-    for j in np.flatnonzero(faster | slower):
-        out.append(
-            f"{baseline.joints[j]} moves {'faster' if faster[j] else 'slower'} than in the "
-            f"baseline ({new.speeds[:, j].max():.3g} against {known[:, j].min():.3g} to "
-            f"{known[:, j].max():.3g}): other motion, not exchangeable with it, for which the rate "
-            "of false alarms does not hold"
-        )
+    for j, side in enumerate(_other_speed(baseline.changes.speeds, new.speeds)):
+        if side:
+            known, mean = baseline.changes.speeds[:, j], new.speeds[:, j].mean()
+            how, cause = ("faster", "less") if side > 0 else ("slower", "more")
+            out.append(
+                f"{baseline.joints[j]} moves {how} than in the baseline ({mean:.3g} against "
+                f"{known.min():.3g} to {known.max():.3g}), as {cause} friction makes it, or other "
+                "motion, for which the rate of false alarms does not hold"
+            )
     length, usual = new.seconds, baseline.changes.seconds
     if length.max() > _LONGER * usual.max() or length.min() * _LONGER < usual.min():
         out.append(

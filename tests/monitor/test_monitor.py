@@ -170,6 +170,20 @@ def test_recordings_unlike_the_healthy_ones_are_named(known, healthy):
     assert "not exchangeable with healthy ones of 12 to 12 s" in str(found)
 
 
+def test_other_motion_is_named_and_the_same_motion_is_not(known, first):
+    """The same paths in twice the time."""
+    part = some(first, COUNT, COUNT + 5)
+
+    def slowed(recording):
+        both = (recording.angle, recording.torque)
+        angle, torque = (signal._replace(time=2.0 * signal.time) for signal in both)
+        return replace(recording, angle=angle, torque=torque)
+
+    slow = replace(part, recordings=tuple(map(slowed, part.recordings)))
+    assert "moves slower than in the baseline" in str(fid.monitor(known, slow))
+    assert "than in the baseline" not in str(fid.monitor(known, part))
+
+
 def test_no_rate_holds_for_an_alarm_of_shorter_recordings(known, worn):
     """Their changes scatter more than those of the healthy ones, whatever friction did."""
 
