@@ -12,7 +12,7 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR
 # Tests start commands more than a hundred times: bytecode is kept wherever the shell says otherwise.
 COMPILED := PYTHONDONTWRITEBYTECODE=
 
-.PHONY: help compare compare-all test damage check format bench docs clean ALWAYS
+.PHONY: help compare compare-all test damage mutants check format bench docs clean ALWAYS
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -31,6 +31,10 @@ test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minut
 
 damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes)
 	@$(ONE_THREAD) $(BIN)/python tests/damage.py $(ARGS)
+
+mutants: $(TEST) ## small random changes to the code, and which of them no test notices (hours)
+	@$(BIN)/python -m pip install -q -c constraints.txt cosmic-ray
+	@$(ONE_THREAD) $(BIN)/python tests/mutants.py $(ARGS)
 
 check: $(DEV) ## formatting, lint and types
 	@$(BIN)/ruff format --check .
