@@ -43,6 +43,12 @@ def identifier_of(
     settings = entry.given
     if entry.kind == "published" and isinstance(settings.get("file"), str):
         settings["file"] = str(folder / settings["file"])
+    either_side = entry.kind.removesuffix("_asymmetric")
+    if either_side != entry.kind and either_side in IDENTIFIERS:
+        raise InputError(
+            f"{where}: kind = {entry.kind!r} is a law, which the identifier {either_side!r} fits with "
+            "the setting symmetric = false"
+        )
     if ":" in entry.kind:
         identifier = _imported(entry.kind, settings, folder, where)
     else:
