@@ -46,8 +46,8 @@ def identifier_of(
     either_side = entry.kind.removesuffix("_asymmetric")
     if either_side != entry.kind and either_side in IDENTIFIERS:
         raise InputError(
-            f"{where}: kind = {entry.kind!r} is a law, which the identifier {either_side!r} fits with "
-            "the setting symmetric = false"
+            f"{where}: kind = {entry.kind!r} is a law, which the identifier {either_side!r} fits "
+            "with the setting symmetric = false"
         )
     if ":" in entry.kind:
         identifier = _imported(entry.kind, settings, folder, where)
