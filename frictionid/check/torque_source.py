@@ -131,6 +131,8 @@ def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | N
     computed = _modelled(recording, time, value)
     if computed is not None:
         return computed
+    if recording.servo is not None:
+        return Evidence("modelled", "it is computed from the targets and gains of a controller")
     if share is not None:
         return Evidence("commanded", f"it equals a gravity model to {percent(share)}")
     return next(_by_noise(recording.angle, time, value, level))

@@ -24,6 +24,7 @@ from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.questions import Question, questions
 from frictionid.check.regression import Estimate, Regression, regress, widened
 from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
+from frictionid.check.servos import servo_advice, servo_findings, with_late_targets
 from frictionid.check.time_unit import in_seconds
 from frictionid.check.torque_place import place_findings
 from frictionid.check.torque_source import TorqueSource, torque_sources
@@ -119,7 +120,10 @@ def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
     """
     timed, of_time = in_seconds(dataset)
     corrected, findings = unwrapped(timed)
-    return judge(corrected, motions_of(corrected.recordings), [*of_time, *findings], published)
+    motions = motions_of(corrected.recordings)
+    corrected, of_targets = with_late_targets(corrected, motions)
+    findings = [*of_time, *findings, *of_targets, *servo_findings(corrected)]
+    return judge(corrected, motions, findings, published)
 
 
 def judge(
@@ -170,7 +174,7 @@ def judge(
         estimate=estimate,
         nominal=tests.measured.nominal[0],
         identifiable=tuple(_identifiable(screening, tests, facts, estimate)),
-        next=tuple(advice(tests, facts, passive, estimate)),
+        next=(*servo_advice(dataset), *advice(tests, facts, passive, estimate)),
         published=model,
         regression=regression,
     )

@@ -35,7 +35,7 @@ Settings = Annotated[
 Free = Annotated[
     str,
     typer.Option(
-        help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator "
+        help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator,target_delay,backlash "
         "[friction, and delay where a motor's torque is sampled]."
     ),
 ]

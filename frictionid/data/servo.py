@@ -194,13 +194,17 @@ def terminal_voltage(servo: Servo, angle: Signal) -> Signal:
     return Signal(time, servo.voltage(time, angle.value) * servo.connected(time), "linear")
 
 
-def servo_torque(servo: Servo, angle: Signal, delay: float = 0.0) -> Signal:
-    """Torque [N m] along recorded angles, with velocities by central differences.
+def servo_torque(
+    servo: Servo, angle: Signal, delay: float = 0.0, rate: Signal | None = None
+) -> Signal:
+    """Torque [N m] along recorded angles.
 
     delay : [s] by which the voltage acts later than by the clock of the angles
+    rate : velocities [rad/s], those by central differences where there are none
     """
     time, seen = angle.time, seen_by_encoder(servo, angle)
-    rate = Signal(time, np.gradient(angle.value, time, axis=0))
+    if rate is None:
+        rate = Signal(time, np.gradient(angle.value, time, axis=0))
     if holds(servo.goal):
         time = with_steps(time, servo.steps() + delay)
     then = time - delay

@@ -16,7 +16,8 @@ ALLOWED = {
     ("dfki_c1_swingup", "dfki_double_pendulum"): {"nominal_mechanism", "angle_outliers"},
     ("simple_pendulum", "dfki_simple_pendulum"): set(),
     # torque is computed, friction depends on the load (published M2, M4, M6)
-    ("bam_xl330", "bam_xl330"): {"modelled_torque", "load"},
+    # from kt and R, which are tied, and both gain sets move one mass at one length
+    ("bam_xl330", "bam_xl330"): {"modelled_torque", "load", "tied_constants", "one_payload"},
     ("bam_xl330_passive", "bam_xl330"): set(),
     ("emps", "emps"): set(),
     ("phy180", "phy180_camera_pendulum"): set(),

@@ -128,3 +128,31 @@ def test_a_backlash_or_late_target_needs_a_servo():
     for name in ("backlash", "target_delay"):
         with pytest.raises(fid.InputError, match=f"block '{name}': no recording knows the servo"):
             fitted(data, name)
+
+
+def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
+    verdict = fid.check(dataset(frames(LOOSE), LOOSE))
+    found = {row.kind: row for row in verdict.findings.itertuples()}
+    assert found["late_targets"].numbers["delay"] == pytest.approx(LOOSE.delay, abs=1e-3)
+    assert found["backlash"].numbers["backlash"] == pytest.approx(BACKLASH, rel=0.2)
+    assert "grows with the load cannot be told" in found["one_payload"].text
+    assert any(line.startswith("one payload: add") for line in verdict.next)
+    assert "one_gain_set" not in found and verdict.level == "good"
+
+
+def test_check_asks_for_another_gain_set_but_for_no_other_payload_where_there_are_two():
+    rig, heavy = ServoPendulum(), ServoPendulum(mass=0.8)
+    own = {"light": rig.log(4.0, 0.05, seed=1), "heavy": heavy.log(4.0, 0.05, seed=2)}
+    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
+    data = fid.Dataset.from_frames(
+        {name: pd.DataFrame(log) for name, log in own.items()},
+        machine,
+        **dict(
+            time="t", angle="q", actuator=dict(target="target", output="torque", **_gains("soft"))
+        ),
+        parameters={"heavy": {"mass": 0.8}},
+    )
+    verdict = fid.check(data)
+    kinds = set(verdict.findings["kind"])
+    assert "one_gain_set" in kinds and not kinds & {"one_payload", "backlash"}
+    assert any(line.startswith("one gain set: add") for line in verdict.next)

@@ -1,0 +1,256 @@
+"""What recordings of servos without a measured torque can tell, and what to record next.
+
+Torque is computed from targets, gains and motion. How late targets act is found first, from the
+balance of torques as that of a measured torque is, so that the tests see torques of that delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.check.balance_windows import MIN_WINDOWS, adapted
+from frictionid.check.balances import Rows
+from frictionid.check.findings import Finding, percent
+from frictionid.check.motion import Measured, Motion
+from frictionid.check.partial_regression import (
+    Nuisance,
+    PartialEstimate,
+    PartialRegression,
+    nuisance_of,
+)
+from frictionid.data.integrals import integrals_of
+from frictionid.data.recordings import Dataset
+from frictionid.data.servo import Servo, servo_torque
+from frictionid.data.signals import Signal, holds
+
+_LATEST, _COARSE, _STEP = 0.06, 0.004, 0.001  # [s], of the search and of its last steps
+_WIDE = 2.5  # standard errors, as of a measured torque's delay
+_CLEAR = 0.02  # of the sum of squares that a delay must explain
+_PLAYS = np.radians([0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0])  # backlash that is tried
+_MUCH = 0.5  # of the sum of squares that a backlash must explain
+
+
+def servos_of(dataset: Dataset) -> list[Servo]:
+    """Servos of the recordings in which they drive."""
+    return [r.servo for r in dataset.recordings if r.servo is not None and np.any(r.torque.value)]
+
+
+def with_late_targets(dataset: Dataset, motions: Sequence[Motion]) -> tuple[Dataset, list[Finding]]:
+    """The data set with torques of targets as late as they act, where these are held."""
+    servos = servos_of(dataset)
+    if len(servos) < len(dataset.recordings) or not all(holds(s.goal) for s in servos):
+        return dataset, []
+    measured = Measured.of(dataset, motions)
+    rows = adapted(measured.balances, measured.motions)
+    if rows.moving.any(1).sum() < MIN_WINDOWS:
+        return dataset, []
+    fit = _Fit(dataset, motions, rows, measured.nominal)
+    # with one gain set backlash would pass for Coulomb friction
+    several = len(_gain_sets(servos)) > 1 and dataset.mechanism.position_units == ("rad",)
+    first = fit.at(0.0, np.arange(0.0, _LATEST, _COARSE))
+    near = first.late + _COARSE * np.arange(-1, 3)
+    least = first
+    if several:
+        least = min((fit.at(play, near) for play in _PLAYS), key=lambda f: f.left)
+    best = least if least.left < (1 - _MUCH) * first.left else first
+    if best.left > (1 - _CLEAR) * fit.left(0.0, 0.0) or not np.isfinite(best.error):
+        return dataset, []
+    recordings = tuple(
+        replace(r, servo=_with(r.servo, best.late, best.play), torque=t)
+        for r, t in zip(dataset.recordings, fit.torques(best.late, best.play), strict=True)
+    )
+    found_of = [_late_finding(best), *([_play_finding(best, first)] if best.play else [])]
+    return replace(dataset, recordings=recordings), found_of
+
+
+class _Found(NamedTuple):
+    """Delay of the targets [s] with its standard error, at a backlash [rad], and what is left."""
+
+    late: float
+    error: float
+    play: float
+    left: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """The balances of a data set as functions of late targets and backlash."""
+
+    dataset: Dataset
+    motions: Sequence[Motion]
+    rows: Rows
+    nominal: Array
+
+    def at(self, play: float, lags: Array) -> _Found:
+        """The best delay at a backlash, near one of some (D,) [s]."""
+        best = float(lags[np.argmin([self.left(late, play) for late in lags])])
+        step = PartialEstimate(0.0, np.inf, np.inf)
+        for _ in range(2):
+            early, middle, late = (self._means(best + s * _STEP, play) for s in (-1, 0, 1))
+            fit = self._nuisance.beside(middle)
+            step = fit.estimate(middle - self._required, (early - late) / (2 * _STEP))
+            best += float(np.clip(step.value, -_COARSE, _COARSE))
+        return _Found(best, step.error, play, self.left(best, play))
+
+    def left(self, late: float, play: float) -> float:
+        """Sum of squares of the balances, of one weight for all delays."""
+        residual = self._plain.residual(self._means(late, play) - self._required)
+        return float((residual**2).sum())
+
+    def torques(self, late: float, play: float) -> list[Signal]:
+        """Torques of the recordings, at smoothed velocities."""
+        out = []
+        for recording, motion in zip(self.dataset.recordings, self.motions, strict=True):
+            rate = Signal(motion.states.time, motion.states.w, "linear")
+            servo = _with(recording.servo, late, play)
+            out.append(servo_torque(servo, recording.angle, rate=rate))
+        return out
+
+    def _means(self, late: float, play: float) -> Array:
+        return self.rows.means(integrals_of(self.torques(late, play)))
+
+    @cached_property
+    def _required(self) -> Array:
+        return self.rows.required(self.nominal)
+
+    @cached_property
+    def _nuisance(self) -> Nuisance:
+        return nuisance_of(self.rows, self.nominal, uncertain_mechanism=True)
+
+    @cached_property
+    def _plain(self) -> PartialRegression:
+        return self._nuisance.beside(self._means(0.0, 0.0))
+
+
+def servo_findings(dataset: Dataset) -> list[Finding]:
+    """What the recordings of servos cannot tell apart, and what would."""
+    servos = servos_of(dataset)
+    if not servos:
+        return []
+    return [*_tied(dataset, servos), *_one_gain_set(servos), *_one_payload(dataset, servos)]
+
+
+def servo_advice(dataset: Dataset) -> list[str]:
+    """Recordings of servos to make next."""
+    servos = servos_of(dataset)
+    out = []
+    if servos and len(_payloads(dataset)) == 1:
+        out.append("one payload: add the same targets with another mass or length")
+    if servos and len(_gain_sets(servos)) == 1:
+        P = float(np.max(servos[0].gain))
+        out.append(f"one gain set: add the same targets with P = {P / 2:.3g}, half of what it is")
+    return out
+
+
+def _late_finding(found: _Found) -> Finding:
+    late, error = found.late, found.error
+    low, high = 1e3 * (late - _WIDE * error), 1e3 * (late + _WIDE * error)
+    return Finding(
+        "late_targets",
+        "good",
+        f"targets act {1e3 * late:.1f} ms later than they are logged (95 %: {low:.1f} to "
+        f"{high:.1f} ms), and torques are computed so here; left out, that would look like viscous "
+        "friction",
+        "fit by shooting, where the delay of held targets is free",
+        None,
+        {"delay": late, "error": error},
+    )
+
+
+def _play_finding(found: _Found, without: _Found) -> Finding:
+    share = 1.0 - found.left / without.left
+    return Finding(
+        "backlash",
+        "good",
+        f"a backlash of about {np.degrees(found.play):.2g} degrees before the encoder explains "
+        f"{percent(share)} of what targets, gains and friction leave; left out, it would change "
+        "Coulomb friction with the gains",
+        "fit by shooting with the block 'backlash' free",
+        None,
+        {"backlash": found.play, "explains": share},
+    )
+
+
+def _tied(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:
+    """What is known of the scale of the torque, and of back-EMF beside viscous friction."""
+    off = any((s.enabled.value <= 0.5).any() for s in servos)
+    if not servos[0].has_motor:
+        what = "gains" if servos[0].output == "torque" else "gains and kt"
+        return [
+            Finding(
+                "tied_constants",
+                "good",
+                f"torque is computed from {what}: friction is known as well as these and the "
+                f"nominal masses, which the motion shows only together ({_scale(dataset)})",
+                "free 'gain' where masses and lengths are known",
+            )
+        ]
+    emf = (
+        "phases with the motor disconnected tell back-EMF from viscous friction"
+        if off
+        else "back-EMF kt^2/R and viscous friction show as their sum only"
+    )
+    return [
+        Finding(
+            "tied_constants",
+            "good",
+            "torque is computed from kt and R: a smaller R looks like larger masses and more "
+            f"friction, which known masses or gravity tell apart ({_scale(dataset)}); {emf}",
+            "" if off else "record drops with the motor disconnected, or fix kt",
+        )
+    ]
+
+
+def _scale(dataset: Dataset) -> str:
+    number = len(_payloads(dataset))
+    return f"{number} payloads do" if number > 1 else "here one payload, if it is known"
+
+
+def _one_gain_set(servos: Sequence[Servo]) -> list[Finding]:
+    if len(_gain_sets(servos)) > 1:
+        return []
+    return [
+        Finding(
+            "one_gain_set",
+            "good",
+            "all recordings have the same gains: backlash, which is a torque of P times half of "
+            "it, is told from Coulomb friction by its hysteresis only",
+            "record the same targets with other gains",
+        )
+    ]
+
+
+def _one_payload(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:
+    if len(_payloads(dataset)) > 1 or not servos:
+        return []
+    return [
+        Finding(
+            "one_payload",
+            "good",
+            "all recordings have one payload and one length: friction that grows with the load "
+            "cannot be told from friction that is larger at some angles, nor from a wrong gain",
+            "record with another payload or length before a load-dependent law is believed",
+        )
+    ]
+
+
+def _payloads(dataset: Dataset) -> set[tuple[tuple[str, float], ...]]:
+    return {tuple(sorted(r.parameters.items())) for r in dataset.recordings}
+
+
+def _gain_sets(servos: Sequence[Servo]) -> set[tuple[float, ...]]:
+    return {(*np.ravel(s.gain), *np.ravel(s.damping)) for s in servos}
+
+
+def _with(servo: Servo | None, late: float, play: float) -> Servo:
+    """The servo with targets that are later, and more backlash, than it says."""
+    assert servo is not None
+    return replace(
+        servo, target_delay=servo.target_delay + late, backlash=np.add(servo.backlash, play)
+    )
