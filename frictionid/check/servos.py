@@ -220,7 +220,7 @@ def _one_gain_set(servos: Sequence[Servo]) -> list[Finding]:
             "one_gain_set",
             "good",
             "all recordings have the same gains: backlash, which is a torque of P times half of "
-            "it, is told from Coulomb friction by its hysteresis only",
+            "it, differs from Coulomb friction by its hysteresis only",
             "record the same targets with other gains",
         )
     ]
@@ -234,7 +234,7 @@ def _one_payload(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:
             "one_payload",
             "good",
             "all recordings have one payload and one length: friction that grows with the load "
-            "cannot be told from friction that is larger at some angles, nor from a wrong gain",
+            "cannot be distinguished from friction that is larger at some angles, or a wrong gain",
             "record with another payload or length before a load-dependent law is believed",
         )
     ]

@@ -135,7 +135,7 @@ def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
     found = {row.kind: row for row in verdict.findings.itertuples()}
     assert found["late_targets"].numbers["delay"] == pytest.approx(LOOSE.delay, abs=1e-3)
     assert found["backlash"].numbers["backlash"] == pytest.approx(BACKLASH, rel=0.2)
-    assert "grows with the load cannot be told" in found["one_payload"].text
+    assert "grows with the load cannot be seen" in found["one_payload"].text
     assert any(line.startswith("one payload: add") for line in verdict.next)
     assert "one_gain_set" not in found and verdict.level == "good"
 
