@@ -234,7 +234,7 @@ def _one_payload(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:
             "one_payload",
             "good",
             "all recordings have one payload and one length: friction that grows with the load "
-            "cannot be distinguished from friction that is larger at some angles, or a wrong gain",
+            "cannot be seen: it looks like friction that is larger at some angles, or a wrong gain",
             "record with another payload or length before a load-dependent law is believed",
         )
     ]
