@@ -10,6 +10,7 @@ from frictionid.api.arguments import count, optional_number
 from frictionid.api.fitted import Fit
 from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, LawLike, dataset_of, friction_of, identifier_of
+from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fitted
 from frictionid.comparison.methods import Method
 from frictionid.evaluation import Protocol
@@ -28,6 +29,7 @@ def fit(
     iterations: int | None = None,
     consistent: bool = False,
     calibration: Any = None,
+    equal: Sequence[Sequence[str | int]] = (),
     settings: Mapping[str, Any] | None = None,
     sample_time: float | None = None,
     seed: int = 0,
@@ -60,6 +62,9 @@ def fit(
     calibration : Fit, Friction or path of a model file, optional
         Its base parameters, delay, gain, bias and offset are held; blocks that are free have its
         standard errors as priors.
+    equal : list of lists of str or int
+        Groups of joints with the same friction, by names or by numbers from 1; laws with
+        parameters, fitted in one step or by shooting. A second fit, apart, tests them.
     settings : mapping, optional
         Settings of the law or identifier that a name stands for, such as {"symmetric": False}.
     sample_time : float [s], optional
@@ -81,6 +86,9 @@ def fit(
     dataset = dataset_of(data)
     protocol = Protocol(sample_time=optional_number("sample_time", sample_time))
     identifier = identifier_of(law, settings)
+    if equal:
+        groups = groups_of(equal, dataset.mechanism.friction_names)
+        identifier = with_equal(identifier, groups)
     if method in ("shooting", "inverse_dynamics") and free is not None and "friction" not in free:
         free = f"friction,{free}" if isinstance(free, str) else ["friction", *free]
     chosen = method_of(

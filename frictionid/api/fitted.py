@@ -351,7 +351,8 @@ class Fit:
         notes = []
         if self.friction.law.is_network:
             notes.append(f"{len(self.friction.law.names)} weights for each joint")
-        notes += self.friction.provenance.get("equation", ())
+        for kind in ("equation", "equality"):
+            notes += self.friction.provenance.get(kind, ())
         if self.method == "one_step" and self._known and self._estimates:
             notes.append(
                 "intervals hold the noise alone, not the bias of the smoothing: shoot for more"

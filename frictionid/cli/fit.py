@@ -9,6 +9,7 @@ import typer
 
 from frictionid.cli.options import (
     Consistent,
+    Equal,
     Fixed,
     Free,
     Iterations,
@@ -48,6 +49,7 @@ def fit(
     iterations: Iterations = None,
     consistent: Consistent = False,
     calibration: KnownCalibration = None,
+    equal: Equal = None,
     figure: Annotated[
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
     ] = None,
@@ -63,7 +65,6 @@ def fit(
     from frictionid.files import write_bytes
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
-    from frictionid.report import show_fit
     from frictionid.report.figures.fitted import check_drawable, fit_picture
 
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
@@ -71,21 +72,31 @@ def fit(
     chosen = identifier_of(identifier, settings(set_ or []))
     method = _method(recipe, by, free, fixed or [], windows, iterations, calibration, consistent)
     method.check(chosen)
+    groups = [[name.strip() for name in group.split(",")] for group in equal or []]
     if figure is not None:
         check_drawable(chosen)
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
-        made = fit_data(loaded, chosen, method=method, sample_time=sample_time, seed=seed)
+        made = fit_data(
+            loaded, chosen, method=method, sample_time=sample_time, seed=seed, equal=groups
+        )
     made.save(out)
     if figure is not None:
         write_bytes(figure, fit_picture(made.friction, loaded))
     if json:
         print(out.read_text(encoding="utf-8"), end="")
         return
-    show_fit(made.friction)
+    _show(made.friction, set_ or [], out, figure)
+
+
+def _show(friction: Friction, given: list[str], out: Path, figure: Path | None) -> None:
+    """Print a fit, and where it was written."""
+    from frictionid.report import show_fit
+
+    show_fit(friction)
     print(f"written to {out}")
-    if any(text.partition("=")[0].strip() == "width" for text in set_ or []):
-        _say_if_numerical(made.friction)
+    if any(text.partition("=")[0].strip() == "width" for text in given):
+        _say_if_numerical(friction)
     if figure is not None:
         print(f"written to {figure}")
 

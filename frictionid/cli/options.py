@@ -46,6 +46,10 @@ KnownCalibration = Annotated[
         "blocks named by --free have its standard errors as priors."
     ),
 ]
+Equal = Annotated[
+    list[str] | None,
+    typer.Option(help="Joints with the same friction, e.g. hip_left,hip_right; repeatable."),
+]
 Fixed = Annotated[
     list[str] | None,
     typer.Option(help="A parameter that is not free, e.g. inertia.gravity_2; repeatable."),

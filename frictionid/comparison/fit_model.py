@@ -7,11 +7,19 @@ from typing import Any, NamedTuple
 
 from frictionid.arrays import Array
 from frictionid.check import torque_sources
+from frictionid.comparison.equal_joints import (
+    check_units,
+    differences,
+    equal_groups,
+    sentences,
+    with_equal,
+)
 from frictionid.comparison.equations import with_equations, with_intervals
 from frictionid.comparison.methods import Fit, Method
-from frictionid.comparison.training_set import training_set
+from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
 from frictionid.evaluation import (
     EstimatedStates,
     Prepared,
@@ -110,5 +118,20 @@ def fitted(
     if fit.refined is not None:
         w = training.problems[recipe.first_step.name].nodes.inputs.w
         provenance["refined"] = document_of(fit.refined, dataset, velocity_grid(w))
+    if equal := equal_groups(identifier):
+        check_units(friction, equal)
+        provenance["equality"] = _equality(identifier, recipe, training, seed)
     known = replace(friction, provenance=provenance)
     return Fitted(with_speeds(known, speeds(dataset, prepared.smoothed)), fit)
+
+
+def _equality(
+    identifier: Identifier, recipe: Method, training: TrainingSet, seed: int
+) -> list[str]:
+    """Whether a fit that gives each joint its own parameters finds equal joints equal."""
+    equal = equal_groups(identifier)
+    try:
+        apart = recipe.fit(_NotFixed(with_equal(identifier, ())), training, seed)
+    except InputError as error:
+        return [f"whether joints are equal was not tested: fitted apart, {error}"]
+    return sentences(differences(apart, equal), equal)

@@ -8,13 +8,14 @@ model_files   fitted models as files
 bam_files     parameter files of BAM as frictions
 """
 
-from frictionid.friction.constraints import Constraints, SpeedRange, constraints_of
+from frictionid.friction.constraints import Constraints, Groups, SpeedRange, constraints_of
 from frictionid.friction.friction import Friction, Nodes, along, memory_along, units_of
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
 
 __all__ = [
     "Constraints",
     "Friction",
+    "Groups",
     "Inputs",
     "Law",
     "Memory",

@@ -161,6 +161,9 @@ def check_rows(fit: Linearised, weights: Array, slides: Array) -> None:
         Naming the fold and the joint.
     """
     counts = (weights > 0).astype(float) @ slides
+    if fit.constraints is not None:  # equal joints determine their parameters together
+        owner = fit.constraints.owner
+        counts = counts @ (owner[:, None] == owner)
     needed = fit.law.has_parameters(slides.shape[1]).sum(axis=1)
     if (counts < needed).any():
         f, j = np.argwhere(counts < needed)[0]

@@ -16,7 +16,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, check_settings
-from frictionid.friction import Friction, Law
+from frictionid.friction import Friction, Groups, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import best_initial_guess
@@ -40,6 +40,7 @@ class LeastSquares(Identifier):
     tolerance : a fit ends where a step would reduce the cost by less, relative
     robust : number of standard deviations beyond which rows are weighted down, after which the fit
         is repeated; None gives all rows their full weight
+    equal : groups of joints, by their numbers from 1, that have the same parameters
 
     It begins at the law's `initial` values that promise the lowest cost, for each joint its own.
     Laws without a gradient, and laws with memory, are differentiated numerically. A parameter
@@ -67,6 +68,7 @@ class LeastSquares(Identifier):
     iterations: Count = 100
     tolerance: NotNegative = 1e-11
     robust: Positive | None = 3.0
+    equal: Groups = ()
     seeded = False
 
     def __post_init__(self) -> None:
@@ -74,8 +76,8 @@ class LeastSquares(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior))
-        theta, stepped = best_initial_guess(law, weights)
+        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior, self.equal))
+        theta, stepped = map(law.tied, best_initial_guess(law.untied, weights))
         reduced, variance = weights, np.zeros(len(weights))
         for _ in range(_ROUNDS if self.robust is not None or self.prior else 0):
             theta = self._minimum(law, _first(law, theta, stepped, reduced, variance), _NEAR)

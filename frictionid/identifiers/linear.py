@@ -8,7 +8,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import check_settings
-from frictionid.friction import Friction, Inputs, Law
+from frictionid.friction import Friction, Groups, Inputs, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.grams import check_linear, columns, grams
 from frictionid.identifiers.identifier import Identifier
@@ -48,6 +48,7 @@ class Linear(Identifier):
     law: Law
     bounds: Ranges = field(default_factory=dict)
     prior: Ranges = field(default_factory=dict)
+    equal: Groups = ()
     seeded = False
 
     def __post_init__(self) -> None:
@@ -56,17 +57,20 @@ class Linear(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior))
+        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior, self.equal))
         A = columns(law.law, problem)
         size = np.abs(A[..., :-1]).reshape(*problem.r.shape, problem.r.shape[-1], -1)
         check_rows(law, weights, size.max(axis=(1, 3)) > 0)
+        if law.tie is not None:
+            A = np.concatenate([A[..., :-1] @ law.tie, A[..., -1:]], axis=-1)
         theta = solutions(grams(A, weights)[:, 0], *law.bounds)
         beyond = ~_in_linear_range(law.friction(theta), problem)
         beyond |= bool(self.prior)
         if beyond.any():
-            by_steps = LeastSquares(self.law, self.bounds, self.prior, robust=None)
-            refitted = by_steps.fit(problem, weights[beyond], seed)
-            theta[beyond] = refitted.theta.reshape(int(beyond.sum()), -1)
+            by_steps = LeastSquares(
+                self.law, self.bounds, self.prior, robust=None, equal=self.equal
+            )
+            theta[beyond] = law.once(by_steps.fit(problem, weights[beyond], seed).theta)
         return replace(law.friction(theta), law=self.law)
 
 

@@ -10,7 +10,16 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Constraints, Friction, Inputs, Law, Nodes, along, constraints_of
+from frictionid.friction import (
+    Constraints,
+    Friction,
+    Groups,
+    Inputs,
+    Law,
+    Nodes,
+    along,
+    constraints_of,
+)
 from frictionid.identifiers.residual import Problem, speed_range
 
 _DIFFERENCE = 1e-6
@@ -22,21 +31,26 @@ Ranges = Mapping[str, tuple[float, float]]  # by parameter name
 
 
 class Given(NamedTuple):
-    """Bounds, and means and standard deviations of priors, that are given by parameter name."""
+    """Bounds, and means and standard deviations of priors, by parameter name; equal joints."""
 
     bounds: Ranges
     prior: Ranges
+    equal: Groups = ()
 
 
 class Linearised(NamedTuple):
     """A law on a problem; its parameters theta are flat here, (F, N) with N = n P.
 
-    constraints : bounds and priors (F, n, P), see `Linearised.of`
+    Equal joints have the same parameters, which are there once: theta of all is tie @ theta then.
+
+    constraints : bounds and priors (F, n, P), see `Linearised.of`; tie : (n P, N), None where all
+        joints have parameters of their own
     """
 
     law: Law
     problem: Problem
     constraints: Constraints | None = None
+    tie: Array | None = None
 
     @staticmethod
     def of(law: Law, problem: Problem, weights: Array, given: Given) -> Linearised:
@@ -45,8 +59,22 @@ class Linearised(NamedTuple):
         Where the rows of joints at rest are projected out, all others slide: there numerical
         smoothing of sgn(w) would only blur slow ones.
         """
-        own = constraints_of(law, speed_range(problem, weights), given.bounds, given.prior)
-        return Linearised(law.sharpened() if problem.masked else law, problem, own)
+        own = constraints_of(law, speed_range(problem, weights), *given)
+        return Linearised(law.sharpened() if problem.masked else law, problem, own, own.tie)
+
+    @property
+    def untied(self) -> Linearised:
+        """The same with parameters of its own for each joint."""
+        return self._replace(tie=None)
+
+    def tied(self, theta: Array) -> Array:
+        """Parameters (F, N) of equal joints: the means of those (F, n P) that each has by itself.
+
+        Within the bounds.
+        """
+        if self.tie is None:
+            return theta
+        return np.clip(theta @ self.tie / self.tie.sum(axis=0), *self.bounds)
 
     @property
     def joints(self) -> int:
@@ -58,19 +86,23 @@ class Linearised(NamedTuple):
         """Lower and upper bounds of the parameters, (F, N) each."""
         own = self.constraints
         assert own is not None
-        F = len(own.low)
-        return own.low.reshape(F, -1), own.high.reshape(F, -1)
+        return self.once(own.low), self.once(own.high)
 
     @property
     def prior(self) -> tuple[Array, Array]:
         """Mean and precision of the parameters' priors, (F, N) each; zero precision for none."""
         own = self.constraints
         assert own is not None
-        F = len(own.low)
-        return own.mean.reshape(F, -1), own.deviation.reshape(F, -1) ** -2.0
+        return self.once(own.mean), self.once(own.deviation) ** -2.0
+
+    def once(self, each: Array) -> Array:
+        """Numbers (F, n, P) that equal joints have alike, flat, (F, N)."""
+        flat = each.reshape(len(each), -1)
+        return flat if self.tie is None else flat[:, self.tie.argmax(axis=0)]
 
     def friction(self, theta: Array) -> Friction:
         """Friction with the parameters theta."""
+        theta = theta if self.tie is None else theta @ self.tie.T
         theta = theta.reshape(len(theta), self.joints, len(self.law.names))
         own = self.constraints
         known = own is not None and own.low.shape == theta.shape
@@ -144,7 +176,8 @@ class Linearised(NamedTuple):
         for first in range(0, F, folds_at_once):
             part = slice(first, first + folds_at_once)
             for rows, own in self.stretches():
-                J = own.jacobian(theta[part]).reshape(len(theta[part]), own.problem.r.size, N)
+                J = own.jacobian(theta[part]).reshape(len(theta[part]), own.problem.r.size, -1)
+                J = J if self.tie is None else J @ self.tie
                 weight = np.repeat(weights[part, rows], self.joints, 1)
                 weighted = np.ascontiguousarray(np.swapaxes(J * weight[..., None], 1, 2))
                 e = np.ascontiguousarray(residual[part, rows]).reshape(len(J), -1)

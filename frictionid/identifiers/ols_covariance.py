@@ -60,16 +60,29 @@ def _errors(
     friction: Friction, problem: Problem, weights: Array, robust: float | None
 ) -> tuple[Array, int]:
     """Standard errors (n, P), and their degrees of freedom."""
-    n, P = friction.theta.shape
-    theta = np.reshape(friction.theta, (1, -1))
+    covariance, freedom = covariance_of_fit(friction, problem, weights, robust)
+    return np.sqrt(np.diag(covariance)).reshape(friction.theta.shape), freedom
+
+
+def covariance_of_fit(
+    friction: Friction, problem: Problem, weights: Array, robust: float | None = None
+) -> tuple[Array, int]:
+    """Covariance (n P, n P) of the parameters of a fit, of noise alone, and its degrees of freedom.
+
+    See `half_widths`. NaN where the data do not determine a parameter; equal joints are correlated
+    by one.
+    """
+    theta, own = np.reshape(friction.theta, (1, -1)), friction.constraints
     # as it was fitted, see `Linearised.of`
     law = Linearised(friction.law.sharpened() if problem.masked else friction.law, problem)
     share = normalised(np.reshape(weights, (1, -1)), problem)[0]
     residual = law.residual(theta)
     if robust is not None:
         share = share * huber_factors(residual, share[None], robust)[0]
-    J = law.jacobian(theta)[0].reshape(*problem.r.shape, n * P)
-    determined = J.reshape(-1, n * P).any(axis=0)
+    J = law.jacobian(theta)[0].reshape(*problem.r.shape, theta.size)
+    tie = None if own is None else own.tie
+    J = J if tie is None else J @ tie
+    determined = J.reshape(-1, J.shape[-1]).any(axis=0)
     if friction.law.is_sparse:
         determined &= theta[0] != 0
     J = J[..., determined]
@@ -81,6 +94,9 @@ def _errors(
     by_cluster = np.stack([scores[label == c].sum(0) for c in used])
     freedom = max(len(used) - 1, 1)
     covariance = bread @ (by_cluster.T @ by_cluster) @ bread * len(used) / freedom
-    out = np.full(n * P, np.nan)
-    out[determined] = np.sqrt(np.diag(covariance))
-    return out.reshape(n, P), freedom
+    out = np.full(2 * [len(determined)], np.nan)
+    out[np.ix_(determined, determined)] = covariance
+    if tie is not None:
+        each = tie.argmax(axis=1)
+        out = out[np.ix_(each, each)]
+    return out, freedom

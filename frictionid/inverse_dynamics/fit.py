@@ -127,6 +127,11 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: A
     if own is None:
         speeds = speed_range(balance.problem, use[None] * 1.0)
         own = constraints_of(friction.law, speeds).at(0)
+    if own.equal:
+        raise InputError(
+            "equal joints: inverse dynamics gives each joint parameters of its own: fit by "
+            "shooting, or in one step"
+        )
     sharp = replace(friction, law=friction.law.sharpened(), constraints=own, calibration=None)
     return estimate._replace(friction=sharp)
 

@@ -170,7 +170,7 @@ def show_fit(friction: Friction) -> None:
     if "inclusion" in source:
         lines = ["how often draws of the recordings had a term:", *source["inclusion"]]
         out.print("\n  ".join(lines), markup=False, soft_wrap=True)
-    for sentence in source.get("torque", []):
+    for sentence in (*source.get("equality", []), *source.get("torque", [])):
         out.print(sentence, markup=False, soft_wrap=True)
 
 

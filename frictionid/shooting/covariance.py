@@ -86,6 +86,21 @@ class Covariance:
         )
 
     @property
+    def each(self) -> Covariance:
+        """The same with a shared parameter at each of its places, correlated by one."""
+        at = np.repeat(np.arange(len(self.values)), [len(p.places) for p in self.parameters])
+        if len(at) == len(self.values):
+            return self
+        return replace(
+            self,
+            parameters=tuple(one for p in self.parameters for one in p.each),
+            values=self.values[at],
+            matrix=_repeated(self.matrix, at),
+            bound=self.bound[at],
+            meaningless=self.meaningless[at],
+        )
+
+    @property
     def identified(self) -> Array:
         """True (D,) for parameters that the data determine.
 
@@ -170,6 +185,15 @@ def grouped_covariance(
         _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
     idle = {k for own in needs.items() for k in (own[0], *own[1])}
     return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(idle)))
+
+
+def _repeated(matrix: Array, at: Array) -> Array:
+    """Rows and columns of a covariance at places; what is not known is so by itself."""
+    out = np.asarray(matrix[np.ix_(at, at)])
+    unknown = np.flatnonzero(~np.isfinite(out).all(axis=1))
+    out[unknown], out[:, unknown] = 0.0, 0.0
+    out[unknown, unknown] = np.inf
+    return out
 
 
 def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:

@@ -109,7 +109,8 @@ class ShootingProblem:
                     end = memory_after_sample(own, end, later, intervals.dt[some])
                 out.end[some] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
                 out.by_start[some] = end.by_start
-                out.by[some, :, : end.by_parameters.shape[-1]] = end.by_parameters
+                by = self._shared(end.by_parameters)
+                out.by[some, :, : by.shape[-1]] = by
         return out
 
     def initial_nodes(self, estimate: Estimate) -> Array:
@@ -147,8 +148,17 @@ class ShootingProblem:
     def _entering(self, enters: str) -> list[Parameter]:
         return [p for own in self.blocks if own.block.enters == enters for p in own.parameters]
 
+    def _shared(self, by: Array) -> Array:
+        """Derivatives by the free parameters, from those by each of their places, last axis."""
+        counts = [len(p.places) for p in self._entering("friction")]
+        if sum(counts) == len(counts):
+            return by
+        first = np.cumsum([0, *counts[:-1]])
+        summed = np.add.reduceat(by[..., : sum(counts)], first, axis=-1)
+        return np.concatenate([summed, by[..., sum(counts) :]], axis=-1)
+
     def _model(self, estimate: Estimate, plant: Plant) -> MotionModel:
-        theta = [p.place for p in self._entering("friction")]
+        theta = [place for p in self._entering("friction") for place in p.places]
         joint, place = (np.array([at[i] for at in theta], dtype=int) for i in (0, 1))
         base = tuple(p.place[0] for p in self._entering("base"))
         return MotionModel(plant, estimate.friction, FreeTheta(joint, place), base, self.reads)

@@ -272,7 +272,7 @@ def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) ->
     return Refined(
         as_given(fitted, given),
         fitted,
-        covariance,
+        covariance.each,
         _diagnostics(problem, solution, more),
         estimate.mechanism,
     )

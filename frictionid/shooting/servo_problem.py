@@ -205,7 +205,9 @@ def servo_problem(
     """
     name = next(b.name for b in blocks if b.enters == "actuator")
     refuse_coupled(estimate.mechanism, f"block {name!r}")
-    law = estimate.friction.law
+    law, constraints = estimate.friction.law, estimate.friction.constraints
+    if constraints is not None and constraints.equal:
+        raise InputError(f"block {name!r}: is not free beside equal joints: leave out one of both")
     if hasattr(estimate.friction.theta, "detach") or law.sample_time is not None:
         raise InputError(
             f"block {name!r}: {law} learns by reverse mode, which knows no voltages: leave the "

@@ -23,7 +23,8 @@ class FrictionBlock(ParameterBlock):
     """Parameters of the law, but for those whose names are `fixed`.
 
     `prior` is a standard deviation relative to each value. `support` are the places (joint,
-    parameter) that may be free, None for all: see `on_support`.
+    parameter) that may be free, None for all: see `on_support`. Those of equal joints, as the
+    friction's constraints name them, are shared.
     """
 
     fixed: tuple[str, ...] = ()
@@ -38,6 +39,7 @@ class FrictionBlock(ParameterBlock):
         has = law.has_parameters(len(theta))
         own = estimate.friction.constraints
         own = own or constraints_of(law, _no_range(len(theta)))
+        owner = own.owner
         return tuple(
             Parameter(
                 block=self.name,
@@ -52,8 +54,13 @@ class FrictionBlock(ParameterBlock):
                 ),
                 place=(j, i),
                 mean=float(own.mean[j, i]) if np.isfinite(own.deviation[j, i]) else None,
+                shared=tuple(
+                    (f"{name} of {joints[k]}", (int(k), i))
+                    for k in np.flatnonzero(owner == j)
+                    if k != j
+                ),
             )
-            for j in range(theta.shape[0])
+            for j in np.unique(owner).tolist()
             for i, name in enumerate(law.names)
             if name not in self.fixed
             and has[j, i]
@@ -63,7 +70,8 @@ class FrictionBlock(ParameterBlock):
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         theta = np.array(estimate.friction.theta, dtype=float)
         for parameter, value in values:
-            theta[parameter.place] = value
+            for place in parameter.places:
+                theta[place] = value
         return estimate._replace(friction=replace(estimate.friction, theta=theta))
 
 

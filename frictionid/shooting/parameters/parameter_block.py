@@ -30,7 +30,7 @@ class Parameter(NamedTuple):
 
     `place` says where the block keeps it: the joint first, of base parameters their index. The
     prior's deviation is infinite where there is none; its mean is the value that the fit begins
-    with, unless `mean` is given.
+    with, unless `mean` is given. `shared` are names and places of those that have its value.
     """
 
     block: str
@@ -42,6 +42,18 @@ class Parameter(NamedTuple):
     prior: float = float("inf")
     place: tuple[int, ...] = ()
     mean: float | None = None
+    shared: tuple[tuple[str, tuple[int, ...]], ...] = ()
+
+    @property
+    def places(self) -> tuple[tuple[int, ...], ...]:
+        """All places that have its value."""
+        return self.place, *(place for _, place in self.shared)
+
+    @property
+    def each(self) -> tuple[Parameter, ...]:
+        """The parameter at each of its places, as if it were not shared."""
+        others = (self._replace(name=n, place=p, shared=()) for n, p in self.shared)
+        return self._replace(shared=()), *others
 
 
 Values = Sequence[tuple[Parameter, float]]  # new values of free parameters

@@ -1,0 +1,187 @@
+"""Joints declared equal: truth in, truth out, narrower intervals, and a test whether they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.command_line import run_command
+
+import frictionid as fid
+from frictionid.arrays import times
+from frictionid.comparison.equal_joints import LEVEL, differences
+from frictionid.errors import InputError
+from frictionid.friction import Friction, SpeedRange, along, constraints_of
+from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
+from frictionid.identifiers import LeastSquares, Linear, SINDy
+from frictionid.identifiers.ols_covariance import half_widths
+from frictionid.identifiers.one_step_fit import OneStepFit
+from frictionid.identifiers.synthetic_problem import synthetic_problem
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset
+from frictionid.simulate import Stribeck as TrueStribeck
+
+EQUAL = ((1, 2),)
+
+
+def problem_of(law, theta, noise=0.0, twins=False, seed=0):
+    """One-step problem of two joints with friction; of twins, uncoupled, with the same motion."""
+    problem = synthetic_problem(2, 0.0)
+    if twins:
+        nodes = problem.nodes
+        inputs = nodes.inputs._replace(w=np.repeat(nodes.inputs.w[:, :1], 2, axis=1))
+        G = problem.G[:, :1, :1] * np.eye(2)
+        problem = replace(problem, nodes=nodes._replace(inputs=inputs), G=G)
+    torque = problem.mean(along(Friction(law, np.array(theta)), problem.nodes))
+    r = times(problem.G, torque)
+    return replace(problem, r=r + noise * np.random.default_rng(seed).standard_normal(r.shape))
+
+
+LAWS = {
+    "linear": (Linear(CoulombViscous(), equal=EQUAL), [0.1, 0.02]),
+    "linear in many": (Linear(Spline((1.0, 4.0)), equal=EQUAL), [0.1, 0.14, 0.2, 0.03]),
+    "by steps": (LeastSquares(Stribeck(), equal=EQUAL), [0.1, 0.04, 1.5, 0.02]),
+}
+
+
+@pytest.mark.parametrize(("identifier", "true"), LAWS.values(), ids=LAWS)
+def test_truth_in_truth_out(identifier, true):
+    problem = problem_of(identifier.law, [true[: len(identifier.law.names)]] * 2)
+    found = identifier.fit(problem, np.ones((2, len(problem.r))), 0).theta
+    assert (found[:, 0] == found[:, 1]).all()
+    np.testing.assert_allclose(found[:, 0], [true[: len(identifier.law.names)]] * 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("identifier", [LAWS["linear"][0], LAWS["by steps"][0]], ids=str)
+def test_the_fit_is_the_least_squares_one_among_equal_joints(identifier):
+    """Joints that are not equal: no other common parameters leave less."""
+    problem = problem_of(Stribeck(), [[0.1, 0.04, 1.5, 0.02], [0.06, 0.03, 2.0, 0.01]], 1e-3)
+    identifier = replace(identifier, robust=None) if hasattr(identifier, "robust") else identifier
+    found = identifier.fit(problem, np.ones((1, len(problem.r))), 0)
+
+    def cost(theta):
+        return float(
+            (problem.residual(along(Friction(found.law, theta), problem.nodes)) ** 2).sum()
+        )
+
+    best = cost(found.theta[0])
+    for i in range(found.theta.shape[-1]):
+        for sign in (1, -1):
+            moved = found.theta[0].copy()
+            moved[:, i] *= 1 + sign * 1e-3
+            assert cost(moved) > best
+
+
+def test_joints_that_are_not_named_keep_their_own():
+    range_ = SpeedRange(np.full((1, 4), 0.1), np.full((1, 4), 5.0))
+    own = constraints_of(CoulombViscous(), range_, equal=((1, 3),)).at(0)
+    assert own.owner.tolist() == [0, 1, 0, 3]
+    assert own.tie.shape == (8, 6) and (own.tie.sum(axis=1) == 1).all()
+
+
+def test_intervals_of_two_equal_joints_are_narrower_by_the_root_of_two():
+    """Twins with the same motion and noise of their own, 20 sets, seeds 0 to 19."""
+    law, squares = CoulombViscous(), []
+    for seed in range(20):
+        problem = problem_of(law, [[0.1, 0.02]] * 2, 1e-3, twins=True, seed=seed)
+        weights = np.ones((1, len(problem.r)))
+        tied, apart = (
+            half_widths(Linear(law, equal=e).fit(problem, weights, 0)[0], problem, weights[0])
+            for e in (EQUAL, ())
+        )
+        squares.append([(tied**2).mean(axis=0), (apart**2).mean(axis=0)])
+    tied, apart = np.sqrt(np.mean(squares, axis=0))
+    np.testing.assert_allclose(tied / apart, np.sqrt(0.5), rtol=0.1)
+
+
+def p_values(second, seed):
+    """P-values of the test of twins whose second joint has another friction."""
+    law = CoulombViscous()
+    problem = problem_of(law, [[0.1, 0.02], second], 1e-3, twins=True, seed=seed)
+    weights = np.ones((1, len(problem.r)))
+    fit = OneStepFit(Linear(law).fit(problem, weights, 0), problem, weights[0])
+    return differences(fit, EQUAL)
+
+
+def test_equal_joints_pass_and_unequal_ones_are_named():
+    """200 sets of equal twins, seeds 0 to 199: at most 3 % at a level of 1 %; 20 unequal ones."""
+    alarms = [min(d.p_value for d in p_values([0.1, 0.02], k)) < LEVEL for k in range(200)]
+    assert np.mean(alarms) <= 0.03
+    for seed in range(20):
+        named = {d.parameter for d in p_values([0.11, 0.02], seed) if d.p_value < LEVEL}
+        assert named == {"coulomb"}
+
+
+# --- Shooting, and what a user sees ---------------------------------------------------------------
+
+
+def rig(levels):
+    """A double pendulum with a motor at each joint: set-valued friction, four runs of 2.5 s."""
+    runs = tuple(
+        Run(f"r{k}", (0.4 * k - 1, 0.3 * k), torques=(Steps(0.9, 0.3 + 0.05 * k), Sine(0.5, 0.9)))
+        for k in range(4)
+    )
+    friction = TrueStribeck(Curve(levels, levels, (0.01, 0.01)))
+    table = {"kind": "double_pendulum", "driven": [True, True]}
+    camera = Camera(samples=150, angle_noise=0.001)
+    return Rig("two", table, friction, camera, runs, seed=7, substeps=8)
+
+
+@pytest.fixture(scope="module")
+def equal_data():
+    return simulate(rig((0.08, 0.08)))
+
+
+def test_shooting_finds_the_common_friction_with_narrower_intervals(equal_data):
+    law = fid.CoulombViscous()
+    shot = {"method": "shooting", "free": ["friction"]}
+    tied = fid.fit(equal_data, law, equal=[["joint 1", "joint 2"]], **shot)
+    apart = fid.fit(equal_data, law, **shot)
+    theta = tied.friction.theta
+    assert (theta[0] == theta[1]).all()
+    np.testing.assert_allclose(theta[0], [0.08, 0.01], rtol=0.01)
+    one, other = (
+        f.frame.sort_values(["joint", "parameter"], ignore_index=True)[["low_95", "high_95"]]
+        for f in (tied, apart)
+    )
+    assert (one.high_95 - one.low_95 < other.high_95 - other.low_95).all()
+    assert tied.covariance.loc["coulomb of joint 1", "coulomb of joint 2"] == pytest.approx(
+        tied.covariance.loc["coulomb of joint 1", "coulomb of joint 1"]
+    )
+    assert "joints 1 and 2: fitted apart, they do not differ" in tied.summary()
+    assert "they do not differ" in repr(tied)
+
+
+def test_the_command_names_joints_that_are_not_equal(tmp_path, monkeypatch, capsys):
+    write_dataset(simulate(rig((0.08, 0.04))), tmp_path / "data")
+    code, out, err = run_command(
+        *(monkeypatch, capsys, tmp_path, "fit", "data", "--identifier", "coulomb_viscous"),
+        *("--by", "shooting", "--free", "friction", "--equal", "joint 1, 2", "--out", "m.json"),
+    )
+    assert code == 0, err
+    assert "joints 1 and 2 are not equal: fitted apart, coulomb is 0.0" in out
+    assert fid.load_model(tmp_path / "m.json").friction.provenance["equality"]
+
+
+REFUSED = {
+    "unknown name": ([["joint 1", "joint 3"]], "there is no joint 'joint 3'; did you mean"),
+    "too large": ([[1, 3]], r"equal = \[\[1, 3\]\]: each group names two joints or more by their"),
+    "single": ([[1]], "each group names two joints or more"),
+    "twice": ([[1, 2, 2]], "names a joint twice"),
+    "in two groups": ([[1, 2], [2, 1]], "names a joint twice"),
+    "no groups": ([1, 2], "must be groups of joints, such as"),
+}
+
+
+@pytest.mark.parametrize(("equal", "words"), REFUSED.values(), ids=REFUSED)
+def test_joints_that_cannot_be_equal_are_refused_in_one_line(equal_data, equal, words):
+    with pytest.raises(InputError, match=words):
+        fid.fit(equal_data, "coulomb_viscous", equal=equal)
+
+
+def test_what_holds_no_joints_equal_refuses_in_one_line(equal_data):
+    for law in (SINDy(), "mlp", "none"):
+        with pytest.raises(InputError, match="holds no joints equal: laws with parameters do"):
+            fid.fit(equal_data, law, equal=EQUAL)
+    with pytest.raises(InputError, match="these joints have different laws"):
+        fid.fit(equal_data, ["stribeck", "coulomb_viscous"], equal=EQUAL)
+    with pytest.raises(InputError, match="inverse dynamics gives each joint parameters of its own"):
+        fid.fit(equal_data, "coulomb_viscous", equal=EQUAL, method="inverse_dynamics")
