@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import ast
 import json
+import os
 import random
 import shutil
 import sys
@@ -54,10 +55,15 @@ def main() -> None:
 def _outcomes(clone: Path, package: str, count: int, seed: int) -> Iterator[dict[str, Any]]:
     """Each change of a sample, and whether a test failed."""
     from cosmic_ray.mutating import mutate_and_test
+    from cosmic_ray.testing import run_tests
+    from cosmic_ray.work_item import TestOutcome
 
-    own = f"{clone / 'tests' / package} {clone / 'frictionid' / package}"  # tests and examples
-    python = f"env PYTHONPATH={clone} {sys.executable}"
-    command = f"{python} -m pytest -x -q -p no:cacheprovider {own}"
+    os.chdir(clone)
+    own = f"tests/{package} frictionid/{package}"  # tests, and examples of docstrings
+    command = f"env PYTHONPATH={clone} {sys.executable} -m pytest -x -q -p no:cacheprovider {own}"
+    outcome, said = run_tests(command, LIMIT)
+    if outcome != TestOutcome.SURVIVED:
+        raise SystemExit(f"the tests of {package} fail without any change:\n{said}")
     items = _changes(clone, package)
     for change in random.Random(seed).sample(items, min(count, len(items))):
         result = mutate_and_test([change], command, LIMIT)
