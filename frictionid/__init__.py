@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from frictionid.friction.laws import AsymmetricStribeck as AsymmetricStribeck
     from frictionid.friction.laws import CoulombViscous as CoulombViscous
     from frictionid.friction.laws import Dahl as Dahl
+    from frictionid.friction.laws import DahlMotorLoad as DahlMotorLoad
     from frictionid.friction.laws import FilmLag as FilmLag
     from frictionid.friction.laws import GearLoad as GearLoad
     from frictionid.friction.laws import LoadDependent as LoadDependent
@@ -117,6 +118,7 @@ _HOME = {
     "CompressedNetwork": "frictionid.identifiers",
     "CoulombViscous": "frictionid.friction.laws",
     "Dahl": "frictionid.friction.laws",
+    "DahlMotorLoad": "frictionid.friction.laws",
     "Dataset": "frictionid.data.recordings",
     "FilmLag": "frictionid.friction.laws",
     "Episode": "frictionid.use.gym_env",

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, inverse
 from frictionid.data.integrals import SignalIntegrals, pieces_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo
@@ -48,9 +48,14 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DrivenProblem(ShootingProblem):
-    """Intervals under the torque A, whose changes with the servo's free parameters are known."""
+    """Intervals under the torque A, whose changes with the servo's free parameters are known.
+
+    A varies within a piece of time, and moves a joint by M^-1 moment further than its mean would:
+    the damping B acts on that, too, and takes B M^-1 moment off its impulse.
+    """
 
     changes: tuple[Change, ...] = ()
+    B: Array | None = None
 
     def _torque_between(self, estimate: Estimate, rows: Array, share: Array) -> MotorTorque:
         motor = super()._torque_between(estimate, rows, share)
@@ -64,7 +69,22 @@ class DrivenProblem(ShootingProblem):
             up, down = (pieces_of(own, of, edges) for own in change[:2])
             by.append(((up.mean - down.mean) * scale / change.apart)[:, None])
             moment_by.append(((up.moment - down.moment) * scale / change.apart)[:, None])
-        return motor._replace(by=np.concatenate(by, 1), moment_by=np.concatenate(moment_by, 1))
+        whole = motor._replace(by=np.concatenate(by, 1), moment_by=np.concatenate(moment_by, 1))
+        return self._damped(estimate, whole, rows, np.diff(edges, axis=1).T)
+
+    def _damped(
+        self, estimate: Estimate, motor: MotorTorque, rows: Array, width: Array
+    ) -> MotorTorque:
+        """The torque of intervals (k,), less what damping takes off in pieces of a width (S, k)."""
+        if self.B is None or not self.B.any():
+            return motor
+        assert motor.moment is not None and motor.moment_by is not None
+        plant = self._plant(estimate)[self.intervals.recording[rows]]
+        M = plant.mechanism.inertia(plant.p, self.intervals.q[rows])
+        share = self.B[:, None] * inverse(M) / width[..., None, None]
+        off = (share @ motor.moment[..., None])[..., 0]
+        off_by = (share[:, None] @ motor.moment_by[..., None])[..., 0]
+        return motor._replace(u=motor.u - off, by=motor.by - off_by)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +102,9 @@ class ServoProblem(ShootingProblem):
         B, driven = self.damping(estimate), self._driven(estimate)
         for own in np.unique(B[rows], axis=0):
             some = rows[(B[rows] == own).all(axis=1)]
-            found = driven.linearise(_inside(estimate, own), nodes, some)
+            inside = _inside(estimate, own)
+            emf = np.asarray(inside.friction.theta)[:, -1]
+            found = replace(driven, B=emf).linearise(inside, nodes, some)
             out.end[some], out.by_start[some] = found.end[some], found.by_start[some]
             out.by[some] = found.by[some]
         return out

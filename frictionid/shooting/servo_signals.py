@@ -65,7 +65,7 @@ def torque_signal(servo: Servo, motion: ServoMotion, edges: Array, B: Array) -> 
     return Signal(time, servo.torque(time, q, w) + B[own] * w, "linear")
 
 
-_PARTS = 4  # of an interval, in which the torque goes from line to line
+_PARTS = 8  # of an interval, in which the torque goes from line to line
 
 
 class ServoMotion(NamedTuple):

@@ -39,7 +39,8 @@ class ServoPendulum:
     def log(self, P: float, D: float, seed: int, seconds: float = 8.0) -> dict[str, Array]:
         """A recording: time "t" [s], angle "q" [rad], "target" [rad] and torque "u" [N m], (T,).
 
-        The target is a sum of four sines that the seed draws.
+        The target is a sum of four sines that the seed draws; the torque is its mean until the
+        next sample, as of a drive that averages.
 
         >>> log = ServoPendulum().log(4.0, 0.05, seed=1, seconds=1.0)
         >>> sorted(log), len(log["q"])
@@ -68,10 +69,11 @@ def _motion(target: Array, parts: int, late: int, numbers: Array) -> tuple[Array
         aim = target[max(k - late, 0) // parts]
         if k % parts == 0:
             angle[k // parts] = q
-            torque[k // parts] = min(max(P * (aim - q + z) - D * w, -limit), limit)
+            torque[k // parts] = 0.0
         q += h / 2 * w
         z = min(max(z + h / 2 * w, -half), half)
         u = min(max(P * (aim - q + z) - D * w, -limit), limit)
+        torque[k // parts] += u / parts
         wanted = w + h / inertia * (u - gravity * np.sin(q) - viscous * w)
         most = h / inertia * (coulomb + load * abs(u))
         w = 0.0 if abs(wanted) <= most else wanted - np.sign(wanted) * most

@@ -2,7 +2,7 @@
 
 from frictionid.friction.laws.check_law import check_law
 from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
-from frictionid.friction.laws.dahl import Dahl
+from frictionid.friction.laws.dahl import Dahl, DahlMotorLoad
 from frictionid.friction.laws.ensemble import Ensemble, members_of
 from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.friction.laws.gear_load import GearLoad
@@ -36,6 +36,7 @@ __all__ = [
     "AsymmetricStribeck",
     "CoulombViscous",
     "Dahl",
+    "DahlMotorLoad",
     "Ensemble",
     "FilmLag",
     "GearLoad",

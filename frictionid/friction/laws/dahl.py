@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.bristle import bristle_relaxation
 from frictionid.friction.laws.levels import LEVEL
+from frictionid.friction.laws.motor_load import SHARE
 from frictionid.friction.smooth_sign import smooth_sign
 
 PRESLIDING = (1e-5, 1.0)  # [rad]
@@ -47,3 +48,23 @@ class Dahl(Law):
     def sharpened(self) -> Law:
         """The law itself: its smoothing says how the bristles start, they hold the joint."""
         return self
+
+
+@dataclass(frozen=True)
+class DahlMotorLoad(Dahl):
+    """Tf = (coulomb + loss |u|) z/presliding + viscous w, with dz/dt = w - |w| z/presliding.
+
+    A gear whose level grows with the motor torque u that it transmits, as in `MotorLoad`, and that
+    gives by `presliding` before it slips, as in `Dahl`: the spring is stiffer under load.
+    """
+
+    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "presliding", "loss")
+    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "rad", "1")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, PRESLIDING, SHARE)
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
+        (0.0, 0.0, z, 0.0) for z in PRESLIDINGS
+    )
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        level = theta[..., 0] + theta[..., 3] * namespace(x.u).abs(x.u)
+        return level * memory[0] / theta[..., 2] + theta[..., 1] * x.w

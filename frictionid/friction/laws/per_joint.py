@@ -15,7 +15,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
-from frictionid.friction.laws.dahl import Dahl
+from frictionid.friction.laws.dahl import Dahl, DahlMotorLoad
 from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.friction.laws.load_dependent import LoadDependent, LoadDependentStribeck
 from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
@@ -38,6 +38,7 @@ Name = Literal[
     "film_lag",
     "film_lag_asymmetric",
     "dahl",
+    "dahl_motor_load",
     "lugre",
     "lugre_asymmetric",
 ]
@@ -55,6 +56,7 @@ PARTS: dict[Name, type[Law]] = {
     "film_lag": FilmLag,
     "film_lag_asymmetric": AsymmetricFilmLag,
     "dahl": Dahl,
+    "dahl_motor_load": DahlMotorLoad,
     "lugre": LuGre,
     "lugre_asymmetric": AsymmetricLuGre,
 }

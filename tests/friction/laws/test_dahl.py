@@ -5,7 +5,7 @@ import pytest
 from fixtures.exact_problems import everything, explained_by
 
 from frictionid.friction import Friction, along, at_rest
-from frictionid.friction.laws import CoulombViscous, Dahl, LuGre
+from frictionid.friction.laws import CoulombViscous, Dahl, DahlMotorLoad, LuGre, MotorLoad
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.synthetic_problem import synthetic_problem
 
@@ -47,3 +47,27 @@ def test_truth_in_truth_out_whatever_its_size(presliding, size):
     problem = explained_by(Dahl(), theta)
     found = LeastSquares(Dahl()).fit(problem, everything(problem), 0)
     np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6)
+
+
+LOADED = np.array([[0.1, 0.02, 0.01, 0.15], [0.05, 0.03, 0.004, 0.3]])
+
+
+def test_under_load_it_is_dahl_friction_of_a_level_that_grows_with_the_torque():
+    nodes = synthetic_problem(2).nodes
+    idle = nodes._replace(inputs=nodes.inputs._replace(u=0.0 * nodes.inputs.u))
+    np.testing.assert_allclose(
+        along(Friction(DahlMotorLoad(), LOADED), idle),
+        along(Friction(Dahl(), LOADED[:, :3]), idle),
+        rtol=1e-12,
+    )
+    # sliding for long it is that of a gear under load
+    x = at_rest(np.full((1, 2), 3.0))._replace(u=np.array([[0.7, -0.4]]))
+    z = (LOADED[:, 2] * np.ones((1, 2)),)
+    expected = MotorLoad().torque(LOADED[:, [0, 1, 3]], x, ())
+    np.testing.assert_allclose(DahlMotorLoad().torque(LOADED, x, z), expected, rtol=1e-9)
+
+
+def test_truth_in_truth_out_under_load():
+    problem = explained_by(DahlMotorLoad(), LOADED)
+    found = LeastSquares(DahlMotorLoad()).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], LOADED, rtol=1e-6)

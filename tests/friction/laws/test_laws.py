@@ -15,6 +15,7 @@ from frictionid.friction.laws import (
     AsymmetricStribeck,
     CoulombViscous,
     Dahl,
+    DahlMotorLoad,
     FilmLag,
     LoadDependent,
     LoadDependentStribeck,
@@ -40,7 +41,8 @@ LAWS = [
     *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), AsymmetricSpline()),
     *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple("stribeck_asymmetric", (2,))),
 ]
-REMEMBERING = [FilmLag(), AsymmetricFilmLag(), Dahl(), LuGre(), AsymmetricLuGre()]
+REMEMBERING = [FilmLag(), AsymmetricFilmLag(), Dahl(), DahlMotorLoad(), LuGre()]
+REMEMBERING += [AsymmetricLuGre()]
 W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
 
 

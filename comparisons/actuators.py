@@ -1,0 +1,115 @@
+"""Servos without a torque log, simulated: friction, delay of the targets and backlash, many times.
+
+    python comparisons/actuators.py [CASES LOOSE] [CASES TIGHT]
+
+Loose gears: two gain sets, targets 10 ms late, backlash of 0.5 degrees, fitted with and without the
+block `backlash`, a third gain set held out. Tight gears: targets 2 to 12 ms late, each gain set
+fitted alone, and with the torque log in place of the targets. Prints a table of each.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+import frictionid as fid
+from frictionid.simulate.servo_log import ServoPendulum
+
+GAINS = {"soft": (4.0, 0.05), "stiff": (10.0, 0.15), "held out": (6.0, 0.1)}
+RUNS, SECONDS = 3, 6.0
+BLOCKS = ("target_delay", "delay", "backlash")
+
+
+def recordings(rig: ServoPendulum, name: str, seed: int) -> dict[str, pd.DataFrame]:
+    """Recordings with a gain set."""
+    seeds = 1000 * seed + 10 * list(GAINS).index(name) + np.arange(RUNS)
+    logs = (rig.log(*GAINS[name], seed=int(s), seconds=SECONDS) for s in seeds)
+    return {f"{name} {k}": pd.DataFrame(log) for k, log in enumerate(logs)}
+
+
+def dataset(rig: ServoPendulum, names: list[str], seed: int, *, torque: bool = False) -> Any:
+    """Data set of gain sets, by their targets or by the torque log."""
+    frames: dict[str, pd.DataFrame] = {}
+    for name in names:
+        frames |= recordings(rig, name, seed)
+    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
+    columns = dict(time="t", angle="q")
+    if torque:
+        return fid.Dataset.from_frames(frames, machine, torque="u", hold="previous", **columns)
+    own = {f"{name} *": dict(zip("PD", GAINS[name], strict=True)) for name in names}
+    actuator = dict(target="target", output="torque", P=1.0, recordings=own)
+    return fid.Dataset.from_frames(frames, machine, actuator=actuator, **columns)
+
+
+def fitted(data: Any, *free: str) -> tuple[Any, dict[str, float], dict[str, float]]:
+    """A fit, its values, and half-widths of their 95 % intervals, by name."""
+    fit = fid.fit(data, "coulomb_viscous", method="shooting", free=list(free) or None)
+    rows = list(fit.frame.itertuples())
+    names = [r.block if r.block in BLOCKS else r.parameter for r in rows]
+    values = {n: r.value for n, r in zip(names, rows, strict=True)}
+    return fit, values, {n: (r.high_95 - r.low_95) / 2 for n, r in zip(names, rows, strict=True)}
+
+
+def error(fit: Any, data: Any) -> float:
+    """Root mean square [rad] of free runs of whole recordings."""
+    runs = fit.predict(data, whole=True)
+    return float(np.sqrt(np.mean((runs["q1"] - runs["measured_q1"]) ** 2)))
+
+
+def loose(seed: int) -> dict[str, float]:
+    """Errors of one case with backlash."""
+    rig = ServoPendulum(backlash=np.radians(0.5))
+    data = dataset(rig, ["soft", "stiff"], seed)
+    fit, found, _ = fitted(data, "target_delay", "backlash")
+    without, wrong, _ = fitted(data, "target_delay")
+    return {
+        "coulomb [%]": 100 * abs(found["coulomb"] / rig.coulomb - 1),
+        "viscous [%]": 100 * abs(found["viscous"] / rig.viscous - 1),
+        "delay [ms]": 1e3 * abs(found["target_delay"] - rig.delay),
+        "backlash [%]": 100 * abs(found.get("backlash", 0.0) / rig.backlash - 1),
+        "held out / fitted": error(fit, dataset(rig, ["held out"], seed)) / error(fit, data),
+        "without it: coulomb [%]": 100 * abs(wrong["coulomb"] / rig.coulomb - 1),
+        "not named (share)": float(
+            not any("would show" in w and "backlash" in w for w in without.convergence.warnings)
+        ),
+        "not doubted (share)": float(not without.convergence.warnings),
+    }
+
+
+def tight(seed: int) -> dict[str, float]:
+    """Errors of one case without backlash, and whether its gain sets disagree."""
+    rig = ServoPendulum(viscous=0.0, delay=np.random.default_rng(seed).uniform(0.002, 0.012))
+    each = [fitted(dataset(rig, [name], seed)) for name in ("soft", "stiff")]
+    out = {}
+    for (_, found, _), name in zip(each, ("soft", "stiff"), strict=True):
+        out[f"{name}: coulomb [%]"] = 100 * abs(found["coulomb"] / rig.coulomb - 1)
+        out[f"{name}: viscous [% of coulomb at 1 rad/s]"] = 100 * found["viscous"] / rig.coulomb
+        out[f"{name}: delay [ms]"] = 1e3 * abs(found["target_delay"] - rig.delay)
+    (_, a, own), (_, b, other) = each
+    for name in a:
+        out[f"sets disagree in {name} (share)"] = float(
+            abs(a[name] - b[name]) > np.hypot(own[name], other[name])
+        )
+    _, logged, _ = fitted(dataset(rig, ["soft", "stiff"], seed, torque=True), "delay")
+    out["torque log: coulomb [%]"] = 100 * abs(logged["coulomb"] / rig.coulomb - 1)
+    out["torque log: viscous [% of coulomb at 1 rad/s]"] = 100 * logged["viscous"] / rig.coulomb
+    out["torque log: delay [ms]"] = 1e3 * abs(logged.get("delay", 0.0))
+    return out
+
+
+def main(many: Sequence[int]) -> None:
+    """Print median, 95 % quantile and largest of all errors."""
+    for study, cases in zip((loose, tight), many, strict=True):
+        table = pd.DataFrame([study(seed) for seed in range(cases)])
+        rows = table.quantile([0.5, 0.95, 1.0]).T
+        rows["mean"] = table.mean()
+        print(f"{study.__name__} gears, {cases} cases (seeds 0 to {cases - 1})")
+        print(rows.round(3).to_string(), "\n", flush=True)
+
+
+if __name__ == "__main__":
+    main([int(a) for a in sys.argv[1:]] or [20, 20])
