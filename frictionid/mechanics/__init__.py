@@ -15,6 +15,7 @@ from frictionid.mechanics.plant import Plant
 from frictionid.mechanics.rigid_body.described import mjcf, urdf
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 from frictionid.mechanics.symbolic import SymbolicMechanism
+from frictionid.mechanics.two_mass_axis import two_mass_axis
 from frictionid.mechanics.unit_inertia import unit_inertia
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "mjcf",
     "mjcf_of",
     "pendulum",
+    "two_mass_axis",
     "unit_inertia",
     "urdf",
 ]

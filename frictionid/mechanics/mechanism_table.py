@@ -15,6 +15,7 @@ from frictionid.mechanics.linear_axis import linear_axis
 from frictionid.mechanics.mechanism import Mechanism
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.rigid_body.described import FORMATS
+from frictionid.mechanics.two_mass_axis import two_mass_axis
 
 # From `module:function` to the function.
 Code = Callable[[str], Any]
@@ -24,6 +25,7 @@ _KINDS: Mapping[str, Callable[..., Mechanism]] = {
     "double_pendulum": double_pendulum,
     "linear_axis": linear_axis,
     "pendulum": pendulum,
+    "two_mass_axis": two_mass_axis,
 }
 
 
@@ -158,6 +160,6 @@ def mechanism_kinds() -> Mapping[str, Callable[..., Mechanism]]:
     """Kinds of mechanisms, and the functions that build them of their options.
 
     >>> sorted(mechanism_kinds())
-    ['acrobot', 'double_pendulum', 'linear_axis', 'pendulum']
+    ['acrobot', 'double_pendulum', 'linear_axis', 'pendulum', 'two_mass_axis']
     """
     return _KINDS

@@ -1,0 +1,73 @@
+"""An axis of two masses: a motor that turns a load through an elastic gear, belt or shaft."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import sympy as sp
+
+from frictionid.mechanics.description import Base, Description
+from frictionid.mechanics.mechanism import Parameter
+from frictionid.mechanics.symbolic import SymbolicMechanism
+
+
+def two_mass_axis(
+    hanging: bool = False,
+    *,
+    motor_inertia: float | None = None,
+    load_inertia: float | None = None,
+    stiffness: float | None = None,
+    moment: float | None = None,
+) -> SymbolicMechanism:
+    """Motor q1, as seen at the load, and load q2, with a spring between them; q2 = 0 hangs down.
+
+        Jm dw1/dt = u - k (q1 - q2) - Tf1,    Jl dw2/dt = k (q1 - q2) - m g l sin q2 - Tf2
+
+    Both angles are measured: by the encoder of the motor, over the gear, and by one at the load.
+    `hanging` says whether gravity acts on the load, with its moment m g l [N m].
+
+    Raises
+    ------
+    ValueError
+        Unless `hanging` is true or false.
+    InputError
+        For a parameter that is no finite number.
+
+    >>> two_mass_axis(motor_inertia=0.01, load_inertia=0.05, stiffness=300.0).base_names
+    ('motor_inertia', 'load_inertia', 'stiffness')
+    """
+    given = {name: value for name, value in locals().items() if value is not None}
+    if given.pop("hanging") not in (False, True):
+        raise ValueError(f"two_mass_axis: hanging = {hanging!r} must be true or false")
+    options = {"hanging": True} if hanging else {}
+    return SymbolicMechanism.of(_description(bool(hanging)), given, options)
+
+
+@cache
+def _description(hanging: bool) -> Description:
+    Jm, Jl, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
+    spring = k * (q1 - q2) ** 2 / 2
+    weight = (Parameter("moment", 1.0, "N m", "gravity moment of the load", required=True),)
+    return Description(
+        kind="two_mass_axis",
+        joints=("motor", "load"),
+        q=(q1, q2),
+        gravity=0,
+        parameters=(
+            Parameter("motor_inertia", 0.01, "kg m^2", "of motor and gear, at the load", True),
+            Parameter("load_inertia", 0.05, "kg m^2", "of the load", required=True),
+            Parameter("stiffness", 300.0, "N m/rad", "of gear, belt or shaft", required=True),
+            *(weight if hanging else ()),
+        ),
+        bodies=(),
+        rotors=((Jm, q1), (Jl, q2)),
+        driven=(True, False),
+        base=(
+            Base("motor_inertia", Jm, "kg m^2"),
+            Base("load_inertia", Jl, "kg m^2"),
+            Base("stiffness", k, "N m/rad"),
+            *((Base("gravity", moment, "N m"),) if hanging else ()),
+        ),
+        potential=spring - (moment * sp.cos(q2) if hanging else 0),
+        drawing=((0, 0), (sp.sin(q1), -sp.cos(q1)), (0, 0), (sp.sin(q2), -sp.cos(q2))),
+    )
