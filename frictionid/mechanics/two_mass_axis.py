@@ -45,7 +45,7 @@ def two_mass_axis(
 
 @cache
 def _description(hanging: bool) -> Description:
-    Jm, Jl, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
+    motor, load, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
     spring = k * (q1 - q2) ** 2 / 2
     weight = (Parameter("moment", 1.0, "N m", "gravity moment of the load", required=True),)
     return Description(
@@ -60,11 +60,11 @@ def _description(hanging: bool) -> Description:
             *(weight if hanging else ()),
         ),
         bodies=(),
-        rotors=((Jm, q1), (Jl, q2)),
+        rotors=((motor, q1), (load, q2)),
         driven=(True, False),
         base=(
-            Base("motor_inertia", Jm, "kg m^2"),
-            Base("load_inertia", Jl, "kg m^2"),
+            Base("motor_inertia", motor, "kg m^2"),
+            Base("load_inertia", load, "kg m^2"),
             Base("stiffness", k, "N m/rad"),
             *((Base("gravity", moment, "N m"),) if hanging else ()),
         ),

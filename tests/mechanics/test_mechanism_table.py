@@ -47,8 +47,8 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
     [
         (
             {},
-            r"kind = '' is unknown; known: 'acrobot', 'double_pendulum', 'linear_axis', 'pendulum', "
-            r"'two_mass_axis'",
+            r"kind = '' is unknown; known: 'acrobot', 'double_pendulum', 'linear_axis', "
+            r"'pendulum', 'two_mass_axis'",
         ),
         ({"kind": "acrobott"}, r"kind = 'acrobott' is unknown; did you mean 'acrobot'\?"),
         ({"kind": 3}, r"kind = '3' is unknown"),

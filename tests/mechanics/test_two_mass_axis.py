@@ -26,8 +26,8 @@ def test_it_swings_at_the_frequency_of_two_masses_and_a_spring():
     M, _ = axis.dynamics(p, zero, zero)
     K = -np.stack([axis.dynamics(p, q, zero)[1] for q in np.eye(2)], axis=-1)
     squares = np.sort(np.linalg.eigvals(np.linalg.solve(M, K)).real)
-    Jm, Jl, k = NUMBERS.values()
-    np.testing.assert_allclose(squares, [0.0, k * (1 / Jm + 1 / Jl)], atol=1e-9)
+    motor, load, k = NUMBERS.values()
+    np.testing.assert_allclose(squares, [0.0, k * (1 / motor + 1 / load)], atol=1e-9)
 
 
 def test_both_masses_together_are_a_pendulum():
