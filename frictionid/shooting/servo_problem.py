@@ -21,7 +21,6 @@ from frictionid.errors import InputError
 from frictionid.friction.coordinates import refuse_coupled
 from frictionid.shooting.back_emf import with_back_emf
 from frictionid.shooting.parameters.actuator import MOTOR
-from frictionid.shooting.parameters.friction import FrictionBlock
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -227,20 +226,15 @@ def servo_problem(
     """
     name = next(b.name for b in blocks if b.enters == "actuator")
     refuse_coupled(estimate.mechanism, f"block {name!r}")
-    law, constraints = estimate.friction.law, estimate.friction.constraints
-    if constraints is not None and constraints.equal:
-        raise InputError(f"block {name!r}: is not free beside equal joints: leave out one of both")
+    law = estimate.friction.law
     if hasattr(estimate.friction.theta, "detach") or law.sample_time is not None:
         raise InputError(
             f"block {name!r}: {law} learns by reverse mode, which knows no voltages: leave the "
             "block out"
         )
-    inside = tuple(
-        replace(b, fixed=(*b.fixed, "back_emf")) if isinstance(b, FrictionBlock) else b
-        for b in blocks
-    )
     outer = free_blocks(blocks, estimate)
-    inner = shooting_problem(intervals, _inside(estimate, np.zeros(intervals.n)), inside, settings)
+    inner = shooting_problem(intervals, _inside(estimate, np.zeros(intervals.n)), blocks, settings)
+    inner = replace(inner, blocks=outer)  # back-EMF is not free
     problem = ServoProblem(intervals, outer, settings, inner.reads, inner)
     _check(problem, estimate)
     return problem

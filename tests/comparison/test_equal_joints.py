@@ -9,13 +9,21 @@ from fixtures.command_line import run_command
 import frictionid as fid
 from frictionid.arrays import times
 from frictionid.comparison.equal_joints import LEVEL, differences
+from frictionid.data.servo import Servo, servo_torque
+from frictionid.data.signals import Signal
 from frictionid.errors import InputError
+from frictionid.evaluation.complexity import effective_parameters
 from frictionid.friction import Friction, SpeedRange, along, constraints_of
-from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
+from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
 from frictionid.identifiers import LeastSquares, Linear, SINDy
 from frictionid.identifiers.ols_covariance import half_widths
 from frictionid.identifiers.one_step_fit import OneStepFit
 from frictionid.identifiers.synthetic_problem import synthetic_problem
+from frictionid.shooting import Settings
+from frictionid.shooting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
+from frictionid.shooting.parameters.parameter_block import values_of, with_values
+from frictionid.shooting.refine import prepare_fit
+from frictionid.shooting.sample_intervals import intervals_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset
 from frictionid.simulate import Stribeck as TrueStribeck
 
@@ -92,6 +100,14 @@ def test_intervals_of_two_equal_joints_are_narrower_by_the_root_of_two():
     np.testing.assert_allclose(tied / apart, np.sqrt(0.5), rtol=0.1)
 
 
+def test_equal_joints_count_their_parameters_once():
+    problem = problem_of(CoulombViscous(), [[0.1, 0.02]] * 2, 1e-3)
+    weights = np.ones((1, len(problem.r)))
+    for equal, count in (((), 4.0), (EQUAL, 2.0)):
+        fit = Linear(CoulombViscous(), equal=equal).fit(problem, weights, 0)[0]
+        assert effective_parameters(fit, problem, weights[0]) == pytest.approx(count)
+
+
 def p_values(second, seed):
     """P-values of the test of twins whose second joint has another friction."""
     law = CoulombViscous()
@@ -148,6 +164,47 @@ def test_shooting_finds_the_common_friction_with_narrower_intervals(equal_data):
     )
     assert "joints 1 and 2: fitted apart, they do not differ" in tied.summary()
     assert "they do not differ" in repr(tied)
+
+
+def servo_driven(data):
+    """The recordings as if servos drove both joints, to where these are a little later."""
+
+    def driven(recording):
+        time, q = recording.angle.time, np.asarray(recording.angle.value)
+        goal, on = Signal(time, q + 0.2 * np.sin(3 * time)[:, None]), np.ones(q.shape)
+        on[len(on) // 2 :, 0] = 0.0
+        numbers = {"gain": 3.0, "limit": 1.0, "supply": 7.0, "kt": 0.4, "R": 4.0}
+        servo = Servo(goal, Signal(time, on, "previous"), **numbers)
+        return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
+
+    return replace(data, recordings=tuple(map(driven, data.recordings)))
+
+
+@pytest.mark.parametrize("servo", [False, True], ids=["torque", "servo"])
+@pytest.mark.parametrize("law", [CoulombViscous(), Dahl()], ids=["static", "memory"])
+def test_derivatives_by_common_parameters_are_sums_of_each_joints(equal_data, servo, law):
+    data = servo_driven(equal_data) if servo else equal_data
+    data = replace(data, recordings=data.recordings[:2])
+    names = data.mechanism.base_names
+    blocks = (FrictionBlock(), InertiaBlock(fixed=tuple(names[:-1])))
+    blocks += (ActuatorBlock(prior=0.1),) if servo else (GainBlock(),)
+    theta, range_ = np.array([law.initial[0]] * 2), SpeedRange(np.full(2, 1e-3), np.full(2, 20.0))
+    by = []
+    for equal in (EQUAL, ()):
+        friction = Friction(law, theta, constraints=constraints_of(law, range_, equal=equal))
+        problem, estimate = prepare_fit(friction, intervals_of(data), blocks, Settings())
+        rows = np.arange(0, len(problem.intervals.dt), 7)
+        lines = problem.linearise(estimate, problem.initial_nodes(estimate), rows)
+        by.append(lines.by[rows])
+        values = values_of(estimate, problem.blocks)
+        moved = with_values(estimate, problem.blocks, 1.1 * values).friction.theta
+        np.testing.assert_allclose(moved, 1.1 * theta)
+    tied, apart = by
+    P = len(law.names)
+    assert tied.shape[-1] == P + 3
+    both = apart[..., :P] + apart[..., P : 2 * P]
+    np.testing.assert_allclose(tied[..., :P], both, atol=1e-12 * np.abs(both).max())
+    np.testing.assert_allclose(tied[..., P:], apart[..., 2 * P :], rtol=1e-12)
 
 
 def test_the_command_names_joints_that_are_not_equal(tmp_path, monkeypatch, capsys):
