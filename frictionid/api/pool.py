@@ -12,11 +12,12 @@ import pandas as pd
 
 from frictionid.api.arguments import count as whole
 from frictionid.api.models import friction_of
+from frictionid.comparison.equal_joints import groups_of
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
-from frictionid.pooling.models import pooled
+from frictionid.pooling.models import joint_names, pooled
 from frictionid.pooling.samples import pooled_document, sampled
 from frictionid.report.console import printed
 from frictionid.report.pooling import pooled_frame, show_pooled
@@ -91,13 +92,17 @@ class Pooled:
         return pooled_document(self.friction)
 
 
-def pool(models: Sequence[Any] | Mapping[str, Any]) -> Pooled:
+def pool(
+    models: Sequence[Any] | Mapping[str, Any], *, equal: Sequence[Sequence[str | int]] = ()
+) -> Pooled:
     """Pool fitted models of several specimens, of the same law, by a random-effects meta-analysis.
 
     Parameters
     ----------
     models : list or mapping by name
         What `frictionid.fit` returns, or model files: one of each specimen.
+    equal : list of lists of str or int
+        Groups of joints of the same kind, by names or by numbers from 1: each is a specimen.
 
     Raises
     ------
@@ -126,7 +131,9 @@ def pool(models: Sequence[Any] | Mapping[str, Any]) -> Pooled:
         raise InputError(f"pool: needs a list of models, not {models!r}")
     else:
         names, given = _names(models), list(models)
-    return Pooled(pooled([friction_of(model) for model in given], names))
+    frictions = [friction_of(model) for model in given]
+    groups = groups_of(equal, joint_names(frictions[0], names[0])) if equal and given else ()
+    return Pooled(pooled(frictions, names, groups))
 
 
 def _names(models: Sequence[Any]) -> list[str]:

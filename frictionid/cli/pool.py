@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Replace
+from frictionid.cli.options import Equal, Json, Replace
 from frictionid.cli.paths import ModelPaths
 
 
@@ -17,6 +17,7 @@ def pool(
     ranges: Annotated[
         Path | None, typer.Option(help="Ranges of another specimen to write (JSON), with units.")
     ] = None,
+    equal: Equal = None,
     json: Json = False,
     replace: Replace = False,
 ) -> None:
@@ -28,8 +29,9 @@ def pool(
     from frictionid.report.pooling import show_pooled
 
     read = [path for model in models for path in model_paths(model)]
+    groups = [[name.strip() for name in group.split(",")] for group in equal or []]
     check_outputs([*model_paths(out), ranges], read, replace=replace)
-    made = pool_models(models)
+    made = pool_models(models, equal=groups)
     made.save(out)
     if ranges is not None:
         write_json(ranges, {"format": "frictionid ranges 1", "ranges": made.ranges()})

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.errors import InputError
-from frictionid.friction import Friction
+from frictionid.friction import Friction, Groups
 from frictionid.pooling.random_effects import random_effects
 
+Key = tuple[str, str, int | None]
 _NORMAL = 1.96  # half-widths of 95 % over standard errors
 
 
@@ -21,21 +22,26 @@ class Estimate(NamedTuple):
     name : with the joint's; reason : why it is no estimate, "" where it is one
     """
 
-    key: tuple[str, str, int | None]
+    key: Key
     name: str
     unit: str
     value: float
     error: float
     reason: str
 
+    @property
+    def joint_name(self) -> str:
+        """Name of the joint, "" of the machine as a whole."""
+        return "" if self.key[2] is None else self.name.rpartition(" of ")[2]
 
-def pooled(models: Sequence[Friction], names: Sequence[str]) -> Friction:
+
+def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ()) -> Friction:
     """One friction for all specimens: means of the parameters; the spread in its provenance.
 
     `provenance["pooled"]` has for each parameter the mean with its interval, the 95 % range of
     another specimen, tau, Q and its p-value, and the estimates (`entry`), and as `left_out` the
-    sentences on what is no estimate. Parameters that fewer than two models determine stay at the
-    median of the models.
+    sentences on what is no estimate. Parameters with fewer than two estimates stay at the median of
+    the models.
 
     Parameters
     ----------
@@ -43,31 +49,34 @@ def pooled(models: Sequence[Friction], names: Sequence[str]) -> Friction:
         Of the same law, one of each specimen.
     names : list of str
         Of the models, for sentences.
+    equal : groups of joints, from 1, each of which is a specimen of the same kind
 
     Raises
     ------
     InputError
         Where the models are not alike, have no intervals, or one is given twice.
     """
-    _check(models, names)
+    _check(models, names, equal)
     given = [estimates(model, name) for model, name in zip(models, names, strict=True)]
     first = models[0]
     theta = np.median([model.theta for model in models], axis=0)
     entries, sentences = [], []
     for key in dict.fromkeys(e.key for own in given for e in own):
-        rows = [(n, e) for n, own in zip(names, given, strict=True) for e in own if e.key == key]
+        rows = _rows(given, names, key, equal)
         known = [(n, e) for n, e in rows if not e.reason]
         block, name, joint = key
         mine = block == "friction" and joint is not None and name in first.law.names
         place = (joint, first.law.names.index(name)) if mine else None
         stays = "" if place is None else f", it stays at the median, {theta[place]:.3g}"
-        sentences += _sentences(rows, len(known), stays)
+        if rows[0][1].key == key:  # said once of equal joints
+            sentences += _sentences(rows, len(known), stays)
         if len(known) > 1:
-            entries.append(entry(first, known))
+            title = next(e.name for own in given for e in own if e.key == key)
+            entries.append(entry(first, known, title, joint))
             if place is not None:
                 theta[place] = entries[-1]["value"]
     if not entries:
-        raise InputError(f"pool: no parameter is identified in two models; {'; '.join(sentences)}")
+        raise InputError(f"pool: no parameter has two estimates; {'; '.join(sentences)}")
     document = {"models": list(names), "parameters": entries, "left_out": sentences}
     return Friction(
         *(first.law, theta, _common_parameters(models), _source(models, names, document)),
@@ -76,18 +85,36 @@ def pooled(models: Sequence[Friction], names: Sequence[str]) -> Friction:
     )
 
 
-def entry(first: Friction, known: Sequence[tuple[str, Estimate]]) -> dict[str, Any]:
+def _rows(
+    given: Sequence[Sequence[Estimate]], names: Sequence[str], key: Key, equal: Groups
+) -> list[tuple[str, Estimate]]:
+    """Estimates of a parameter with the names of their models; of all joints equal to its own."""
+    block, name, joint = key
+    group = next((g for g in equal if joint is not None and joint + 1 in g), ())
+    if not group:
+        return [(n, e) for n, own in zip(names, given, strict=True) for e in own if e.key == key]
+    return [
+        (f"{n} ({e.joint_name})", e)
+        for n, own in zip(names, given, strict=True)
+        for e in own
+        if e.key[:2] == (block, name) and e.key[2] is not None and e.key[2] + 1 in group
+    ]
+
+
+def entry(
+    first: Friction, known: Sequence[tuple[str, Estimate]], title: str, joint: int | None
+) -> dict[str, Any]:
     """A pooled parameter of its estimates (model's name, estimate), as a document.
 
     Intervals and the range are cut to the bounds of the law.
     """
-    block, name, joint = known[0][1].key
+    block, name, _ = known[0][1].key
     values, errors = ([getattr(e, part) for _, e in known] for part in ("value", "error"))
     found = random_effects(np.array(values), np.array(errors))
     low, high = bounds_of(first, block, name)
     return {
         "block": block,
-        "name": known[0][1].name,
+        "name": title,
         "joint": joint,
         "unit": known[0][1].unit,
         "value": found.mean,
@@ -181,9 +208,12 @@ def _sentences(rows: Sequence[tuple[str, Estimate]], known: int, stays: str) -> 
 # --- Models that are alike ------------------------------------------------------------------------
 
 
-def _check(models: Sequence[Friction], names: Sequence[str]) -> None:
-    if len(models) < 2:
-        raise InputError(f"pool: needs two models or more, of as many specimens, not {len(models)}")
+def _check(models: Sequence[Friction], names: Sequence[str], equal: Groups) -> None:
+    if len(models) < (1 if equal else 2):
+        raise InputError(
+            f"pool: needs two models or more, of as many specimens, not {len(models)}; of one, "
+            "name its equal joints"
+        )
     first = models[0]
     if first.law.is_network or first.law.is_sparse or first.mechanism or not first.law.names:
         raise InputError(
@@ -204,6 +234,21 @@ def _check(models: Sequence[Friction], names: Sequence[str]) -> None:
         for i, other in enumerate(models[:k]):
             if np.array_equal(one.theta, other.theta):
                 raise InputError(f"pool: {names[i]} and {names[k]} are the same fit: give it once")
+    for group in equal:
+        if not all(1 <= j <= first.n for j in group):
+            raise InputError(f"pool: equal = {list(group)} must be joints from 1 to {first.n}")
+        for model, name in zip(models, names, strict=True):
+            if len(np.unique(model.theta[np.array(group) - 1], axis=0)) < len(group):
+                raise InputError(
+                    f"pool: joints {', '.join(map(str, group))} of {name} were fitted as one: "
+                    "give the fit in which each has parameters of its own"
+                )
+
+
+def joint_names(friction: Friction, name: str) -> list[str]:
+    """Names of the joints, as the parameters of a fitted model have them."""
+    known = {e.key[2]: e.joint_name for e in estimates(friction, name)}
+    return [known.get(j) or f"joint {j + 1}" for j in range(friction.n)]
 
 
 def _common_parameters(models: Sequence[Friction]) -> dict[str, float]:

@@ -94,6 +94,34 @@ def test_parameters_of_the_calibration_are_pooled_and_ranges_end_at_the_laws_bou
     assert frame.range_low[0] == 0.0 and frame.range_low[1] < 0.0
 
 
+def test_equal_joints_are_specimens_each():
+    """Of one arm with six servos: the same as six rigs with one servo each."""
+    rng = np.random.default_rng(2)
+    theta = np.array([0.1, 0.02]) * (1 + SPREAD * rng.standard_normal((7, 2)))
+    half = 1.96 * ERROR * np.array([0.1, 0.02])
+    arm = one_step(theta, np.repeat(half[None], 7, axis=0))
+    servos = fid.pool([one_step(t[None], half[None]) for t in theta[:6]]).frame
+    made = fid.pool([arm], equal=[["joint 1", 2, 3, 4, 5, 6]])
+    columns = ["value", "range_low", "range_high", "tau", "p_value", "models"]
+    for joint in range(1, 7):
+        own = made.frame[made.frame.joint == joint]
+        np.testing.assert_allclose(own[columns], servos[columns])
+    assert set(made.frame.joint) == {1, 2, 3, 4, 5, 6}
+    assert made.left_out == (
+        f"coulomb of joint 7 is free in model 1 only: not pooled, it stays at the median, "
+        f"{theta[6, 0]:.3g}",
+        f"viscous of joint 7 is free in model 1 only: not pooled, it stays at the median, "
+        f"{theta[6, 1]:.3g}",
+    )
+    draws = made.sample(500).theta
+    assert (draws[:, 0] != draws[:, 1]).all() and (draws[:, 6] == theta[6]).all()
+    tied = one_step(theta[[0, 0]], half * np.ones((2, 2)))
+    with pytest.raises(InputError, match="joints 1, 2 of model 1 were fitted as one"):
+        fid.pool([tied], equal=[[1, 2]])
+    with pytest.raises(InputError, match="must be joints from 1 to 7"):
+        fid.pool([arm], equal=[[1, 8]])
+
+
 MODELS = rigs(3)
 REFUSED = {
     "one": (MODELS[:1], "needs two models or more"),
@@ -112,7 +140,7 @@ REFUSED = {
     "pooled": ([MODELS[0], pooled(MODELS, "abc")], "model 2 is pooled itself"),
     "nothing": (
         [one_step([[0.1, 0.1]], [[1, 1]]), one_step([[0.2, 0.1]], [[1, 1]])],
-        "no parameter is identified in two models; coulomb of joint 1 is not identified in model 1",
+        "no parameter has two estimates; coulomb of joint 1 is not identified in model 1",
     ),
     "several at once": (
         [MODELS[0], Friction(CoulombViscous(), np.ones((5, 2, 2)))],
