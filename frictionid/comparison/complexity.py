@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from frictionid.comparison.methods import Fit
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.evaluation.score_frame import Score
+from frictionid.friction import Constraints
 from frictionid.identifiers.one_step_fit import OneStepFit
+from frictionid.shooting.parameters.parameter_block import Parameter
 
 
 def complexity_score(fit: Fit) -> Score | None:
@@ -18,8 +22,9 @@ def complexity_score(fit: Fit) -> Score | None:
     """
     friction = fit.friction[-1]
     if fit.refined is not None and not friction.law.is_network:
-        covariance = fit.refined.covariance
-        count = float(np.sum(np.isfinite(covariance.error) & ~covariance.bound))
+        covariance, own = fit.refined.covariance, fit.refined.fitted.constraints
+        known = np.isfinite(covariance.error) & ~covariance.bound
+        count = float(sum(known[k] for k in _once(covariance.parameters, own)))
     elif isinstance(fit, OneStepFit):
         count = effective_parameters(friction, fit.problem, fit.weights)
     elif friction.law.is_network:
@@ -27,3 +32,15 @@ def complexity_score(fit: Fit) -> Score | None:
     else:
         return None
     return Score("all", "effective_parameters", "count", value=count)
+
+
+def _once(parameters: Sequence[Parameter], constraints: Constraints | None) -> list[int]:
+    """Places of the parameters, those of equal joints once."""
+    if constraints is None or not constraints.equal:
+        return list(range(len(parameters)))
+    owner = constraints.owner
+    return [
+        k
+        for k, p in enumerate(parameters)
+        if p.block != "friction" or owner[p.place[0]] == p.place[0]
+    ]

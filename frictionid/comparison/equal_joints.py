@@ -59,7 +59,8 @@ def with_equal(identifier: Identifier, equal: Groups) -> Identifier:
     for name, part in _parts(identifier).items():
         return cast(Identifier, replace(cast(Any, identifier), **{name: with_equal(part, equal)}))
     raise InputError(
-        f"{identifier!r} holds no joints equal: laws with parameters do, such as stribeck"
+        f"{type(identifier).__name__} holds no joints equal: laws with parameters do, such as "
+        "stribeck"
     )
 
 
@@ -129,9 +130,11 @@ def sentences(tests: list[Difference], equal: Groups) -> list[str]:
             f"{d.values[0]:.4g} and {d.values[1]:.4g} {d.unit} (p = {d.p_value:.2g})"
             for d in unlike
         ]
-        if not unlike:
-            named = " and ".join(map(str, group))
-            least = min((d.p_value for d in own), default=1.0)
+        named = " and ".join(map(str, group))
+        if not own:
+            out.append(f"joints {named}: fitted apart, no parameter is known of both to compare")
+        elif not unlike:
+            least = min(d.p_value for d in own)
             out.append(f"joints {named}: fitted apart, they do not differ (p = {least:.2g})")
     return out
 

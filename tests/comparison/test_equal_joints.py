@@ -8,6 +8,7 @@ from fixtures.command_line import run_command
 
 import frictionid as fid
 from frictionid.arrays import times
+from frictionid.comparison.complexity import complexity_score
 from frictionid.comparison.equal_joints import LEVEL, differences
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal
@@ -162,6 +163,7 @@ def test_shooting_finds_the_common_friction_with_narrower_intervals(equal_data):
     assert tied.covariance.loc["coulomb of joint 1", "coulomb of joint 2"] == pytest.approx(
         tied.covariance.loc["coulomb of joint 1", "coulomb of joint 1"]
     )
+    assert [complexity_score(f.made).value for f in (tied, apart)] == [2.0, 4.0]
     assert "joints 1 and 2: fitted apart, they do not differ" in tied.summary()
     assert "they do not differ" in repr(tied)
 
