@@ -94,7 +94,7 @@ def _client(address: str) -> Iterator[Client]:
 
 
 def _check_workers(client: Client, address: str) -> None:
-    """Check that there are workers, and that those that are there have our software."""
+    """Check that there are workers, and that they and the scheduler have our software."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
@@ -103,13 +103,15 @@ def _check_workers(client: Client, address: str) -> None:
             "--nthreads 1`"
         ) from None
     try:
-        found = client.run(_environment)
+        scheduler, found = client.run_on_scheduler(_wanted), client.run(_environment)
     except ModuleNotFoundError as error:
         raise InputError(
-            f"{address}: a worker lacks {error.name}: install the same frictionid there as here"
+            f"{address}: scheduler or workers lack {error.name}: install the same frictionid there "
+            "as here"
         ) from None
+    check_equal({**scheduler, "threads": "1"}, _wanted(), f"scheduler {address}")
     for worker, environment in found.items():
-        check_equal(environment, _wanted(), worker)
+        check_equal(environment, _wanted(), f"worker {worker}")
 
 
 @cache
@@ -122,8 +124,8 @@ def _environment(dask_worker: Worker) -> dict[str, str]:
     return {**_wanted(), "threads": str(dask_worker.state.nthreads)}
 
 
-def check_equal(found: Mapping[str, str], wanted: Mapping[str, str], worker: str) -> None:
-    """Check that a worker has the versions that are wanted, and one thread.
+def check_equal(found: Mapping[str, str], wanted: Mapping[str, str], process: str) -> None:
+    """Check that a process has the versions that are wanted, and one thread.
 
     Raises
     ------
@@ -133,12 +135,12 @@ def check_equal(found: Mapping[str, str], wanted: Mapping[str, str], worker: str
     for name, version in wanted.items():
         if found[name] != version:
             raise InputError(
-                f"worker {worker}: {name} is {found[name]} there and {version} here: install the "
+                f"{process}: {name} is {found[name]} there and {version} here: install the "
                 "same there"
             )
     if found["threads"] != "1":
         raise InputError(
-            f"worker {worker}: has {found['threads']} threads, which share their settings: start "
+            f"{process}: has {found['threads']} threads, which share their settings: start "
             "it with --nthreads 1, and --nworkers as many as it has cores"
         )
 
@@ -173,7 +175,7 @@ def _held(content: bytes) -> bytes:
 def _called(wanted: Mapping[str, str], content: bytes, call: bytes) -> bytes:
     """What a call gives, on a worker."""
     worker = get_worker()
-    check_equal(_environment(worker), wanted, worker.address)
+    check_equal(_environment(worker), wanted, f"worker {worker.address}")
     work, others = pickle.loads(call)
     with threadpool_limits(1):
         one_torch_thread()

@@ -7,6 +7,7 @@ import time
 import pytest
 from distributed import Client
 from fixtures.cluster import Cluster
+from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import compare_into, write_suite
 
 from frictionid.cli import main
@@ -118,11 +119,11 @@ def test_a_scheduler_without_workers_is_one_line(cluster, place, monkeypatch, ca
 
 def test_workers_that_would_find_other_numbers_are_refused():
     found = {"numpy": "2.0", "threads": "1"}
-    check_equal(found, {"numpy": "2.0"}, "a")
+    check_equal(found, {"numpy": "2.0"}, "worker a")
     with pytest.raises(InputError, match="worker a: numpy is 2.0 there and 2.1 here: install"):
-        check_equal(found, {"numpy": "2.1"}, "a")
+        check_equal(found, {"numpy": "2.1"}, "worker a")
     with pytest.raises(InputError, match="worker a: has 4 threads, .* with --nthreads 1"):
-        check_equal({**found, "threads": "4"}, {"numpy": "2.0"}, "a")
+        check_equal({**found, "threads": "4"}, {"numpy": "2.0"}, "worker a")
 
 
 # --- On a scheduler with two worker processes -----------------------------------------------------
@@ -138,6 +139,21 @@ def test_two_workers_give_the_numbers_of_one_process(cluster, place):
     assert set(processes.values()) == {worker.pid for worker in cluster.workers}
     compare_into(place / "suite.toml", place / "two", dask=cluster.address)
     assert_same_scores(place / "two", place / "serial")
+
+
+def test_a_data_set_that_fails_does_not_stop_the_others(cluster, place, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(ROOT / "comparisons")
+    from many import main as many
+
+    gone = [place / name for name in ("gone", "lost")]
+    words = [cluster.address, place / "suite.toml", *gone, "--out", place / "many"]
+    monkeypatch.setattr(sys, "argv", ["many.py", *map(str, words)])
+    assert many() == 1
+    lines = sorted(capsys.readouterr().out.splitlines())
+    for folder, line in zip(gone, lines, strict=True):
+        assert (
+            line.startswith(f"{folder.name}: InputError: ") and f"{folder}, does not exist" in line
+        )
 
 
 def slept(_, seconds):
