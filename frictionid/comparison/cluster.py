@@ -31,10 +31,11 @@ from frictionid.errors import InputError
 
 Returned = TypeVar("Returned")
 
-PATIENCE = 10.0  # [s] for the scheduler to answer, and for its first worker
+ANSWER = 10.0  # [s] for the scheduler to answer
+FIRST_WORKER = 10.0  # [s] for a worker to be there
 _ADDRESS = re.compile(r"((tcp|tls)://)?(\[[^\s\[\]/]+\]|[^\s\[\]/:]+):\d{1,5}")
 _SETTINGS = {
-    "distributed.comm.timeouts.connect": PATIENCE,
+    "distributed.comm.timeouts.connect": ANSWER,
     "distributed.admin.large-graph-warning-threshold": "1 TB",  # data sets are sent on purpose
 }
 
@@ -80,7 +81,7 @@ def _client(address: str) -> Iterator[Client]:
             f"{address!r} is no address of a scheduler: it is like tcp://10.0.0.1:8786"
         )
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=ANSWER, set_as_default=False)
     except OSError as error:
         raise InputError(
             f"{address}: no Dask scheduler answers there ({error}): start one with "
@@ -96,7 +97,7 @@ def _client(address: str) -> Iterator[Client]:
 def _check_workers(client: Client, address: str) -> None:
     """Check that there are workers, and that they and the scheduler have our software."""
     try:
-        client.wait_for_workers(1, timeout=PATIENCE)
+        client.wait_for_workers(1, timeout=FIRST_WORKER)
     except TimeoutError:
         raise InputError(
             f"{address}: the scheduler has no workers: start some with `dask worker {address} "
