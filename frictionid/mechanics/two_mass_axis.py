@@ -54,8 +54,14 @@ def _description(hanging: bool) -> Description:
         q=(q1, q2),
         gravity=0,
         parameters=(
-            Parameter("motor_inertia", 0.01, "kg m^2", "of motor and gear, at the load", True),
-            Parameter("load_inertia", 0.05, "kg m^2", "of the load", required=True),
+            Parameter(
+                "motor_inertia",
+                0.01,
+                "kg m^2",
+                "of motor and gear about the axis, at the load",
+                True,
+            ),
+            Parameter("load_inertia", 0.05, "kg m^2", "of the load about its axis", required=True),
             Parameter("stiffness", 300.0, "N m/rad", "of gear, belt or shaft", required=True),
             *(weight if hanging else ()),
         ),
