@@ -44,13 +44,25 @@ def columns(xp: Any, *entries: Array) -> Array:
     return out
 
 
+def like(values: Any, array: Array) -> Array:
+    """Values as an array of the kind and type of another one, on its device.
+
+    >>> like([1, 2], np.zeros(1))
+    array([1., 2.])
+    """
+    if type(array) is np.ndarray:
+        return np.asarray(values, dtype=array.dtype)
+    tensor: Array = namespace(array).asarray(values, dtype=array.dtype, device=array.device)
+    return tensor
+
+
 def plain(array: Array) -> Any:
-    """Values of an array as NumPy, without the gradient that a torch tensor carries.
+    """Values of an array as NumPy, without the gradient and device of a torch tensor.
 
     >>> plain([1.0, 2.0])
     array([1., 2.])
     """
-    return np.asarray(array.detach() if hasattr(array, "detach") else array)
+    return np.asarray(array.detach().cpu() if hasattr(array, "detach") else array)
 
 
 def solve(M: Array, b: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, namespace
+from frictionid.arrays import Array, like, namespace
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import at_places, resting_parts, turns_of
 from frictionid.mechanics import Plant
@@ -57,8 +57,8 @@ class Instant(NamedTuple):
         """The instant of some rows, which (...) true or false."""
         physical = self.plant.parameters
         if self.friction.law.uses_load:  # only bearing loads need them
-            xp = namespace(self.state.q)
-            physical = {k: rows_of(xp.asarray(v), which, 0) for k, v in physical.items()}
+            q = self.state.q
+            physical = {k: rows_of(like(v, q), which, 0) for k, v in physical.items()}
         q, w, memory = self.state
         return Instant(
             replace(self.plant, parameters=physical, p=rows_of(self.plant.p, which, 1)),
@@ -90,5 +90,4 @@ def velocities(plant: Plant, state: State) -> Array:
 
 def driven(plant: Plant, u: Array) -> Array:
     """Torques B u (..., n) [N m]: those of joints that have a motor."""
-    driven = plant.mechanism.motors
-    return u * (driven if type(u) is np.ndarray else namespace(u).asarray(driven, dtype=u.dtype))
+    return u * like(plant.mechanism.motors, u)

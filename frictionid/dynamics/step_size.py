@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, namespace, plain
+from frictionid.arrays import Array, like, plain
 from frictionid.dynamics.sliding_friction import is_sharp
 from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.errors import InputError
@@ -113,12 +113,12 @@ def slopes(
     w = np.concatenate([[0.0], np.logspace(-4, 1.5, 45)])[:, None]
     w = np.maximum(np.where(low > 0, w * low / SLOW, w), low)
     theta = _distinct(friction.theta)[..., None, :, :]
-    xp, width = namespace(theta), np.where(low > 0, 1e-5 * low / SLOW, 1e-5)
+    width = np.where(low > 0, 1e-5 * low / SLOW, 1e-5)
     grid = np.concatenate([-w[::-1], w])
 
     def torque(w: Array, u: Array | float) -> Array:
-        columns, pushed = (xp.asarray(v, dtype=theta.dtype) for v in (w, u + 0.0 * w))
-        x = at_rest(columns)._replace(u=pushed, load=xp.asarray(load + 0.0 * w, dtype=theta.dtype))
+        columns, pushed, loads = (like(v, theta) for v in (w, u + 0.0 * w, load + 0.0 * w))
+        x = at_rest(columns)._replace(u=pushed, load=loads)
         return plain(friction.law.torque(theta, x, friction.law.start(theta, x)))
 
     most = np.zeros(friction.n)

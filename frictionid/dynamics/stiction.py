@@ -45,7 +45,7 @@ def _spread(part: Stiction, slow: Array, direction: Array) -> Stiction:
     def spread(values: Array | None, elsewhere: Array | None = None) -> Array | None:
         if values is None:
             return None
-        zero = xp.zeros(direction.shape, dtype=values.dtype)
+        zero = xp.zeros(direction.shape, dtype=values.dtype, device=values.device)
         whole = zero if elsewhere is None else 1.0 * elsewhere
         whole[slow] = values
         return whole

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, columns, inverse, namespace, solve, times
+from frictionid.arrays import Array, columns, inverse, like, namespace, solve, times
 from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, driven
 from frictionid.friction import Friction, at_rest
@@ -63,7 +63,7 @@ def balance(now: Instant, stiction: Stiction | None) -> Balance:
 def has_break_away(friction: Friction) -> bool:
     """Whether friction has a break-away level; bristles hold a joint in other ways."""
     theta = friction.theta[..., None, :, :]
-    x = at_rest(namespace(theta).ones((1, friction.n), dtype=theta.dtype))
+    x = at_rest(like(np.ones((1, friction.n)), theta))
     return bool((friction.law.limit(theta, x, friction.law.start(theta, x)) > 0).any())
 
 
@@ -99,8 +99,7 @@ def less_held(inner: Array, turns: Array, sticking: Array) -> Array:
 
 def _diagonal(x: Array) -> Array:
     n = x.shape[-1]
-    one = _identity(n) if type(x) is np.ndarray else namespace(x).eye(n, dtype=x.dtype)
-    return x[..., None] * one
+    return x[..., None] * like(_identity(n), x)
 
 
 @cache

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.arrays import Array, inverse, namespace, times
+from frictionid.arrays import Array, inverse, like, namespace, times
 from frictionid.errors import InputError
 from frictionid.friction.friction import Friction
 from frictionid.friction.law import Inputs
@@ -41,12 +41,11 @@ def _last(mechanism: Mechanism) -> list[int]:
     return [int(np.flatnonzero(row)[-1]) for row in mechanism.friction_map]
 
 
-def turns_of(mechanism: Mechanism, like: Array) -> Array | None:
+def turns_of(mechanism: Mechanism, w: Array) -> Array | None:
     """Turns (c, n) of the coupled parts for one of each joint; None where all parts are joints."""
     if not mechanism.coupled:
         return None
-    turns = mechanism.friction_map[mechanism.n :]
-    return turns if type(like) is np.ndarray else namespace(like).asarray(turns, dtype=like.dtype)
+    return like(mechanism.friction_map[mechanism.n :], w)
 
 
 def of_parts(w: Array, turns: Array | None) -> Array:
@@ -89,7 +88,7 @@ def mobility(M: Array, turns: Array | None) -> Array:
     if turns is None:
         return inverse(M)
     xp = namespace(M)
-    A = xp.concat([xp.eye(M.shape[-1], dtype=M.dtype), turns], axis=0)
+    A = xp.concat([like(np.eye(M.shape[-1]), M), turns], axis=0)
     return A @ inverse(M) @ A.T
 
 

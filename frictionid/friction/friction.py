@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, namespace, plain
+from frictionid.arrays import Array, like, namespace, plain
 from frictionid.data.calibration import Calibration
 from frictionid.friction.constraints import Constraints
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
@@ -115,13 +115,12 @@ class Friction:
         Laws with memory are held at each velocity for `settle` seconds before they are read.
         """
         theta, law = self.theta[..., None, :, :], self.law.sharpened()
-        xp = namespace(theta)
         columns = np.repeat(np.asarray(w, dtype=float)[:, None], self.n, axis=1)
-        x = at_rest(xp.asarray(columns, dtype=theta.dtype))
+        x = at_rest(like(columns, theta))
         memory = law.start(theta, x)
         if memory:
             step = law.sample_time or 0.005
-            dt = xp.asarray([[step]], dtype=theta.dtype)
+            dt = like([[step]], theta)
             for _ in range(int(np.ceil(settle / step))):
                 x = x._replace(q=x.q + step * x.w)
                 memory = law.advance(theta, x, memory, dt)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import Array, namespace
+from frictionid.arrays import Array, like, namespace
 from frictionid.mechanics.mechanism import Mechanism, Terms
 
 SLOW = 0.1  # [rad/s]: slower joints may come to rest
@@ -68,10 +68,10 @@ class Plant:
 
     def slow_like(self, w: Array) -> Array:
         """`slow` as an array like velocities w (..., n) of the joints, or (..., m) of all parts."""
-        xp, slow = namespace(w), np.array(self.slow)
+        slow = np.array(self.slow)
         if w.shape[-1] > self.n:  # a part is slow where all joints that turn it are
             slow = np.abs(self.mechanism.friction_map) @ slow
-        return slow if xp is namespace() else xp.asarray(slow, dtype=w.dtype)
+        return like(slow, w)
 
     def terms(self, q: Array, w: Array) -> Terms:
         """Terms of the equations of motion, see `Terms`."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from frictionid.arrays import Array, namespace, solve, times
+from frictionid.arrays import Array, like, namespace, solve, times
 from frictionid.mechanics.description import Description
 from frictionid.mechanics.lagrange import (
     Equations,
@@ -98,7 +98,7 @@ class SymbolicMechanism(Mechanism):
         flat, zero = self._evaluate(self._code.terms, p, q, w)
         M = self._symmetric(flat[: -2 * n - 1], zero)
         h, dLdq = _columns(flat[-2 * n - 1 : -n - 1], zero), _columns(flat[-n - 1 : -1], zero)
-        B = namespace(zero).asarray(self.B, dtype=M.dtype)
+        B = like(self.B, M)
         return Terms(M, h, times(M, w), dLdq, B, flat[-1] + zero)
 
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:

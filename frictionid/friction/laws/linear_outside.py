@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from frictionid.arrays import Array, namespace
+from frictionid.arrays import Array, like, namespace
 from frictionid.config import Positive
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.laws.wrapped_law import WrappedLaw
@@ -69,7 +69,7 @@ class LinearOutside(WrappedLaw):
         return LinearOutside(self.law.sharpened(), self.speeds)
 
     def _top(self, w: Array) -> Array:
-        return namespace(w).asarray(self.speeds, dtype=w.dtype)
+        return like(self.speeds, w)
 
     def _inside(self, x: Inputs) -> Inputs:
         xp, top = namespace(x.w), self._top(x.w)
