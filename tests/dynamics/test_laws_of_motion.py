@@ -47,7 +47,7 @@ def test_where_a_joint_breaks_away_the_error_falls_faster_than_the_square_of_the
     for length in (24, 12, 6):
         before = State(swing.q[first - length // 3], swing.w[first - length // 3])
         dt = np.array([length * 1e-3])
-        coarse, fine = (step(PLANT, friction, before, u, dt, k) for k in (1, 4000))
+        coarse, fine = (step(PLANT, friction, before, u, dt, k) for k in (1, 1000))
         assert before.w[1] == 0.0 != fine.w[1]
         errors.append(np.abs(coarse.w - fine.w).max())
         changes.append(abs(fine.w[1]))
