@@ -160,10 +160,8 @@ def _footprint(torque: Signal, at: Array, off: Array, time: Array) -> csr_array:
 def _did_not_act(footprint: csr_array, left: Array, noise: float, time: Array) -> Array:
     """Which of C candidates the balances (K,) of a recording deny, see the module."""
     half = max(round(_BLUR / float(np.median(np.diff(time)))), 2)
-    band = range(-half, half + 1)
-    K = len(left)
-    mean = diags_array([1.0 / len(band)] * len(band), offsets=list(band), shape=(K, K))
-    F, p = mean @ footprint, mean @ left
+    F, p = _blurred(footprint, half), np.convolve(left, np.full(2 * half + 1, 1.0 / (2 * half + 1)))
+    p = p[half : half + len(left)]
     normal = csr_array(F.T @ F)
     size = np.sqrt(normal.diagonal())
     unit = np.where(size > 0, size, 1.0)
@@ -177,6 +175,16 @@ def _did_not_act(footprint: csr_array, left: Array, noise: float, time: Array) -
         error[part] = noise * np.sqrt(np.maximum(inverse.diagonal(), 0.0)) / unit[part]
     low, high = _SHARE
     return np.asarray((size > 0) & (share > low) & (share < high) & (share > _CLEAR * error))
+
+
+def _blurred(footprint: csr_array, half: int) -> csr_array:
+    """Means of the rows of a footprint (K, C) over so many rows to either side."""
+    entries, band = footprint.tocoo(), np.arange(-half, half + 1)
+    row = (entries.row[:, None] + band).ravel()
+    values = np.repeat(entries.data, len(band)) / len(band)
+    inside = (row >= 0) & (row < footprint.shape[0])
+    place = row[inside], np.repeat(entries.col, len(band))[inside]
+    return csr_array((values[inside], place), shape=footprint.shape)
 
 
 def _apart(normal: csr_array) -> list[slice]:
