@@ -104,9 +104,9 @@ class LeastSquares(Identifier):
 class _State(NamedTuple):
     """State of the iteration in each fold, at theta (F, N).
 
-    residual (F, K, n); cost and damping (F,); descent J'We (F, N); hessian J'WJ (F, N, N) by
-    Gauss-Newton, and secant (F, N, N), its correction; bounds low and high, and the prior's mean
-    and precision (F, N), in units of the cost
+    residual (F, K, n); cost, damping, and cost without friction (F,); descent J'We (F, N); hessian
+    J'WJ (F, N, N) by Gauss-Newton, and secant (F, N, N), its correction; bounds low and high, and
+    the prior's mean and precision (F, N), in units of the cost
     """
 
     theta: Array
@@ -121,6 +121,7 @@ class _State(NamedTuple):
     hessian: Array
     secant: Array
     damping: Array
+    frictionless: Array
 
     def of(self, folds: Array) -> _State:
         """State of some of the folds."""
@@ -146,12 +147,13 @@ def _first(
         *(theta, *law.bounds, mean, precision, weights, residual),
         *(_cost(residual, weights) + _prior_cost(theta, mean, precision), descent, hessian),
         *(np.zeros_like(hessian), np.full(len(theta), 1e-6)),
+        _cost(law.problem.r[None], weights),
     )
     return state._replace(**_with_prior(state, descent, hessian))
 
 
 def _cost(residual: Array, weights: Array) -> Array:
-    cost: Array = (weights * (residual**2).sum(axis=-1)).sum(axis=-1)
+    cost: Array = (weights * np.einsum("...n,...n->...", residual, residual)).sum(axis=-1)
     return cost
 
 
@@ -182,8 +184,7 @@ def _next(law: Linearised, state: _State, tolerance: float) -> tuple[_State, Arr
         residual = law.residual(theta)
         prior = _prior_cost(theta, state.mean, state.precision)
         reduction = state.cost - _cost(residual, state.weights) - prior
-    frictionless = _cost(law.problem.r[None], state.weights)
-    converged = predicted <= tolerance * state.cost + _EXACT * frictionless
+    converged = predicted <= tolerance * state.cost + _EXACT * state.frictionless
     better = reduction > 0
     ratio = reduction / np.maximum(predicted, 1e-300)
     factor = np.select([ratio > 0.75, ratio > 0.25], [0.1, 1.0], 20.0)

@@ -176,15 +176,14 @@ class Linearised(NamedTuple):
         for first in range(0, F, folds_at_once):
             part = slice(first, first + folds_at_once)
             for rows, own in self.stretches():
-                J = own.jacobian(theta[part]).reshape(len(theta[part]), own.problem.r.size, -1)
-                J = J if self.tie is None else J @ self.tie
-                weight = np.repeat(weights[part, rows], self.joints, 1)
-                weighted = np.ascontiguousarray(np.swapaxes(J * weight[..., None], 1, 2))
-                e = np.ascontiguousarray(residual[part, rows]).reshape(len(J), -1)
+                slopes, e = own.slopes(theta[part]), residual[part, rows]
                 # fold by fold: a batch of them would be rounded otherwise than each one alone
-                for f, (own_weighted, own_J, own_e) in enumerate(zip(weighted, J, e, strict=True)):
-                    descent[first + f] += own_weighted @ own_e
-                    hessian[first + f] += own_weighted @ own_J
+                for f, weight in enumerate(weights[part, rows], first):
+                    parts = _weighted_squares(
+                        own.problem.G, slopes[f - first], e[f - first], weight
+                    )
+                    descent[f] += parts[0] if self.tie is None else self.tie.T @ parts[0]
+                    hessian[f] += parts[1] if self.tie is None else self.tie.T @ parts[1] @ self.tie
         self.check_finite(descent, hessian)
         return descent, hessian
 
@@ -201,6 +200,23 @@ class Linearised(NamedTuple):
                 f"the fit of {self.law} met numbers that are not finite: look for such rows in the "
                 "problem, and for parameters within the law's bounds where its torque is not finite"
             )
+
+
+def _weighted_squares(G: Array, slopes: Array, e: Array, weight: Array) -> tuple[Array, Array]:
+    """J'We (N,) and J'WJ (N, N) of rows whose Jacobian is J_k = G_kj s_kj, slopes s (K, n, P).
+
+    (J'We)_j = sum_k w_k (G_k'e_k)_j s_kj,   (J'WJ)_ji = sum_k w_k (G_k'G_k)_ji s_kj s_ki'
+    """
+    K, n, P = slopes.shape
+    by_joint = np.ascontiguousarray(np.swapaxes(slopes, 0, 1))  # (n, K, P)
+    onto, squares = np.einsum("kij,ki,k->jk", G, e, weight), np.zeros((n, P, n, P))
+    for j in range(n):
+        for i in range(j + 1):
+            pair = np.einsum("ki,ki,k->k", G[:, :, j], G[:, :, i], weight)
+            squares[j, :, i] = (by_joint[j] * pair[:, None]).T @ by_joint[i]
+            squares[i, :, j] = squares[j, :, i].T
+    descent = np.stack([onto[j] @ by_joint[j] for j in range(n)])
+    return descent.ravel(), squares.reshape(n * P, n * P)
 
 
 def _some(problem: Problem, rows: slice) -> Problem:

@@ -79,19 +79,22 @@ def covariance_of_fit(
     residual = law.residual(theta)
     if robust is not None:
         share = share * huber_factors(residual, share[None], robust)[0]
-    J = law.jacobian(theta)[0].reshape(*problem.r.shape, theta.size)
-    tie = None if own is None else own.tie
-    J = J if tie is None else J @ tie
-    determined = J.reshape(-1, J.shape[-1]).any(axis=0)
+    H, scores = np.zeros((n * P, n * P)), np.empty((len(problem.r), n * P))
+    for rows, part in law.stretches():
+        J = part.jacobian(theta)[0].reshape(*part.problem.r.shape, n * P)
+        weighted = J * share[rows, None, None]
+        scores[rows] = np.einsum("kip,ki->kp", weighted, residual[0, rows])
+        H += weighted.reshape(-1, n * P).T @ J.reshape(-1, n * P)
+    if own is not None and own.tie is not None:
+        H, scores = own.tie.T @ H @ own.tie, scores @ own.tie
+    determined = np.diag(H) > 0
     if friction.law.is_sparse:
         determined &= theta[0] != 0
-    J = J[..., determined]
-    weighted = J * share[:, None, None]
-    scores = np.einsum("kip,ki->kp", weighted, residual[0])
-    bread = np.linalg.pinv(np.einsum("kip,kiq->pq", weighted, J), hermitian=True)
+    scores = scores[:, determined]
+    bread = np.linalg.pinv(H[np.ix_(determined, determined)], hermitian=True)
     label = clusters(problem)
     used = np.unique(label[share > 0])
-    by_cluster = np.stack([scores[label == c].sum(0) for c in used])
+    by_cluster = np.stack([np.bincount(label, column) for column in scores.T], axis=-1)[used]
     freedom = max(len(used) - 1, 1)
     covariance = bread @ (by_cluster.T @ by_cluster) @ bread * len(used) / freedom
     out = np.full(2 * [len(determined)], np.nan)

@@ -72,8 +72,12 @@ def interval_mean(
     values: Array, stencil: Array, weights: Sequence[float] | Array = SIMPSON
 ) -> Array:
     """Means (..., K, n) over intervals, sum_m weights[m] values[..., stencil[:, m], :]."""
-    places = (_as_slice(index) for index in stencil.T)
-    mean: Any = sum(c * values[..., at, :] for c, at in zip(weights, places, strict=True))
+    first, *others = (
+        c * values[..., _as_slice(index), :] for c, index in zip(weights, stencil.T, strict=True)
+    )
+    mean: Any = first
+    for part in others:
+        mean += part
     return mean
 
 
