@@ -94,7 +94,10 @@ def covariance_of_fit(
     bread = np.linalg.pinv(H[np.ix_(determined, determined)], hermitian=True)
     label = clusters(problem)
     used = np.unique(label[share > 0])
-    by_cluster = np.stack([np.bincount(label, column) for column in scores.T], axis=-1)[used]
+    by_cluster = np.zeros((int(label.max()) + 1, scores.shape[1]))
+    for p, column in enumerate(scores.T):
+        by_cluster[:, p] = np.bincount(label, column)
+    by_cluster = by_cluster[used]
     freedom = max(len(used) - 1, 1)
     covariance = bread @ (by_cluster.T @ by_cluster) @ bread * len(used) / freedom
     out = np.full(2 * [len(determined)], np.nan)
