@@ -179,11 +179,10 @@ class Linearised(NamedTuple):
                 slopes, e = own.slopes(theta[part]), residual[part, rows]
                 # fold by fold: a batch of them would be rounded otherwise than each one alone
                 for f, weight in enumerate(weights[part, rows], first):
-                    parts = _weighted_squares(
-                        own.problem.G, slopes[f - first], e[f - first], weight
-                    )
-                    descent[f] += parts[0] if self.tie is None else self.tie.T @ parts[0]
-                    hessian[f] += parts[1] if self.tie is None else self.tie.T @ parts[1] @ self.tie
+                    k = f - first
+                    onto, square = _weighted_squares(own.problem.G, slopes[k], e[k], weight)
+                    descent[f] += onto if self.tie is None else self.tie.T @ onto
+                    hessian[f] += square if self.tie is None else self.tie.T @ square @ self.tie
         self.check_finite(descent, hessian)
         return descent, hessian
 

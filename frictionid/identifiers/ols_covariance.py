@@ -79,14 +79,15 @@ def covariance_of_fit(
     residual = law.residual(theta)
     if robust is not None:
         share = share * huber_factors(residual, share[None], robust)[0]
-    H, scores = np.zeros((n * P, n * P)), np.empty((len(problem.r), n * P))
+    tie, D = None if own is None else own.tie, theta.size
+    H, scores = np.zeros((D, D)), np.empty((len(problem.r), D))
     for rows, part in law.stretches():
-        J = part.jacobian(theta)[0].reshape(*part.problem.r.shape, n * P)
+        J = part.jacobian(theta)[0].reshape(*part.problem.r.shape, D)
         weighted = J * share[rows, None, None]
         scores[rows] = np.einsum("kip,ki->kp", weighted, residual[0, rows])
-        H += weighted.reshape(-1, n * P).T @ J.reshape(-1, n * P)
-    if own is not None and own.tie is not None:
-        H, scores = own.tie.T @ H @ own.tie, scores @ own.tie
+        H += weighted.reshape(-1, D).T @ J.reshape(-1, D)
+    if tie is not None:
+        H, scores = tie.T @ H @ tie, scores @ tie
     determined = np.diag(H) > 0
     if friction.law.is_sparse:
         determined &= theta[0] != 0
