@@ -9,6 +9,7 @@ friction laws (a higher peak that falls off sooner) that saves most of the steps
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, check_settings
+from frictionid.errors import InputError
 from frictionid.friction import Friction, Groups, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.identifier import Identifier
@@ -28,6 +30,7 @@ _EXACT = 1e-22  # costs below this part of that without friction are rounding
 _DAMPING = (1e-9, 1e9)
 _CLEAR = 1e-8  # a change of slope above rounding
 _ROUNDS = 2  # of weights
+_ENOUGH = 100_000  # rows to begin with, where there are more
 _NEAR = 1e-2  # tolerance of the fits that give the next weights
 
 
@@ -77,7 +80,11 @@ class LeastSquares(Identifier):
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
         law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior, self.equal))
-        theta, stepped = map(law.tied, best_initial_guess(law.untied, weights))
+        return replace(law.friction(self._fitted(law, weights)), law=self.law)
+
+    def _fitted(self, law: Linearised, weights: Array) -> Array:
+        """Parameters (F, N) at the minimum, with weights of rows and of priors found on the way."""
+        theta, stepped = self._begin(law, weights)
         reduced, variance = weights, np.zeros(len(weights))
         for _ in range(_ROUNDS if self.robust is not None or self.prior else 0):
             theta = self._minimum(law, _first(law, theta, stepped, reduced, variance), _NEAR)
@@ -87,7 +94,18 @@ class LeastSquares(Identifier):
             if self.prior:
                 variance = _cost(residual, reduced) / _freedom(law, reduced)
         state = _first(law, theta, stepped, reduced, variance)
-        return replace(law.friction(self._minimum(law, state, self.tolerance)), law=self.law)
+        return self._minimum(law, state, self.tolerance)
+
+    def _begin(self, law: Linearised, weights: Array) -> tuple[Array, Array]:
+        """Two guesses (F, N) each to begin at: of many rows, the fit of some of them."""
+        step = len(law.problem.r) // _ENOUGH
+        if step > 1 and not law.law.has_memory:
+            few = law.every(step)
+            with suppress(InputError):  # what all rows determine, some may not
+                theta = self._fitted(few, normalised(weights[:, ::step], few.problem))
+                return theta, theta
+        theta, stepped = map(law.tied, best_initial_guess(law.untied, weights))
+        return theta, stepped
 
     def _minimum(self, law: Linearised, state: _State, tolerance: float) -> Array:
         """Parameters (F, N) at the local minimum; folds that have converged take no more steps."""

@@ -24,6 +24,7 @@ from frictionid.identifiers.residual import Problem, speed_range
 
 _DIFFERENCE = 1e-6
 _TORQUES = 1e7  # computed at a time
+_ROW_ARRAYS = ("r", "G", "recording", "time", "dt")
 _ROWS, _MANY = 20_000, 4  # at a time, of so many parameters at most
 
 
@@ -136,6 +137,15 @@ class Linearised(NamedTuple):
                 yield slice(first, end), self._replace(problem=own)
                 first = end
 
+    def every(self, step: int) -> Linearised:
+        """The same on every `step`-th row only, with the nodes that these need; without memory."""
+        problem = self.problem
+        own, stencil = np.unique(problem.stencil[::step], return_inverse=True)
+        inputs = Inputs(*(x[own] for x in problem.nodes.inputs))
+        nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, len(own)]))
+        arrays = {name: getattr(problem, name)[::step] for name in _ROW_ARRAYS}
+        return self._replace(problem=replace(problem, nodes=nodes, stencil=stencil, **arrays))
+
     def residual(self, theta: Array) -> Array:
         """Residuals e, shape (F, K, n) [rad/s]."""
         friction = self.friction(theta)
@@ -225,7 +235,7 @@ def _some(problem: Problem, rows: slice) -> Problem:
     own = slice(low, high)
     inputs = Inputs(*(x[own] for x in problem.nodes.inputs))
     nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, high - low]))
-    arrays = {name: getattr(problem, name)[rows] for name in ("r", "G", "recording", "time", "dt")}
+    arrays = {name: getattr(problem, name)[rows] for name in _ROW_ARRAYS}
     return replace(problem, nodes=nodes, stencil=stencil - low, **arrays)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from frictionid.friction import Inputs, Nodes, along
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
-from frictionid.identifiers import LeastSquares, linearised
+from frictionid.identifiers import LeastSquares, least_squares, linearised
 from frictionid.identifiers.initial_guess import _grams
 from frictionid.identifiers.linearised import Given, Linearised
 from frictionid.identifiers.synthetic_problem import synthetic_problem
@@ -55,6 +55,32 @@ def test_a_fit_by_stretches_is_the_fit(monkeypatch):
     monkeypatch.setattr(linearised, "_ROWS", 37)
     parts = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
     np.testing.assert_allclose(whole.theta, parts.theta, rtol=1e-6)
+
+
+@pytest.mark.parametrize("robust", [None, 3.0])
+def test_many_rows_are_fitted_as_without_beginning_with_some(robust, monkeypatch):
+    problem = synthetic_problem(2, noise=0.03)
+    weights = np.random.default_rng(0).uniform(0.5, 1, (3, len(problem.r)))
+    identifier = LeastSquares(CoulombViscous(), robust=robust)
+    whole = identifier.fit(problem, weights, seed=0)
+    looks = []
+    every = Linearised.every
+    monkeypatch.setattr(Linearised, "every", lambda *own: looks.append(own[1]) or every(*own))
+    monkeypatch.setattr(least_squares, "_ENOUGH", 40)
+    begun = identifier.fit(problem, weights, seed=0)
+    assert looks == [3]
+    tolerance = 1e-9 if robust is None else 1e-3  # robust weights are found in two rounds
+    np.testing.assert_allclose(begun.theta, whole.theta, rtol=tolerance)
+
+
+def test_where_some_rows_determine_nothing_all_rows_do(monkeypatch):
+    problem = synthetic_problem(1)
+    weights = np.zeros((1, len(problem.r)))
+    weights[:, 1::3] = 1.0  # none of those that a fit would begin with
+    whole = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    monkeypatch.setattr(least_squares, "_ENOUGH", 40)
+    begun = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    np.testing.assert_array_equal(begun.theta, whole.theta)
 
 
 def test_more_rows_need_little_more_memory(monkeypatch):
