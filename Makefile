@@ -33,7 +33,7 @@ damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes)
 	@$(ONE_THREAD) $(BIN)/python tests/damage.py $(ARGS)
 
 mutants: $(TEST) ## small random changes to the code, and which of them no test notices (hours)
-	@$(BIN)/python -m pip install -q -c constraints.txt cosmic-ray
+	@$(BIN)/python -m pip install -q -c constraints.txt cosmic-ray pytest-cov
 	@$(ONE_THREAD) $(BIN)/python tests/mutants.py $(ARGS)
 
 check: $(DEV) ## formatting, lint and types

@@ -1,12 +1,12 @@
 """Mutation testing: how many of a random sample of small changes to the code fail a test?
 
-    pip install cosmic-ray
+    pip install cosmic-ray pytest-cov
     python tests/mutants.py --count 40 --seed 0 --only dynamics
 
 Changes are those of cosmic-ray: other operators, numbers, comparisons, constants, loops and
 decorators; not in type annotations, which nothing executes. They are made in a copy of the clone.
-A change is killed where the package's own tests fail, or do not end. Survivors are listed with
-their differences.
+A change is run by the tests that execute its statement, quick ones first, for a minute: it is
+killed where one of them fails, or does not end. Survivors are listed with their differences.
 """
 
 from __future__ import annotations
@@ -17,16 +17,22 @@ import json
 import os
 import random
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("data", "dynamics", "evaluation", "identifiers", "shooting")
-LIMIT = 1200.0  # [s] for the tests of one change
-LEFT_OUT = (".git", ".venv", "report", "site", ".mypy_cache", ".ruff_cache", "__pycache__")
+BESIDE = ("friction", "inverse_dynamics", "mechanics", "monitor")  # whose tests are run as well
+BUDGET = 60.0  # [s] of tests for each change
+LIMIT = 400.0  # [s] after which a change does not end
+COPIED = ("comparisons", "data", "docs", "frictionid", "tests")
+
+Lines = dict[int, set[str]]  # of a file: the tests that execute each line
 
 
 def main() -> None:
@@ -37,43 +43,104 @@ def main() -> None:
     parser.add_argument("--only", choices=PACKAGES, nargs="*", default=PACKAGES)
     parser.add_argument("--out", type=Path, help="one line of JSON for each change")
     given = parser.parse_args()
+    out = given.out and given.out.absolute()
     with tempfile.TemporaryDirectory() as scratch:
         clone = Path(scratch) / "clone"
-        shutil.copytree(ROOT, clone, ignore=shutil.ignore_patterns(*LEFT_OUT))
+        _copy(clone)
+        os.chdir(clone)
+        os.environ["PYTHONPATH"] = str(clone)
+        seconds = _without_changes(clone)
         for package in given.only:
             survived, total = [], 0
-            for found in _outcomes(clone, package, given.count, given.seed):
+            for found in _outcomes(clone, package, given.count, given.seed, seconds):
                 total += 1
                 survived += [] if found["killed"] else [found["diff"]]
-                if given.out is not None:
-                    with given.out.open("a", encoding="utf-8") as file:
+                if out is not None:
+                    with out.open("a", encoding="utf-8") as file:
                         file.write(json.dumps(found) + "\n")
             print(f"{package}: {total - len(survived)} of {total} killed", flush=True)
             print("\n".join(survived), flush=True)
 
 
-def _outcomes(clone: Path, package: str, count: int, seed: int) -> Iterator[dict[str, Any]]:
+def _copy(clone: Path) -> None:
+    """Copy folders of code, data and tests, and the files at the top."""
+    clone.mkdir()
+    for path in ROOT.iterdir():
+        if path.is_file():
+            shutil.copy2(path, clone)
+    for name in COPIED:
+        skipped = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, clone / name, ignore=skipped)
+
+
+def _without_changes(clone: Path) -> dict[str, float]:
+    """Run the tests without any change, noting what they execute; time [s] of each test."""
+    folders = [f"tests/{name}" for name in (*PACKAGES, *BESIDE)]
+    examples = [f"frictionid/{name}" for name in PACKAGES]
+    measured = [f"--cov=frictionid/{name}" for name in PACKAGES]
+    words = ["-q", "--cov-context=test", "--cov-report=", "--junitxml=tests.xml", *measured]
+    command = [sys.executable, "-m", "pytest", *words, *folders, *examples]
+    if subprocess.run(command, cwd=clone).returncode:
+        raise SystemExit("the tests fail without any change")
+    seconds: dict[str, float] = {}
+    for case in ElementTree.parse(clone / "tests.xml").iter("testcase"):
+        name = f"{case.attrib['classname'].replace('.', '/')}.py::{case.attrib['name']}"
+        seconds[name] = float(case.attrib["time"])
+    return seconds
+
+
+def _outcomes(
+    clone: Path, package: str, count: int, seed: int, seconds: dict[str, float]
+) -> Iterator[dict[str, Any]]:
     """Each change of a sample, and whether a test failed."""
     from cosmic_ray.mutating import mutate_and_test
-    from cosmic_ray.testing import run_tests
-    from cosmic_ray.work_item import TestOutcome
+    from coverage import CoverageData
 
-    os.chdir(clone)
-    own = f"tests/{package} frictionid/{package}"  # tests, and examples of docstrings
-    command = f"env PYTHONPATH={clone} {sys.executable} -m pytest -x -q -p no:cacheprovider {own}"
-    outcome, said = run_tests(command, LIMIT)
-    if outcome != TestOutcome.SURVIVED:
-        raise SystemExit(f"the tests of {package} fail without any change:\n{said}")
+    executed = CoverageData(str(clone / ".coverage"))
+    executed.read()
     items = _changes(clone, package)
     for change in random.Random(seed).sample(items, min(count, len(items))):
-        result = mutate_and_test([change], command, LIMIT)
+        module = Path(change.module_path)
+        contexts = executed.contexts_by_lineno(str(module))
+        by_line = {line: {c.partition("|")[0] for c in own if c} for line, own in contexts.items()}
+        tests = _quick_ones(_executing(change, by_line), seconds)
+        (clone / "tests.txt").write_text("\n".join(tests), encoding="utf-8")
+        pytest = f"{sys.executable} -m pytest -x -q -p no:cacheprovider @tests.txt"
+        result = mutate_and_test([change], pytest if tests else "true", LIMIT)
         yield {
-            "file": str(Path(change.module_path).relative_to(clone)),
+            "file": str(module.relative_to(clone)),
             "line": change.start_pos[0],
             "operator": change.operator_name,
+            "tests": len(tests),
             "killed": result.is_killed,
             "diff": result.diff,
         }
+
+
+def _executing(change: Any, by_line: Lines) -> set[str]:
+    """Tests that execute the statement of a change; of one made by an import, any of its file."""
+    text = Path(change.module_path).read_text(encoding="utf-8")
+    line = change.start_pos[0]
+    around = [
+        node
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or line)
+    ]
+    first = max((node.lineno for node in around), default=line)
+    own = set[str]().union(*(by_line.get(n, set()) for n in range(first, line + 1)))
+    return own or set[str]().union(*by_line.values())
+
+
+def _quick_ones(tests: set[str], seconds: dict[str, float]) -> list[str]:
+    """The quickest tests, as many as the budget holds, and one at least."""
+    chosen: list[str] = []
+    spent = 0.0
+    for test in sorted(tests & set(seconds), key=lambda t: (seconds[t], t)):
+        spent += seconds[test]
+        if chosen and spent > BUDGET:
+            break
+        chosen.append(test)
+    return chosen
 
 
 def _changes(clone: Path, package: str) -> list[Any]:
@@ -81,7 +148,7 @@ def _changes(clone: Path, package: str) -> list[Any]:
     from cosmic_ray.commands import init
     from cosmic_ray.work_db import WorkDB, use_db
 
-    with use_db(str(clone / "changes.sqlite"), WorkDB.Mode.create) as db:
+    with use_db(str(clone / f"{package}.sqlite"), WorkDB.Mode.create) as db:
         modules = sorted((clone / "frictionid" / package).rglob("*.py"))
         init(modules, db, {})
         changes = [change for item in db.work_items for change in item.mutations]
