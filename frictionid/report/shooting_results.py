@@ -10,8 +10,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from frictionid.report.estimates import Estimate, correlation_of, names_of
+from frictionid.shooting.parameters.parameter_block import IDEAL
 
-IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
+LATE = ("delay", "target_delay")
 LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like
 
 
@@ -95,7 +96,7 @@ def shooting_results(document: Mapping[str, Any], read: Sequence[Estimate]) -> S
 def _calibration(e: Estimate) -> Calibration:
     ideal = IDEAL.get(e.block)
     side = 0 if ideal is None or e.holds(ideal) else int(np.sign(e.value - ideal))
-    late = e.block == "delay"
+    late = e.block in LATE
     change = e.change() if e.block == "actuator" and e.nominal else None
     unit = "ms" if late else "" if e.block == "gain" else e.unit
     return Calibration(e.block, e.name, unit, e.span(1e3 if late else 1.0), side, e.nominal, change)
@@ -109,8 +110,8 @@ def _like_delay(read: Sequence[Estimate]) -> list[Estimate]:
 
 def delay_fixed(document: Mapping[str, Any], read: Sequence[Estimate]) -> tuple[str, ...]:
     """Friction parameters that hold a delay's share, where a motor pulls and no delay was free."""
-    free = any(e.block == "delay" for e in read)
-    free |= any(own["block"] == "delay" for own in document.get("dropped", ()))
+    free = any(e.block in LATE for e in read)
+    free |= any(own["block"] in LATE for own in document.get("dropped", ()))
     return () if free or not document.get("driven", False) else names_of(_like_delay(read))
 
 
@@ -120,7 +121,7 @@ def delay_explains(document: Mapping[str, Any], read: Sequence[Estimate]) -> tup
     Such a delay moves a parameter by up to |r| t s, r their correlation, s the parameter's standard
     error and t the quantile of Student's distribution: is that its whole value, nothing is left.
     """
-    delays = [i for i, e in enumerate(read) if e.block == "delay"]
+    delays = [i for i, e in enumerate(read) if e.block in LATE]
     if not delays:
         return ()
     r = dict(zip(read, np.abs(correlation_of(document)[delays[0]]), strict=True))

@@ -13,7 +13,12 @@ from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.shooting.gauss_newton import Solution
 from frictionid.shooting.meaningless_parameters import meaningless
-from frictionid.shooting.parameters.parameter_block import FreeBlock, Parameter, values_of
+from frictionid.shooting.parameters.parameter_block import (
+    IDEAL,
+    FreeBlock,
+    Parameter,
+    values_of,
+)
 from frictionid.shooting.problem import ShootingProblem
 from frictionid.shooting.sandwich import (
     SINGULAR,
@@ -233,7 +238,7 @@ def _known(covariance: Covariance, trials: int = 1) -> Array:
     """
     c = covariance
     half = stdtrit(c.freedom, 1.0 - 0.025 / trials) * c.error
-    zero = np.array([p.block in ("delay", "bias", "offset") for p in c.parameters], dtype=bool)
+    zero = np.array([IDEAL.get(p.block) == 0.0 for p in c.parameters], dtype=bool)
     small = half <= np.abs(c.values)
     return np.asarray(np.isfinite(half) & ~c.bound & (small | zero), dtype=bool)
 

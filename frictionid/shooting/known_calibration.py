@@ -14,12 +14,12 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.shooting.parameters.parameter_block import ParameterBlock
 
-_BLOCKS = ("inertia", "delay", "gain", "bias", "offset")
+_BLOCKS = ("inertia", "delay", "gain", "bias", "offset", "target_delay", "backlash")
 
 
 @dataclass(frozen=True, eq=False)
 class KnownCalibration:
-    """Base parameters, delay, gain, bias and offset that another fit found.
+    """Base parameters and what else of sensors and servos another fit found, but for motors.
 
     `errors` are the names of the parameters that it determined, with their standard errors. What a
     fit does not free stays as it is; free parameters have these as priors.

@@ -11,12 +11,11 @@ from frictionid.arrays import Array
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.shooting.combination_law import CombinationLaw
-from frictionid.shooting.parameters.parameter_block import Parameter
+from frictionid.shooting.parameters.parameter_block import IDEAL, Parameter
 from frictionid.shooting.refine import Refined
 
 LEVELS = (0.9, 0.95)
 BEYOND = 1.5  # of the curves' velocities: that far the bands reach, to be seen growing
-_IDEAL = {"gain": 1.0, "delay": 0.0, "bias": 0.0, "offset": 0.0}
 
 
 def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any]:
@@ -111,7 +110,7 @@ def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | No
     if parameter.block == "actuator":
         value = getattr(dataset.recordings[0].servo, parameter.name, None)
         return None if value is None else float(value)
-    return _IDEAL.get(parameter.block)
+    return IDEAL.get(parameter.block)
 
 
 def _bands(result: Refined, w: Array) -> dict[str, Any]:

@@ -9,10 +9,7 @@ import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.shooting.covariance import Covariance
-from frictionid.shooting.parameters.parameter_block import ParameterBlock
-
-IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
-IDEAL |= {"target_delay": 0.0, "backlash": 0.0}
+from frictionid.shooting.parameters.parameter_block import IDEAL, ParameterBlock
 
 
 class Dropped(NamedTuple):

@@ -11,6 +11,7 @@ from scipy.stats import t as student
 from frictionid.report.estimates import estimates
 from frictionid.report.render import render
 from frictionid.report.shooting_results import delay_explains, delay_fixed, shooting_results
+from frictionid.shooting.parameters.parameter_block import IDEAL
 
 
 def results(refined, **data):
@@ -45,6 +46,18 @@ def said(refined):
         (
             made.parameter("bias", "torque bias", -0.2, 0.01, joint=1),
             "bias of joint 2: −0.20 N m",
+        ),
+        (
+            made.parameter("target_delay", "target delay", 0.01, 1e-4, unit="s"),
+            "Target delay: 10.0 ms (9.8 to 10.2); targets act later than logged",
+        ),
+        (
+            made.parameter("target_delay", "target delay", 1e-4, 1e-3, identified=True),
+            "Target delay: 0 ms (−2 to 2); no delay shows",
+        ),
+        (
+            made.parameter("backlash", "backlash", 0.009, 1e-4, unit="rad", joint=0),
+            "Backlash of joint 1: 0.0090 rad (0.0088 to 0.0092); the encoder that the controller",
         ),
         (
             made.parameter("offset", "angle offset", 0.02, 1e-3, joint=0),
@@ -85,7 +98,7 @@ def test_a_delay_explains_viscous_friction_where_its_interval_holds_one_that_doe
     value, errors, r = rng.uniform(0.5, 3.0), rng.uniform(0.3, 1.5, 2), rng.uniform(-0.99, 0.99)
     pair = [
         made.parameter("friction", "viscous", value, errors[0], joint=0),
-        made.parameter("delay", "torque delay", 0.01, 1e-3 * errors[1]),
+        made.parameter(("delay", "target_delay")[seed % 2], "delay", 0.01, 1e-3 * errors[1]),
     ]
     refined = made.shot(pair, correlation=[[1.0, r], [r, 1.0]])
     # E[viscous | delay] = value + slope (delay - its estimate)
@@ -100,8 +113,17 @@ def test_a_delay_that_was_not_free_is_named_where_a_motor_pulls():
     for driven in (True, False):
         refined = made.shot([viscous], driven=driven)
         assert bool(delay_fixed(refined, estimates(refined))) is driven
+    late = made.parameter("target_delay", "target delay", 0.01, 1e-4, unit="s")
+    of_targets = made.shot([viscous, late], driven=True)
+    assert not delay_fixed(of_targets, estimates(of_targets))
     coulomb = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001)], driven=True)
     assert not delay_fixed(coulomb, estimates(coulomb))
+
+
+@pytest.mark.parametrize("block", IDEAL)
+def test_a_block_that_was_left_out_is_named(block):
+    refined = made.shot([], dropped=[{"block": block, "p_value": 0.4}])
+    assert "Left out of the fit" in said(refined) and "(p = 0.4)" in said(refined)
 
 
 def test_true_values_outside_are_named():

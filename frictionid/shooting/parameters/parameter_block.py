@@ -14,6 +14,9 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 
+# What blocks of sensors and servos are where these are ideal.
+IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
+IDEAL |= {"target_delay": 0.0, "backlash": 0.0}
 _ORDER = ("friction", "base", "torque", "actuator", "angle")
 
 
