@@ -199,7 +199,7 @@ def _words(e: ModelError) -> str:
     if e.kind == "rotor":
         return f"{e.words}: {e.size:.3g} +- {e.error:.1g} {e.unit} beyond the nominal mechanism"
     if e.kind == "load":
-        return f"{e.words}: by {e.size:.2f} +- {e.error:.2f} of it"
+        return f"{e.words}: by {e.size:.3f} +- {e.error:.3f} of it"
     return f"{e.words} is {100 * e.share:+.0f} % from its nominal value"
 
 

@@ -151,11 +151,12 @@ def servo_advice(dataset: Dataset) -> list[str]:
 def _late_finding(found: _Found) -> Finding:
     late, error = found.late, found.error
     low, high = 1e3 * (late - _WIDE * error), 1e3 * (late + _WIDE * error)
+    d = 1 if high - low > 0.1 else 2
     return Finding(
         "late_targets",
         "good",
-        f"targets act {1e3 * late:.1f} ms later than they are logged (95 %: {low:.1f} to "
-        f"{high:.1f} ms), and torques are computed so here; left out, that would look like viscous "
+        f"targets act {1e3 * late:.{d}f} ms later than they are logged (95 %: {low:.{d}f} to "
+        f"{high:.{d}f} ms), and torques are computed so here; left out, that would look like viscous "
         "friction",
         "fit by shooting, where the delay of held targets is free",
         None,
@@ -234,7 +235,8 @@ def _one_payload(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:
             "one_payload",
             "good",
             "all recordings have one payload and one length: friction that grows with the load "
-            "cannot be seen: it looks like friction that is larger at some angles, or a wrong gain",
+            "cannot be seen for certain, as friction that is larger at some angles, or a wrong "
+            "gain, looks like it",
             "record with another payload or length before a load-dependent law is believed",
         )
     ]

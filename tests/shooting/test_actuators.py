@@ -140,19 +140,32 @@ def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
     assert "one_gain_set" not in found and verdict.level == "good"
 
 
-def test_check_asks_for_another_gain_set_but_for_no_other_payload_where_there_are_two():
-    rig, heavy = ServoPendulum(), ServoPendulum(mass=0.8)
-    own = {"light": rig.log(4.0, 0.05, seed=1), "heavy": heavy.log(4.0, 0.05, seed=2)}
-    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
-    data = fid.Dataset.from_frames(
-        {name: pd.DataFrame(log) for name, log in own.items()},
-        machine,
-        **dict(
-            time="t", angle="q", actuator=dict(target="target", output="torque", **_gains("soft"))
-        ),
+def two_payloads(**friction):
+    """One gain set, two masses at the end of the arm."""
+    rigs = {"light": ServoPendulum(**friction), "heavy": ServoPendulum(mass=0.8, **friction)}
+    return fid.Dataset.from_frames(
+        {name: pd.DataFrame(rig.log(4.0, 0.05, seed=rig.mass > 0.6)) for name, rig in rigs.items()},
+        fid.mechanisms.pendulum(mass=rigs["light"].mass, length=rigs["light"].length),
+        time="t",
+        angle="q",
+        actuator=dict(target="target", output="torque", **_gains("soft")),
         parameters={"heavy": {"mass": 0.8}},
     )
-    verdict = fid.check(data)
+
+
+def test_check_asks_for_another_gain_set_but_for_no_other_payload_where_there_are_two():
+    verdict = fid.check(two_payloads())
     kinds = set(verdict.findings["kind"])
-    assert "one_gain_set" in kinds and not kinds & {"one_payload", "backlash"}
+    assert "one_gain_set" in kinds and not kinds & {"one_payload", "backlash", "load"}
     assert any(line.startswith("one gain set: add") for line in verdict.next)
+
+
+def test_two_payloads_show_friction_that_grows_with_the_load():
+    data = two_payloads(load=0.15)
+    found = {row.kind: row for row in fid.check(data).findings.itertuples()}
+    assert found["load"].numbers["size"] == pytest.approx(0.15, rel=0.1)
+    assert "one_payload" not in found
+    fit = fid.fit(data, "motor_load", method="shooting", free=["gain", "target_delay"])
+    loss = fit.frame.set_index("parameter").loc["loss"]
+    assert loss["value"] == pytest.approx(0.15, rel=0.05)
+    assert loss["low_95"] > 0.1 and loss["high_95"] < 0.2
