@@ -156,8 +156,8 @@ def _late_finding(found: _Found) -> Finding:
         "late_targets",
         "good",
         f"targets act {1e3 * late:.{d}f} ms later than they are logged (95 %: {low:.{d}f} to "
-        f"{high:.{d}f} ms), and torques are computed so here; left out, that would look like viscous "
-        "friction",
+        f"{high:.{d}f} ms), and torques are computed so here; left out, that would look like "
+        "viscous friction",
         "fit by shooting, where the delay of held targets is free",
         None,
         {"delay": late, "error": error},
