@@ -29,7 +29,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
-damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes)
+damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes); of readers: ARGS="--readers --count 1000"
 	@$(ONE_THREAD) $(BIN)/python tests/damage.py $(ARGS)
 
 mutants: $(TEST) ## small random changes to the code, and which of them no test notices (hours)

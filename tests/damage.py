@@ -1,6 +1,7 @@
 """Damaged inputs to all commands that read: `make damage`, or python tests/damage.py --count 500.
 
 Each is drawn by its own seed: `--first SEED --count 1` repeats one, and shows what it said.
+With `--readers` data sets are only loaded, `--count` with damaged recordings of each reader.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
+Task = Callable[[Path], Any]  # from a scratch folder to an Outcome
 
 
 def main() -> int:
@@ -29,6 +32,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, help="One line of JSON for each input.")
+    parser.add_argument("--readers", action="store_true", help="Recordings of each reader.")
     options = parser.parse_args()
     begin, memory = time.monotonic(), Path("/dev/shm")
     with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as scratch:
@@ -39,17 +43,17 @@ def main() -> int:
 
 def _outcomes(options: argparse.Namespace, scratch: Path) -> Iterator[Any]:
     """Outcomes of all seeds, as workers that are forks of this process finish them."""
-    prepared = _prepared(scratch)
+    seeds = range(options.first, options.first + options.count)
+    tasks = _readings(scratch, seeds) if options.readers else _trials(scratch, seeds)
     queue = multiprocessing.get_context("fork").SimpleQueue()
     workers = []
     for j in range(options.jobs):
         child = os.fork()
         if not child:
-            seeds = range(options.first + j, options.first + options.count, options.jobs)
-            _work(prepared, seeds, scratch / f"worker-{j}", queue)
+            _work(tasks[j :: options.jobs], scratch / f"worker-{j}", queue)
             os._exit(0)
         workers.append(child)
-    for _ in range(options.count):
+    for _ in tasks:
         outcome = queue.get()
         if options.count == 1:
             print(outcome.command, outcome.said, sep="\n")
@@ -62,6 +66,10 @@ def _outcomes(options: argparse.Namespace, scratch: Path) -> Iterator[Any]:
 
 
 def _summarise(outcomes: Sequence[Any], seconds: float) -> None:
+    for name in sorted({o.target for o in outcomes}):
+        own = [o for o in outcomes if o.target == name]
+        refused, bad = sum(o.code == 2 for o in own), sum(bool(o.faults) for o in own)
+        print(f"{name:20s} {len(own):6d} damaged, {refused:6d} refused, {bad:4d} with faults")
     faults = Counter(fault for outcome in outcomes for fault in outcome.faults)
     codes = dict(Counter(outcome.code for outcome in outcomes))
     print(f"{len(outcomes)} damaged inputs in {seconds:.0f} s: exit status {codes}")
@@ -73,9 +81,19 @@ def _summarise(outcomes: Sequence[Any], seconds: float) -> None:
     print(f"{sum(bool(o.faults) for o in outcomes)} inputs with faults")
 
 
-def _prepared(scratch: Path) -> list[Any]:
-    """All targets, and all modules loaded, so that each trial is a fork."""
+def _readings(scratch: Path, seeds: range) -> list[Task]:
+    """Each reader with each seed."""
+    from fixtures.damage_targets import recordings
+    from fixtures.damage_trial import reading
+
+    targets = list(recordings(scratch / "whole"))
+    return [partial(reading, target, seed) for seed in seeds for target in targets]
+
+
+def _trials(scratch: Path, seeds: range) -> list[Task]:
+    """Each seed draws a command; all modules are loaded, so that each trial is a fork."""
     from fixtures.damage_targets import targets
+    from fixtures.damage_trial import trial
 
     import frictionid
 
@@ -83,15 +101,14 @@ def _prepared(scratch: Path) -> list[Any]:
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
     (scratch / "whole").mkdir()
-    return list(targets(scratch / "whole"))
+    prepared = list(targets(scratch / "whole"))
+    return [partial(trial, prepared, seed) for seed in seeds]
 
 
-def _work(prepared: list[Any], seeds: range, place: Path, queue: Any) -> None:
-    from fixtures.damage_trial import trial
-
+def _work(tasks: Sequence[Task], place: Path, queue: Any) -> None:
     place.mkdir()
-    for seed in seeds:
-        queue.put(trial(prepared, seed, place))
+    for task in tasks:
+        queue.put(task(place))
 
 
 if __name__ == "__main__":

@@ -2,12 +2,31 @@
 
 import subprocess
 import sys
+import tomllib
 
+from fixtures.damage_targets import recordings
 from fixtures.paths import ROOT
+
+from frictionid.data.readers.reader_names import READERS
+from frictionid.data.readers.table_formats import TABLE_FORMATS
+
+DAMAGE = [sys.executable, ROOT / "tests" / "damage.py", "--jobs", "1", "--first", "123456"]
 
 
 def test_damaged_inputs_end_in_one_line_and_lose_nothing(tmp_path):
-    command = [sys.executable, ROOT / "tests" / "damage.py", "--count", "15", "--first", "123456"]
-    ran = subprocess.run([*command, "--jobs", "1"], cwd=tmp_path, capture_output=True, text=True)
+    ran = subprocess.run([*DAMAGE, "--count", "15"], cwd=tmp_path, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert "0 inputs with faults" in ran.stdout and not list(tmp_path.iterdir())
+
+
+def test_every_reader_takes_damaged_files_without_a_traceback(tmp_path):
+    """Ten of each here; `make damage ARGS="--readers --count 1000"` takes a thousand of each."""
+    named = set()
+    for target in recordings(tmp_path / "whole"):
+        document = tomllib.loads((target.folder / "dataset.toml").read_text())
+        named.add(document.get("reader", {}).get("kind"))
+    assert named == {None, *READERS, *TABLE_FORMATS}
+    command = [*DAMAGE, "--readers", "--count", "10"]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "180 damaged inputs" in ran.stdout and "0 inputs with faults" in ran.stdout

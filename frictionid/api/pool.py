@@ -89,7 +89,10 @@ class Pooled:
 
     @property
     def _document(self) -> Mapping[str, Any]:
-        return pooled_document(self.friction)
+        document = pooled_document(self.friction)
+        if not document:
+            raise InputError("the model is not pooled: frictionid pool makes one of several")
+        return document
 
 
 def pool(

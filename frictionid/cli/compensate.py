@@ -37,6 +37,7 @@ def compensate(
     from frictionid.api.export import export
     from frictionid.comparison.registry import friction_of
     from frictionid.errors import InputError
+    from frictionid.evaluation import known_speeds
     from frictionid.export.formats import ExportSettings
     from frictionid.files import json_text, write_bytes
     from frictionid.outputs import check_outputs
@@ -44,7 +45,7 @@ def compensate(
 
     friction = friction_of(model)
     settings = Compensation(gain=gain, smooth=smooth, torque_limit=limit)
-    known = tuple(speed or friction.provenance.get("speeds", ()))
+    known = tuple(speed or known_speeds(friction))
     known = known * friction.n if len(known) == 1 else known
     source = {**friction.provenance, **({"speeds": known} if known else {})}
     friction = renewed(friction, provenance=source)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.friction.laws import Ensemble, members_of
@@ -76,3 +77,21 @@ def with_speeds(friction: Friction, w: Array) -> Friction:
     """Friction whose provenance has the greatest speed of each part in the data, from w (K, m)."""
     reach = [float(f"{speed:.6g}") for speed in np.abs(w).max(axis=0)]
     return replace(friction, provenance={**friction.provenance, "speeds": reach})
+
+
+def known_speeds(friction: Friction) -> tuple[float, ...]:
+    """Greatest speed of each part in the data, as `with_speeds` wrote it; () where none is known.
+
+    Raises
+    ------
+    InputError
+        Where the provenance of a model file holds something else.
+    """
+    given = friction.provenance.get("speeds") or ()
+    try:
+        known = tuple(float(v) for v in given)
+    except (TypeError, ValueError):
+        known = (np.nan,)
+    if not np.isfinite(known).all():
+        raise InputError(f"provenance.speeds of the model must be speeds [rad/s], not {given!r}")
+    return known

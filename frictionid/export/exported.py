@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, printable
-from frictionid.evaluation import Protocol, prepare, prepared_for
+from frictionid.evaluation import Protocol, known_speeds, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.export.program import Program, Value
 from frictionid.export.trace import chained, traced
@@ -155,7 +155,7 @@ def exported(
             f"a model with parameters of shape {friction.theta.shape} holds several frictions: "
             "export one of them, friction[0]"
         )
-    known = tuple(float(v) for v in speeds or friction.provenance.get("speeds", ()))
+    known = tuple(float(v) for v in speeds) or known_speeds(friction)
     if known and len(known) != friction.n:
         raise InputError(f"{len(known)} speeds for {friction.n} parts with friction: give one each")
     reach = tuple(max(v, 1e-9) for v in known)  # of a joint that does not move

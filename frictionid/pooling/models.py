@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.errors import InputError
+from frictionid.evaluation import known_speeds
 from frictionid.friction import Friction, Groups
 from frictionid.pooling.random_effects import random_effects
 
@@ -269,6 +270,7 @@ def _source(
         for model, name in zip(models, names, strict=True)
         for file, digest in (model.provenance.get("data") or {}).items()
     }
-    known: list[Any] = [model.provenance.get("speeds") for model in models]
-    speeds = {"speeds": np.min(known, axis=0).tolist()} if all(known) else {}
+    known = [known_speeds(model) for model in models]
+    alike = all(len(own) == models[0].n for own in known)
+    speeds = {"speeds": np.min(known, axis=0).tolist()} if alike else {}
     return {"dataset": f"{len(names)} specimens", "data": hashes, **speeds, "pooled": document}

@@ -10,6 +10,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
+from frictionid.pooling.samples import pooled_document
 from frictionid.report.estimates import Estimate, digits, estimates, interval
 from frictionid.report.numbers import NOTHING
 from frictionid.report.tables import Column, Table, line, text_columns
@@ -30,8 +31,7 @@ def fit_estimates(
 
     A network's weights and terms that a sparse law does not have are left out.
     """
-    source: Any = friction.provenance
-    document = source.get("refined") or source.get("pooled")
+    document: Any = friction.provenance.get("refined") or pooled_document(friction)
     if document:
         return estimates(document)
     if friction.law.is_network:

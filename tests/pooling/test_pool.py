@@ -190,15 +190,31 @@ def test_the_command_writes_a_model_whose_export_draws_further_specimens(
     assert samples["parameters"][0]["low_95"] == ranges["low"]
 
 
-def test_a_pooled_model_with_damaged_parameters_is_refused_in_one_line():
+DAMAGED = {
+    **{"values": ["x"], "joint": 7, "range_95": [0.0, np.inf], "interval_95": [1.0, 0.0]},
+    **{"errors": [0.1, 0.0, 0.1], "models": ["a"], "Q": None, "tau_95": 3.0},
+}
+
+
+@pytest.mark.parametrize(("key", "value"), DAMAGED.items(), ids=DAMAGED)
+def test_a_pooled_model_with_damaged_parameters_is_refused_in_one_line(key, value):
     made = pooled(MODELS, "abc")
     document = {**made.provenance["pooled"]}
-    for key, value in (("values", ["x"]), ("joint", 7), ("range_95", [0.0, np.inf])):
-        broken = [{**document["parameters"][0], key: value}]
-        friction = Friction(
-            made.law, made.theta, {}, {"pooled": {**document, "parameters": broken}}
-        )
+    broken = [{**document["parameters"][0], key: value}]
+    friction = Friction(made.law, made.theta, {}, {"pooled": {**document, "parameters": broken}})
+    for use in (lambda: randomised(exported(friction), 3), lambda: fid.Pooled(friction).frame):
         with pytest.raises(InputError, match="the pooled parameters of the model cannot be read"):
-            randomised(exported(friction), 3)
+            use()
+
+
+@pytest.mark.parametrize("speeds", [3.0, "fast", [None, 1.0], [np.nan, 1.0], {"hip": [1.0]}])
+def test_damaged_speeds_of_a_model_are_refused_in_one_line(speeds):
+    model = one_step([[0.2, 0.1], [0.3, 0.1]], [[0.01, 0.01]] * 2, speeds=speeds)
+    for use in (lambda: exported(model), lambda: fid.pool([MODELS[0], model])):
+        with pytest.raises(InputError, match="speeds of the model must be speeds .rad/s., not"):
+            use()
+
+
+def test_only_a_pooled_model_has_ranges():
     with pytest.raises(InputError, match="the model is not pooled: frictionid pool"):
         fid.Pooled(MODELS[0]).sample(2)
