@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
+import cloudpickle
 from joblib import Parallel, delayed, parallel_config
 from threadpoolctl import threadpool_limits
 
@@ -39,7 +40,8 @@ def side_by_side(
         parallel = Parallel(workers, return_as="generator_unordered", batch_size=1, max_nbytes=None)
         with _blocked(signal.SIGINT):
             results = parallel(
-                delayed(_in_worker)(os.getpid(), i, work, call) for i, call in enumerate(calls)
+                delayed(_in_worker)(os.getpid(), i, sys.path, cloudpickle.dumps((work, call)))
+                for i, call in enumerate(calls)
             )
         yield from results
 
@@ -55,11 +57,12 @@ def _blocked(number: signal.Signals) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _in_worker(
-    parent: int, index: int, work: Callable[..., Returned], call: tuple[Any, ...]
-) -> tuple[int, Returned]:
+def _in_worker(parent: int, index: int, places: Sequence[str], content: bytes) -> tuple[int, Any]:
     _end_with(parent)
     one_torch_thread()
+    # a worker of an earlier call does not know where modules have been found since
+    sys.path += [place for place in places if place not in sys.path]
+    work, call = cloudpickle.loads(content)
     return index, work(*call)
 
 
