@@ -1,6 +1,6 @@
 """Each planted fault is found and named in at least 95 % of 200 simulated cases; healthy data are
-called good in at least 98 %. Where the first 90 cases of a fault have no exception, the others are
-left out: were fewer than 95 % found, that would happen in less than 1 %.
+called good in at least 98 %. Where the first 60 cases of a fault have no exception, the others are
+left out: were fewer than 95 % found, that would happen in less than 5 %.
 
 The cases: eight rigs (acrobot, double pendulum with one or two motors, pendulum) of drawn masses
 and Stribeck friction, 4 recordings of 5 s each at 60 Hz with 0.3 to 2 mrad of noise; seeds
@@ -18,7 +18,7 @@ from frictionid.check.motion import mapped_motion, motions_of
 from frictionid.check.sensors import unwrapped
 
 CASES, FOUND, FALSE = 200, 0.95, 0.02
-CLEAR = 90  # cases without an exception: 0.95^90 < 0.01
+CLEAR = 60  # cases without an exception: 0.95^60 < 0.05
 
 
 @pytest.fixture(scope="module")
@@ -67,28 +67,35 @@ def test_healthy_recordings_are_called_good(healthy):
 
 @pytest.mark.parametrize("fault", pool.FAULTS)
 def test_a_planted_fault_is_found_and_named(fault, healthy):
-    plant, two = pool.FAULTS[fault]
+    _, two = pool.FAULTS[fault]
     rng = np.random.default_rng(100 + list(pool.FAULTS).index(fault))
     chosen = [pair for pair in healthy if applicable(pair[0], fault, two)][:CASES]
     assert len(chosen) == CASES
+    missed, others = exceptions(chosen[:CLEAR], fault, rng)
+    if missed or others:
+        more = exceptions(chosen[CLEAR:], fault, rng)
+        missed, others = missed + more[0], others + more[1]
+    assert len(missed) <= (1 - FOUND) * CASES, missed
+    # and one fault raises no suspicion of others
+    assert others <= FALSE * CASES
+
+
+def exceptions(chosen, fault, rng):
+    """Cases in which a planted fault is not named, and how many other faults were suspected."""
+    plant, _ = pool.FAULTS[fault]
     planted = [(*plant(case, rng), motions) for case, motions in chosen]
     mended = [unwrapped(case) for case, _, _ in planted]
     known = [mapped(motions, fault, words) for _, words, motions in planted]
     if known[0] is None:
         known = smoothed([case for case, _ in mended])
     missed, others = [], 0
-    pairs = zip(mended, planted, known, strict=True)
-    for k, ((case, found), (_, words, _), motions) in enumerate(pairs):
-        if k == CLEAR and not missed and not others:
-            break
+    for (case, found), (_, words, _), motions in zip(mended, planted, known, strict=True):
         verdict = judge(case, motions, found)
         named = [words in f.text for f in verdict.findings]
         others += len(named) - sum(named)
         if not any(named) or verdict.level == "good":
             missed.append((case.name, words, [f.text for f in verdict.findings]))
-    assert len(missed) <= (1 - FOUND) * CASES, missed
-    # and one fault raises no suspicion of others
-    assert others <= FALSE * CASES
+    return missed, others
 
 
 def test_a_joint_that_hardly_moves_is_named():
