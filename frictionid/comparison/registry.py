@@ -37,6 +37,7 @@ from frictionid.friction.laws import (
     StateLSTM,
     StateMLP,
     Stribeck,
+    Sum,
     Table,
     WindowMLP,
 )
@@ -85,6 +86,7 @@ LAWS: Mapping[str, type] = {
     "spline_asymmetric": AsymmetricSpline,
     "ripple": Ripple,
     "per_joint": PerJoint,
+    "sum": Sum,
     "library": Library,
     "table": Table,
     "state_library": StateLibrary,
@@ -151,6 +153,7 @@ IDENTIFIERS: Mapping[str, Kind] = {
     "spline": _law(Spline, AsymmetricSpline, Linear),
     "ripple": _kind(LeastSquares, Ripple),
     "per_joint": _kind(LeastSquares, PerJoint),
+    "sum": _kind(LeastSquares, Sum),
     "sindy": _kind(SINDy, Library),
     "sklearn": _kind(Regressor, estimator_named, without=["inputs"]),
     "sindy_dynamics": _kind(BlackBox, SparseDynamics),

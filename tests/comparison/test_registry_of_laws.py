@@ -1,6 +1,9 @@
 """Every law has a name for model files, and suites choose between its forms."""
 
+import inspect
+import re
 from dataclasses import MISSING, fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,6 +37,28 @@ def test_every_law_satisfies_the_protocol_and_survives_its_file(name, tmp_path):
     again = load_model(tmp_path / "model.json", LAWS)
     assert again.law == law
     np.testing.assert_array_equal(again.theta, theta)
+
+
+REFERENCES = Path(__file__).parents[2] / "docs" / "references.md"
+OF_THEIR_LAWS = {"none", "per_joint"}  # no friction, and other laws: there is no source of theirs
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_every_law_has_its_equation_and_a_source(name):
+    """In its own words or those of its file, and the source is in the list of references."""
+    words = f"{inspect.getdoc(LAWS[name])} {inspect.getdoc(inspect.getmodule(LAWS[name]))}"
+    assert re.search(r"\bTf(_j)? = ", words)
+    sources = re.findall(r"\[([A-Z][A-Za-z]+\d{4})\]", words)
+    assert sources or name in OF_THEIR_LAWS
+    listed = REFERENCES.read_text(encoding="utf-8")
+    assert all(f"- [{source}]" in listed for source in sources)
+
+
+def test_the_page_of_laws_has_every_law():
+    page = REFERENCES.with_name("laws.md").read_text(encoding="utf-8")
+    networks = REFERENCES.with_name("identifiers.md").read_text(encoding="utf-8")
+    for name in LAWS:
+        assert f"`{name}`" in page or f"`{name}`" in networks, name
 
 
 @pytest.mark.parametrize(

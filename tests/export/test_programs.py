@@ -32,6 +32,7 @@ LAWS = {
     "motor_load": known.MotorLoad(),
     "gear_load": known.GearLoad(0.3),
     "per_joint": known.PerJoint(("stribeck", "lugre")),
+    "sum": known.Sum(),
     "none": known.NoFriction(),
     "mlp": known.MLP(),
     "window_mlp": known.WindowMLP(),

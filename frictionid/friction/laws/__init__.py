@@ -22,6 +22,7 @@ from frictionid.friction.laws.state_library import StateLibrary
 from frictionid.friction.laws.state_lstm import StateLSTM
 from frictionid.friction.laws.state_mlp import StateMLP
 from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
+from frictionid.friction.laws.sum import Sum
 from frictionid.friction.laws.table import Table
 from frictionid.friction.laws.torch_module import TorchModule
 from frictionid.friction.laws.window_mlp import WindowMLP
@@ -56,6 +57,7 @@ __all__ = [
     "StateLibrary",
     "StateMLP",
     "Stribeck",
+    "Sum",
     "Table",
     "TorchModule",
     "WindowMLP",

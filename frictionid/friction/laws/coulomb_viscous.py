@@ -1,4 +1,4 @@
-"""Coulomb and viscous friction: Tf = Fc sgn(w) + Fv w."""
+"""Coulomb and viscous friction: Tf = Fc sgn(w) + Fv w [Olsson1998]."""
 
 from __future__ import annotations
 

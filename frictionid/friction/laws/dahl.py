@@ -54,8 +54,9 @@ class Dahl(Law):
 class DahlMotorLoad(Dahl):
     """Tf = (coulomb + loss |u|) z/presliding + viscous w, with dz/dt = w - |w| z/presliding.
 
-    A gear whose level grows with the motor torque u that it transmits, as in `MotorLoad`, and that
-    gives by `presliding` before it slips, as in `Dahl`: the spring is stiffer under load.
+    A gear whose level grows with the motor torque u that it transmits, as in `MotorLoad`
+    [Duclusaud2025], and that gives by `presliding` before it slips, as in `Dahl` [Dahl1968]: the
+    spring is stiffer under load.
     """
 
     names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "presliding", "loss")

@@ -1,4 +1,4 @@
-"""The mean of several networks of one form, whose spread is a band about it."""
+"""The mean of networks of one form, whose spread is a band about it [Lakshminarayanan2017]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A law within the speeds that were measured, and a straight line beyond them."""
+"""A law within the speeds that were measured, and a straight line beyond them.
+
+Tf = law(w) where |w| <= speed, law(+-speed) + slope (w -+ speed) beyond
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """A network of the velocity: a friction curve of any shape, whose physics hold by construction.
 
+The study learns friction by networks behind a physics step [DeMeester2020].
+
 The form of the level, and what its options promise, are those of `network_law`.
 """
 

@@ -1,4 +1,7 @@
-"""A law of its own for each joint: shoulders with a Stribeck peak, wrists without, and so on."""
+"""A law of its own for each joint: shoulders with a Stribeck peak, wrists without, and so on.
+
+Tf_j = law_j(q_j, w_j, u_j, load_j)
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coulomb and viscous friction, and a drag that grows with the velocity squared."""
+"""Coulomb and viscous friction, and a drag that grows with a power of the velocity [Olsson1998]."""
 
 from __future__ import annotations
 

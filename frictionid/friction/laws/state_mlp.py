@@ -1,4 +1,4 @@
-"""A network of all that is measured: acceleration without physics."""
+"""A network of all that is measured: acceleration without physics [Narendra1990]."""
 
 from __future__ import annotations
 

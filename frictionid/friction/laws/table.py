@@ -1,4 +1,7 @@
-"""Friction as a tabulated curve: levels at speeds, for each direction, straight between them."""
+"""Friction as a tabulated curve: levels at speeds, for each direction, straight between them.
+
+Compensation by such tables is as old as that by laws [Armstrong1994].
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any network of PyTorch as a friction law, its weights in one row of theta."""
+"""Any network of PyTorch as a law, as `MLP` [DeMeester2020], its weights in one row of theta."""
 
 from __future__ import annotations
 

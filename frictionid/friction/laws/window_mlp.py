@@ -1,4 +1,4 @@
-"""A network of the velocity and of its past samples: friction that remembers a window.
+"""A network of the velocity and of its past samples: friction that remembers [DeMeester2020].
 
 Or of the way since these samples: bristles bend by less than a joint moves from one to the next,
 but its angle is known at any time.

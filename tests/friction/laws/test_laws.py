@@ -26,6 +26,7 @@ from frictionid.friction.laws import (
     Ripple,
     Spline,
     Stribeck,
+    Sum,
     check_law,
 )
 from frictionid.friction.smooth_sign import smooth_sign
@@ -40,6 +41,7 @@ LAWS = [
     *(LoadDependentStribeck(), AsymmetricCoulombViscous(), Quadratic(), LoadDependent()),
     *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), AsymmetricSpline()),
     *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple("stribeck_asymmetric", (2,))),
+    *(Sum(), Sum(("motor_load_quadratic", "quadratic"), shape="arctan")),
 ]
 REMEMBERING = [FilmLag(), AsymmetricFilmLag(), Dahl(), DahlMotorLoad(), LuGre()]
 REMEMBERING += [AsymmetricLuGre()]
