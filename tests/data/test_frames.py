@@ -183,6 +183,11 @@ MISTAKES = {
     "unsorted": (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
     "unit": (FRAME, {"units": "grad"}, "unknown unit 'grad'; known: 'rad'"),
     "units": (FRAME, {"units": ["deg"] * 3}, "angle has 3 units for 2 columns"),
+    "few units": (
+        FRAME.assign(q3=0.0),
+        {"angle": ["q1", "q2", "q3"], "torque": None, "units": ["deg"] * 2},
+        "angle has 2 units for 3 columns",
+    ),
     "quantity": (FRAME, {"units": {"angel": "deg"}}, "'angel' is unknown; did you mean 'angle'"),
     "current": (FRAME, {"units": {"torque": "A"}}, "needs the table .motor."),
     "hold": (FRAME, {"hold": "zero"}, "hold"),

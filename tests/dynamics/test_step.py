@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import euler_step, semi_implicit_step, step
-from frictionid.dynamics.step_size import stiffness, substeps
+from frictionid.dynamics.step_size import slopes, stiffness, substeps
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
@@ -304,6 +304,11 @@ def test_the_substeps_follow_friction_that_grows_with_load_or_motor_torque(law, 
     friction = Friction(law, np.array([[0.0, 3.0]]))
     most = 3.0 * mass * 9.81 * size / (mass * length**2)  # held still against gravity
     assert most <= stiffness(plant, friction) * 1.01 < 1.3 * most
+
+
+def test_friction_that_grows_with_motor_torque_is_flat_without_it():
+    friction = Friction(Pressed(), np.array([[0.0, 3.0]]))
+    assert slopes(friction) == 0.0 < slopes(friction, u=np.array([0.2]))
 
 
 def test_the_substeps_follow_the_fastest_rate():

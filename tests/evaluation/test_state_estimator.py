@@ -18,12 +18,12 @@ TRUE = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
 
 
-def data(noise=0.0016, seed=3):
+def data(noise=0.0016, seed=3, rate=60.0):
     rig = Rig(
         "pendulum",
         PENDULUM,
         Stribeck(CURVE),
-        Camera(samples=150, angle_noise=noise),
+        Camera(samples=150, rate=rate, angle_noise=noise),
         tuple(
             Run(f"{k}", (1.5 - k,), torques=(Sine(0.1 + 0.1 * k, 0.8 + 0.2 * k),)) for k in range(3)
         ),
@@ -60,8 +60,9 @@ def test_the_true_model_knows_velocities_ten_times_better_than_a_filter():
     assert np.median(own) < 0.01
 
 
-def test_without_noise_the_true_model_finds_the_true_state():
-    dataset = data(noise=0.0)
+@pytest.mark.parametrize("rate", [60.0, 10.0])
+def test_without_noise_the_true_model_finds_the_true_state(rate):
+    dataset = data(noise=0.0, rate=rate)
     prepared = ready(dataset)
     assert np.median(errors(dataset, prepared, states(prepared).w)) < 2e-3
 

@@ -56,6 +56,18 @@ class Echo(Law):
         return self.inner.limit(theta, x, ())
 
 
+class Spring(Law):
+    """A torque of the angle."""
+
+    names, units, bounds = ("stiffness",), ("N m/rad",), ((0.0, 10.0),)
+
+    def torque(self, theta, x, memory):
+        return theta[..., 0] * x.q
+
+    def limit(self, theta, x, memory):
+        return 0.0 * theta[..., 0] * x.w
+
+
 # --- What is measured -----------------------------------------------------------------------------
 
 
@@ -67,6 +79,17 @@ def test_a_pure_delay_is_its_own_lag(shape, delay):
     assert loop_lag(late, period) == pytest.approx(delay, abs=2e-5)
     both = loop_lag(np.stack([late, 3.0 * late + 1.0]), period)
     assert both == pytest.approx([delay, delay], abs=2e-5)
+
+
+def test_the_velocity_of_a_loop_is_the_rate_of_its_angle():
+    spring = Friction(Spring(), np.ones((1, 1, 1)))
+    loops = hysteresis_loops(spring, PLANT, HysteresisSettings((3.0,), (0.7,)), GRID, 0.01)
+    assert {loop.kind for loop in loops} == {"reversing", "offset"}
+    for loop in loops:
+        angle, w = loop.torque[0], loop.velocity
+        dt = 1 / (loop.frequency * len(w))
+        moved = 0.5 * dt * (w[1:] + w[:-1])
+        np.testing.assert_allclose(np.diff(angle), moved, atol=1e-3 * np.abs(moved).max())
 
 
 def test_a_torque_that_does_not_vary_is_not_late():

@@ -127,6 +127,16 @@ def test_a_mass_10_per_cent_wrong_is_found_where_inertia_is_free_and_falsifies_f
     assert told.diagnostics.sigma[0] > 2 * free.diagnostics.sigma[0]
 
 
+def test_a_tighter_tolerance_goes_on_and_moves_nothing_by_more_than_the_looser_one(healthy):
+    loose, tight = (
+        refine(BEGIN, healthy, (FrictionBlock(),), replace(SHORT, tolerance=share))
+        for share in (0.5, 1e-4)
+    )
+    assert loose.diagnostics.iterations < tight.diagnostics.iterations
+    off = np.abs(tight.covariance.values - loose.covariance.values)
+    assert (off <= 0.5 * tight.covariance.error).all()
+
+
 def test_a_stretch_that_nothing_explains_is_named_and_moves_nothing(healthy):
     whole = refine(BEGIN, healthy, (FrictionBlock(), InertiaBlock()), SHORT)
     hit = healthy.recordings[2]

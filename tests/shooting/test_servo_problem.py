@@ -207,6 +207,21 @@ def test_voltage_falls_at_once_where_the_motor_is_switched_off():
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_part_that_follows_velocity_changes_at_once_up_and_down(way):
+    servo, angle = DRIVEN[0].servo, DRIVEN[0].angle
+    time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
+    middle = len(time) // 2
+    B = np.where(np.arange(len(time) - 1) < middle, 0.5 - 0.1 * way, 0.5 + 0.1 * way)[:, None]
+    motion = ServoMotion(angle, Signal(time, rate + 1.0))
+    torque = torque_signal(servo, motion, time[:-1], B)
+    beside = torque_signal(servo, motion, time[:-1], 0.0 * B)
+    edge = time[middle]
+    for at, share in ((edge - 1e-4, B[0, 0]), (edge, B[-1, 0])):
+        own = sample(torque, [at]) - sample(beside, [at])
+        np.testing.assert_allclose(own, share * sample(motion.w, [at]), rtol=1e-3)
+
+
 def test_an_angle_offset_moves_the_goal_too():
     data = believed(DRIVEN, KT, R)
     calibration = replace(Calibration.ideal(1), offset=np.array([0.3]))

@@ -151,6 +151,14 @@ def test_a_window_counts_as_its_cost_grows():
     np.testing.assert_allclose(slope, counts * full, atol=1e-4 * full.max())
 
 
+@pytest.mark.parametrize("seconds", [1e-6, 0.1, 0.5, 100.0])
+def test_windows_have_three_intervals_at_least_and_hold_each_interval_once(seconds):
+    intervals = intervals_of(tiny.dataset(recordings=tiny.recordings()[:2]))
+    windows = cut_windows(intervals, np.ones(len(intervals.dt), dtype=bool), seconds)
+    assert (windows >= 0).sum(axis=1).min() >= 3
+    np.testing.assert_array_equal(np.sort(windows[windows >= 0]), np.arange(len(intervals.dt)))
+
+
 def test_each_angle_of_a_window_counts_by_its_own_noise():
     """The last one, too: it is that behind the window's last interval."""
     rng = np.random.default_rng(3)
