@@ -19,6 +19,7 @@ from frictionid.acquire.rig_settings import rig_settings_of
 from frictionid.cli import main
 from frictionid.config import checked
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.readers.reader_names import READERS
 from frictionid.data.readers.ros import RosSettings
 from frictionid.data.signals import sample
@@ -95,10 +96,13 @@ def _check(folder, out):
 def test_the_settings_on_the_page_of_the_drive_are_accepted():
     text = (ROOT / "docs" / "drive.md").read_text()
     blocks = re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-    rig, ros = map(tomllib.loads, blocks)
+    rig, ros, columns = map(tomllib.loads, blocks)
     setup = rig_settings_of(rig, "rig.toml")
     assert written(setup.protocol.format(), ("1000", "0.05", "0.2")).decode().strip() in text
     checked(AngleColumns, rig["angles"], "[angles]")
     settings = {k: v for k, v in ros["reader"].items() if k != "kind"}
     checked(RosSettings, settings, "[reader]")
     assert ros["reader"]["kind"] in READERS
+    machine = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.15}}
+    described = check_dataset_toml({"name": "rig", "mechanism": machine, **columns}, "dataset.toml")
+    assert described.actuator is not None

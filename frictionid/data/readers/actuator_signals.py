@@ -89,7 +89,7 @@ def _signal(
         second=UNITS["time"][toml.units.time],
         unit=unit,
         hold=hold or own.hold,
-        sparse=columns.two_clocks or own.time is not None,
+        sparse=toml.asked.two_clocks,
     )
     at_motor = toml.motor is not None and toml.motor.angle == "motor"
     if not at_motor or quantity not in ("angle", "velocity"):

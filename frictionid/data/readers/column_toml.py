@@ -74,9 +74,20 @@ class ColumnNames(Strict):
         return self
 
     @property
+    def clocks(self) -> list[str]:
+        """Time columns, each once."""
+        return list(dict.fromkeys([self.time.angle, self.time.torque, self.velocity_clock]))
+
+    @property
     def two_clocks(self) -> bool:
         """Whether there are different time columns, so that rows may lack the time of one."""
-        return len({self.time.angle, self.time.torque, self.velocity_clock}) > 1
+        return len(self.clocks) > 1
+
+    def clock_of(self, name: str) -> str:
+        """Time column of a column."""
+        if name in self.torque:
+            return self.time.torque
+        return self.velocity_clock if name in (self.velocity or []) else self.time.angle
 
     @property
     def velocity_clock(self) -> str:
@@ -104,3 +115,19 @@ class ColumnNames(Strict):
         if self.velocity:
             names.append(self.velocity_clock)
         return [name for name in dict.fromkeys(names) if name]
+
+
+class AskedColumns(ColumnNames):
+    """All columns to read: those of an [actuator], which may have a clock, are covariates, too."""
+
+    targets: list[str]
+    target_clock: str
+
+    @property
+    def clocks(self) -> list[str]:
+        """Time columns, each once."""
+        return list(dict.fromkeys([*super().clocks, self.target_clock]))
+
+    def clock_of(self, name: str) -> str:
+        """Time column of a column."""
+        return self.target_clock if name in self.targets else super().clock_of(name)

@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 from frictionid.config import Strict, checked
 from frictionid.data.gears import Gears
 from frictionid.data.readers.actuator_toml import Actuator
-from frictionid.data.readers.column_toml import ColumnNames, Names
+from frictionid.data.readers.column_toml import AskedColumns, ColumnNames, Names
 from frictionid.data.readers.motor_toml import Motor, TorquePlace, as_list
 from frictionid.data.readers.table_formats import TABLE_FORMATS, with_defaults
 
@@ -224,8 +224,13 @@ class DatasetToml(Strict):
         assert self.columns is not None
         if self.actuator is None:
             return self.columns
-        more = {f"actuator {name}": name for name in self.actuator.columns()}
-        return self.columns.model_copy(update={"covariates": self.columns.covariates | more})
+        names = self.actuator.columns()
+        more = {f"actuator {name}": name for name in names}
+        return AskedColumns.model_construct(
+            **{**dict(self.columns), "covariates": self.columns.covariates | more},
+            targets=names,
+            target_clock=self.actuator.time or self.columns.time.angle,
+        )
 
     @field_validator("columns")
     @classmethod
@@ -233,7 +238,7 @@ class DatasetToml(Strict):
         cls, columns: ColumnNames | None, info: ValidationInfo
     ) -> ColumnNames | None:
         reader = info.data.get("reader", ...)  # not a wrong one
-        if columns is None and (reader is None or _reads_tables(reader)):
+        if columns is None and (reader is None or _reads_tables(reader, only=True)):
             raise PydanticCustomError(
                 "missing_columns",
                 "the key 'columns' is missing; add it, or a [reader] that needs none",
@@ -242,7 +247,8 @@ class DatasetToml(Strict):
 
     @model_validator(mode="after")
     def _columns_and_reader(self) -> Self:
-        if self.reader is not None and self.reader.kind not in TABLE_FORMATS:
+        tables = self.columns is not None and _reads_tables(self.reader)
+        if self.reader is not None and not tables:
             for key in ("columns", "units", "hold", "motor", "actuator", "signs"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
@@ -352,8 +358,10 @@ class DatasetToml(Strict):
         return self
 
 
-def _reads_tables(reader: object) -> bool:
-    return isinstance(reader, Reader) and reader.kind in TABLE_FORMATS
+def _reads_tables(reader: object, *, only: bool = False) -> bool:
+    """Whether a reader makes tables; `only`: and nothing else, so that it needs [columns]."""
+    known = isinstance(reader, Reader) and TABLE_FORMATS.get(reader.kind)
+    return bool(known and (known.needs_columns or not only))
 
 
 def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:

@@ -59,13 +59,12 @@ def drive_recorder_tables(
     lines = _text(unzip(content, file), file).splitlines()
     names = columns.names()
     head = _head(lines, names, file)
-    clocks = dict.fromkeys([columns.time.angle, columns.time.torque, columns.velocity_clock])
     own = _own_clocks(head, columns)
     places = {name: head.places[name] for name in names}
     places |= {f"{name}\0": place for name, place in own.items()}
-    table = _rows(lines, head, places, [c for c in clocks if c in places], file)
+    table = _rows(lines, head, places, [c for c in columns.clocks if c in places], file)
     for name in own:
-        _check_clock(table, name, _clock_of(name, columns), head.cells[own[name]])
+        _check_clock(table, name, columns.clock_of(name), head.cells[own[name]])
     return {"": table._replace(columns={name: table.columns[name] for name in names})}
 
 
@@ -153,20 +152,14 @@ def _base(name: str) -> str:
     return match[1] if match else name
 
 
-def _clock_of(name: str, columns: ColumnNames) -> str:
-    if name in columns.torque:
-        return columns.time.torque
-    return columns.velocity_clock if name in (columns.velocity or []) else columns.time.angle
-
-
 def _own_clocks(head: Head, columns: ColumnNames) -> dict[str, int]:
     """Place of the time column in front of each signal that is not the one it is said to have."""
-    clocks = {columns.time.angle, columns.time.torque, columns.velocity_clock}
+    clocks = columns.clocks
     times = [k for k, cell in enumerate(head.cells) if _base(cell) in map(_base, clocks)]
     out = {}
     for name, place in head.places.items():
         before = [k for k in times if k < place]
-        if name not in clocks and before and head.cells[before[-1]] != _clock_of(name, columns):
+        if name not in clocks and before and head.cells[before[-1]] != columns.clock_of(name):
             out[name] = before[-1]
     return out
 
@@ -221,5 +214,6 @@ def _check_clock(table: Table, name: str, said: str, own: str) -> None:
     if not np.allclose(time, other, rtol=_SAME, atol=0.0, equal_nan=True):
         raise InputError(
             f"{table.file}: {name!r} stands behind the time {own[:60]!r}, which differs from "
-            f'{said!r}: name it, as time = {{ angle = "...", torque = "..." }} in [columns]'
+            f'{said!r}: name it, as time = {{ angle = "...", torque = "..." }} in [columns], or '
+            "as time in [actuator]"
         )

@@ -61,9 +61,10 @@ def reader_of(kind: str, file: Path, *, trust: bool = False) -> Reader:
             raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")
         return _checked(found, kind)
     if kind not in READERS:
+        known = dict.fromkeys([*READERS, *TABLE_FORMATS])
         raise InputError(
-            f"{file}: [reader] kind = {kind!r} is unknown; "
-            f"{nearest(kind, [*READERS, *TABLE_FORMATS])}; one's own is package.module:function"
+            f"{file}: [reader] kind = {kind!r} is unknown; {nearest(kind, known)}; one's own is "
+            "package.module:function"
         )
     return READERS[kind]
 

@@ -17,6 +17,7 @@ from frictionid.data.readers.unpacking import check_cells, unzip
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
+_RECORDER = "the reader drive_recorder (data/README.md)"
 _NAMES = 20  # of columns, in a complaint
 _HEADER = 1 << 20  # [bytes] of the line with the names of the columns
 _LONG = 100_000  # [bytes] of a text that is worth trying to read at once
@@ -237,7 +238,8 @@ def _check_row(file: str, header: list[str], cells: list[str], numbers: tuple[in
     if cells and len(cells) != len(header):
         raise InputError(
             f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
-            "repair or delete the row (decimal commas need semicolons between the cells)"
+            "repair or delete the row (decimal commas need semicolons between the cells; "
+            f"lines above the names need {_RECORDER})"
         )
 
 
@@ -334,4 +336,7 @@ def _check_header(file: str, header: Sequence[str], columns: Sequence[str]) -> N
         if count[name] == 0:
             raise InputError(f"{file} has no column {name!r}; it has {named}")
         if count[name] > 1:
-            raise InputError(f"{file} has {count[name]} columns called {name!r}; rename them")
+            raise InputError(
+                f"{file} has {count[name]} columns called {name!r}; rename them, or "
+                f"count them by {_RECORDER}"
+            )

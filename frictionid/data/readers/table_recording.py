@@ -127,6 +127,6 @@ def _signal(
         second=UNITS["time"][toml.units.time],
         unit=unit,
         hold=toml.hold.torque if torque else "linear",
-        sparse=columns.two_clocks,
+        sparse=toml.asked.two_clocks,
         sigma=None if sigma is None else np.full(len(names), sigma),
     )

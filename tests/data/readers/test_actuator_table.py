@@ -207,6 +207,19 @@ def test_targets_that_do_not_cover_the_recording_are_refused():
         read({**PD, "time": "clock"}, late)
 
 
+def test_targets_with_a_clock_of_their_own_may_stand_in_rows_of_their_own():
+    seen = FRAME[["t", "q"]].iloc[::2]
+    aims = FRAME[["t", "aim"]].rename(columns={"t": "clock"})
+    mixed = pd.concat([aims, seen], ignore_index=True)
+    found = read({**PD, "time": "clock"}, mixed).recordings[0]
+    np.testing.assert_array_equal(found.angle.time, TIME[::2])
+    np.testing.assert_allclose(
+        found.servo.torque(TIME[::2], found.angle.value, 0 * found.angle.value)[:, 0],
+        3.0 * ERROR[::2],
+        atol=1e-12,
+    )
+
+
 def test_a_missing_target_is_named_by_its_row():
     holes = FRAME.assign(aim=FRAME["aim"].where(FRAME["t"] != TIME[7]))
     with pytest.raises(fid.InputError, match="row 7.*'aim' is empty"):

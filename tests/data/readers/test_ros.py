@@ -26,12 +26,13 @@ def message(stamp, names, position, velocity, effort):
 
 
 def write(folder, messages, plugin="MCAP", topics=("/joint_states",), kind=TYPE):
-    """A bag; its file."""
+    """A bag of the same messages in all topics, or of each topic's own; its file."""
+    own = messages if isinstance(messages, dict) else dict.fromkeys(topics, messages)
     storage = getattr(rosbag2.StoragePlugin, plugin)
     with rosbag2.Writer(folder, version=9, storage_plugin=storage) as bag:
-        for topic in topics:
+        for topic, sent in own.items():
             connection = bag.add_connection(topic, kind, typestore=STORE)
-            for late, one in messages:
+            for late, one in sent:
                 bag.write(connection, START + late, STORE.serialize_cdr(one, kind))
     return next(p for p in folder.iterdir() if p.suffix in (".mcap", ".db3"))
 
@@ -80,6 +81,60 @@ def test_a_bag_is_a_data_set(motion, tmp_path):
     recording = load_dataset(tmp_path).recordings[0]
     assert recording.name == f"bag/{file.stem}"
     np.testing.assert_array_equal(recording.angle.value, motion[1])
+
+
+TABLES = """
+name = "bags"
+mechanism = { kind = "pendulum", parameters = { mass = 0.5, length = 0.3 } }
+recordings = { patterns = ["bag/*.mcap"] }
+reader = { kind = "ros", topic = "/joint_states" }
+"""
+
+
+def loaded(folder, text):
+    (folder / "dataset.toml").write_text(TABLES + text)
+    return load_dataset(folder).recordings[0]
+
+
+def test_columns_of_a_bag_have_units_and_motors_as_those_of_any_table(motion, tmp_path):
+    times, q, w, u = motion
+    write(tmp_path / "bag", states(motion))
+    names = 'time = "time"\nangle = "position[elbow]"\nvelocity = "velocity[elbow]"\n'
+    text = f'[columns]\n{names}torque = "effort[elbow]"\n[units]\ntorque = "mA"\n'
+    found = loaded(tmp_path, text + "[motor]\nkt = 0.1\ngear = 20.0\n")
+    np.testing.assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found.angle.value[:, 0], q[:, 1])
+    np.testing.assert_array_equal(found.velocity.value[:, 0], w[:, 1])
+    np.testing.assert_allclose(found.torque.value[:, 0], 0.1 * 20.0 * 1e-3 * u[:, 1])
+
+
+def test_targets_of_a_bag_come_from_a_topic_of_its_own(motion, tmp_path):
+    times, q, _, _ = motion
+    commands = [
+        (late, message(START + late, ["elbow"], [0.3], [], []))
+        for late in range(0, 400_000_000, 7_000_000)
+    ]
+    write(tmp_path / "bag", {"/joint_states": states(motion), "/joint_commands": commands})
+    text = """
+columns = { time = "time", angle = "position[elbow]" }
+[actuator]
+time = "/joint_commands/time"
+target = "/joint_commands/position[elbow]"
+output = "torque"
+P = 2.0
+"""
+    found = loaded(tmp_path, text)
+    torque = found.servo.torque(found.angle.time, found.angle.value, 0 * found.angle.value)
+    np.testing.assert_allclose(torque[:, 0], 2.0 * (0.3 - q[:, 1]), atol=1e-12)
+    for change, words in (
+        (("[elbow]", "[knee]"), "has no joint 'knee'"),
+        (("/position[", "/effort["), "has one; name another topic"),
+        (("position", "positions"), "positions.elbow.': write time, position.joint."),
+        (("/joint_commands", "/joint_command"), "did you mean '/joint_commands'"),
+    ):
+        with pytest.raises(InputError, match=words) as caught:
+            loaded(tmp_path, text.replace(*change))
+        assert "\n" not in str(caught.value)
 
 
 def test_passive_joints_need_no_effort(motion, tmp_path):

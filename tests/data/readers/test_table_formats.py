@@ -126,6 +126,26 @@ def test_a_wrong_clock_of_a_recorder_is_refused(tmp_path):
     )
 
 
+def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
+    content = recorder(order=(1, 0)).replace(b"0x6077:00", b"0x607A:00")
+    (tmp_path / "a.csv").write_bytes(content)
+    own = {
+        "columns": {"time": "Time[2]", "angle": "0x6064"},
+        "units": {"time": "ms", "angle": "counts"},
+        "motor": {"angle": "motor", "gear": GEAR, "counts_per_turn": COUNTS},
+        "actuator": {"time": "Time", "target": "0x607A", "output": "torque", "P": 2.0},
+    }
+    (found,) = load(tmp_path, "drive_recorder", **own).recordings
+    np.testing.assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
+    np.testing.assert_allclose(found.servo.goal.time, TIME[::2], atol=1e-12)
+    del own["actuator"]["time"]
+    refused(
+        r"'0x607A' stands behind the time 'Time', which differs from 'Time\[2\]'.*\[actuator\]",
+        *(tmp_path, "drive_recorder"),
+        **own,
+    )
+
+
 DRIVE_MISTAKES = {
     "unit": ({"units": {}, "motor": {}}, r"units.angle of 0x6064 must be stated: \"counts\""),
     "torque": (
