@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from frictionid.api.compare import compare as compare
     from frictionid.api.comparison import Comparison as Comparison
     from frictionid.api.comparison import load_comparison as load_comparison
+    from frictionid.api.covariate import OverCovariate as OverCovariate
+    from frictionid.api.covariate import over_covariate as over_covariate
     from frictionid.api.evaluate import evaluate as evaluate
     from frictionid.api.evaluate import predict as predict
     from frictionid.api.export import export as export
@@ -145,6 +147,7 @@ _HOME = {
     "MotorLoadQuadratic": "frictionid.friction.laws",
     "Network": "frictionid.identifiers",
     "NoFriction": "frictionid.friction.laws",
+    "OverCovariate": "frictionid.api.covariate",
     "Pooled": "frictionid.api.pool",
     "Protocol": "frictionid.evaluation.protocol",
     "Published": "frictionid.identifiers",
@@ -183,6 +186,7 @@ _HOME = {
     "load_model": "frictionid.api.fit",
     "make_folds": "frictionid.evaluation.folds",
     "monitor": "frictionid.api.monitor",
+    "over_covariate": "frictionid.api.covariate",
     "pool": "frictionid.api.pool",
     "predict": "frictionid.api.evaluate",
     "predicted_motion": "frictionid.evaluation.predicted_motion",

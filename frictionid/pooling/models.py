@@ -57,7 +57,7 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
     InputError
         Where the models are not alike, have no intervals, or one is given twice.
     """
-    _check(models, names, equal)
+    check_alike(models, names, equal)
     given = [estimates(model, name) for model, name in zip(models, names, strict=True)]
     first = models[0]
     theta = np.median([model.theta for model in models], axis=0)
@@ -209,7 +209,14 @@ def _sentences(rows: Sequence[tuple[str, Estimate]], known: int, stays: str) -> 
 # --- Models that are alike ------------------------------------------------------------------------
 
 
-def _check(models: Sequence[Friction], names: Sequence[str], equal: Groups) -> None:
+def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups = ()) -> None:
+    """Check that models are fits of one law to equal machines.
+
+    Raises
+    ------
+    InputError
+        With the first that is not, or is given twice.
+    """
     if len(models) < (1 if equal else 2):
         raise InputError(
             f"pool: needs two models or more, of as many specimens, not {len(models)}; of one, "
