@@ -52,6 +52,14 @@ def still(time):
     return dataset(recordings=(Recording("still", signal, signal),), truth=None)
 
 
+def test_a_recording_as_long_as_a_horizon_and_what_comes_before_has_one_initial_state():
+    data = still(np.arange(46) / 100)
+    starts = starts_of(data, horizons=(0.3,), begin=0.15)
+    np.testing.assert_array_equal(starts.index, [15])
+    with pytest.raises(InputError, match="no recording holds"):
+        starts_of(still(np.arange(45) / 100), horizons=(0.3,), begin=0.15)
+
+
 def times_of(starts, data):
     clocks = [r.angle.time for r in data.recordings]
     return np.array([clocks[r][k] for r, k in zip(starts.recording, starts.index, strict=True)])

@@ -11,7 +11,7 @@ from fixtures import tiny_pendulums as tiny
 
 from frictionid.shooting.problem import Linearisation
 from frictionid.shooting.sample_intervals import cut_windows, intervals_of
-from frictionid.shooting.window_steps import Point, cost_of, counts_of
+from frictionid.shooting.window_steps import Point, cost_of, counts_of, with_windows_checked
 from frictionid.shooting.windows import WindowPrediction, eliminate_states, predict_windows
 
 W, N, JOINTS, SHARED = 5, 7, 2, 3
@@ -149,6 +149,39 @@ def test_a_window_counts_as_its_cost_grows():
 
     slope, full = ((f(1 + step) - f(1 - step)) / (2 * step) for f in (cost, plain))
     np.testing.assert_allclose(slope, counts * full, atol=1e-4 * full.max())
+
+
+def test_a_window_is_left_out_where_its_gap_stays_open_and_not_while_it_closes():
+    """Of eight windows one stays open, another one halves its gap and more with each step."""
+    shape, none = (8, N + 1, JOINTS), np.zeros(8)
+    alike = WindowPrediction(
+        error=np.zeros(shape),
+        slope=np.zeros((*shape, STATE + SHARED)),
+        share=np.ones(shape[:2]),
+        moved=np.zeros((8, N, STATE)),
+        carried=np.zeros((8, N, STATE, STATE + SHARED)),
+    )
+    point = Point(
+        None,
+        np.zeros((8 * N, STATE)),
+        np.arange(8 * N).reshape(8, N),
+        alike,
+        np.zeros((2, 8, STATE)),
+        none,
+        none,
+        none > 0,
+        none > 0,
+        none,
+    )
+    gaps = [np.array([9.0, 40.0 * 0.4**k, *(0.01,) * 6]) for k in range(4)]
+    last = point._replace(gap=gaps[0])
+    for gap in gaps[1:]:
+        last = with_windows_checked(
+            point._replace(gap=gap), last, np.zeros(SHARED), SIGMA, 2.5, False
+        )
+    assert last.gap[1] > 1.0
+    np.testing.assert_array_equal(last.kinked, [True] + 7 * [False])
+    np.testing.assert_array_equal(last.failures, [3.0] + 7 * [0.0])
 
 
 @pytest.mark.parametrize("seconds", [1e-6, 0.1, 0.5, 100.0])
