@@ -19,6 +19,7 @@ from frictionid.comparison.methods import Fit, Method
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset
+from frictionid.data.signals import holds
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     EstimatedStates,
@@ -55,6 +56,12 @@ class Fitted(NamedTuple):
 
     friction: Friction
     fit: Fit
+
+
+AS_LOGGED = (
+    "targets are taken to act when they are logged: a delay of theirs, which a fit by shooting "
+    "finds, passes for viscous friction here"
+)
 
 
 def fit_model(
@@ -115,6 +122,8 @@ def fitted(
     }
     if identifier.uses_mechanism:
         provenance["torque"] = [source.sentence for source in torque_sources(dataset)]
+        if fit.refined is None and _as_logged(dataset):
+            provenance["torque"].append(AS_LOGGED)
     if fit.refined is not None:
         w = training.problems[recipe.first_step.name].nodes.inputs.w
         provenance["refined"] = document_of(fit.refined, dataset, velocity_grid(w))
@@ -123,6 +132,12 @@ def fitted(
         provenance["equality"] = _equality(identifier, recipe, training, seed)
     known = replace(friction, provenance=provenance)
     return Fitted(with_speeds(known, speeds(dataset, prepared.smoothed)), fit)
+
+
+def _as_logged(dataset: Dataset) -> bool:
+    """Whether a servo's held targets are taken to act when they are logged."""
+    servos = [r.servo for r in dataset.recordings if r.servo is not None]
+    return any(holds(s.goal) and s.target_delay == 0 for s in servos)
 
 
 def _equality(

@@ -115,6 +115,14 @@ def test_a_limit_of_the_torque_is_kept():
     assert delay == pytest.approx(rig.delay, abs=1e-3)
 
 
+def test_a_one_step_fit_says_that_it_takes_targets_as_logged():
+    own = dict(frames(LOOSE))
+    said = "targets are taken to act when they are logged"
+    for late in (0.0, 0.01):
+        fit = fid.fit(dataset(own, LOOSE, delay=late), "coulomb_viscous")
+        assert any(said in s for s in fit.friction.provenance["torque"]) == (late == 0.0)
+
+
 def test_constants_of_a_motor_are_refused_where_the_controller_puts_out_a_torque():
     data = dataset(frames(LOOSE), LOOSE)
     with pytest.raises(fid.InputError, match='output = "torque" knows no kt and R'):
@@ -169,3 +177,36 @@ def test_two_payloads_show_friction_that_grows_with_the_load():
     loss = fit.frame.set_index("parameter").loc["loss"]
     assert loss["value"] == pytest.approx(0.15, rel=0.05)
     assert loss["low_95"] > 0.1 and loss["high_95"] < 0.2
+
+
+K, R, SUPPLY = 0.4, 3.0, 7.4
+LOG = ServoPendulum().log(5.0, K * K / R, seed=4, seconds=4.0)
+RATE = 0.7 * np.cos(3 * LOG["t"])
+MORE = 0.05 * np.sin(LOG["t"])
+
+
+@pytest.mark.parametrize(
+    ("frame", "actuator"),
+    [
+        (LOG, dict(output="voltage", P=5.0 * R / K, kt=K / 20, R=R, gear=20.0)),
+        (LOG, dict(output="duty", P=5.0 * R / K / SUPPLY, kt=K, R=R, supply="vin", limit=100.0)),
+        (LOG, dict(output="current", P=5.0 / 0.8 / K, D=K / R / 0.8, kt=K, efficiency=0.8)),
+        (
+            {**LOG, "target": LOG["target"] - (K * K / R * RATE + MORE) / 5.0},
+            dict(output="torque", P=5.0, D=K * K / R, target_velocity="rate", feedforward="more"),
+        ),
+    ],
+    ids=["voltage", "duty", "current", "mit"],
+)
+def test_all_outputs_of_a_controller_lead_to_the_same_friction(frame, actuator):
+    """The same motion, as the log of each controller that would have made it."""
+    rig = ServoPendulum()
+    frame = pd.DataFrame({**frame, "vin": SUPPLY, "rate": RATE, "more": MORE})
+    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
+    data = fid.Dataset.from_frames(
+        frame, machine, time="t", angle="q", actuator=dict(target="target", **actuator)
+    )
+    coulomb, viscous, delay = found_of(data)
+    assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
+    assert viscous == pytest.approx(rig.viscous, rel=0.05)
+    assert delay == pytest.approx(rig.delay, abs=1e-3)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +14,7 @@ import pytest
 from fixtures.reader_files import MOTOR, bam_log, column
 
 import frictionid as fid
+from frictionid.data.readers.actuator_toml import Actuator
 from frictionid.data.readers.bam import XL330_GAIN, read_bam
 from frictionid.data.servo import Servo, motor_torque, play, servo_torque
 from frictionid.data.signals import Signal
@@ -232,3 +236,16 @@ def test_a_servo_keeps_its_numbers_with_another_motor():
     assert isinstance(other, Servo) and replace(other, kt=0.4, R=3.0).damping == servo.damping
     angle = read(DUTY).recordings[0].angle
     assert np.any(servo_torque(other, angle).value != servo_torque(servo, angle).value)
+
+
+PAGE = Path(__file__).parents[3] / "docs" / "actuators.md"
+TABLES = re.findall(
+    r"^```toml\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+)
+
+
+@pytest.mark.parametrize("text", TABLES)
+def test_the_tables_of_the_page_are_actuators(text):
+    actuator = Actuator(**tomllib.loads(text)["actuator"])
+    actuator.check_joints(1)
+    assert len(TABLES) == 4
