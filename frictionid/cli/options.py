@@ -42,8 +42,8 @@ Free = Annotated[
 KnownCalibration = Annotated[
     Path | None,
     typer.Option(
-        help="Model file whose base parameters, delay, gain, bias and offset are held; "
-        "blocks named by --free have its standard errors as priors."
+        help="Model file whose base parameters, delay, gain, bias, offset, and what it says of "
+        "servos, are held; blocks named by --free have its standard errors as priors."
     ),
 ]
 Equal = Annotated[

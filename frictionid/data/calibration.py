@@ -121,6 +121,20 @@ def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
     return replace(dataset, recordings=recordings)
 
 
+def with_calibrated_servos(dataset: Dataset, calibration: Calibration) -> Dataset:
+    """The data set with torques of servos whose motors, targets and backlash are calibrated."""
+
+    def known(recording: Recording) -> Recording:
+        if recording.servo is None:
+            return recording
+        servo = calibrated_servo(recording.servo, calibration)
+        if servo is recording.servo:
+            return recording
+        return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
+
+    return replace(dataset, recordings=tuple(map(known, dataset.recordings)))
+
+
 def _calibrated(recording: Recording, calibration: Calibration, driven: Array) -> Recording:
     angle, torque, servo = recording.angle, recording.torque, recording.servo
     angle = angle._replace(value=angle.value - calibration.offset)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array, namespace
-from frictionid.data.calibration import stack_calibrations
+from frictionid.data.calibration import stack_calibrations, with_calibrated_servos
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.identifiers import Identifier
@@ -21,6 +21,7 @@ from frictionid.shooting.known_calibration import KnownCalibration
 from frictionid.shooting.parameters import ParameterBlock
 from frictionid.shooting.refine import Refined, fit_blocks
 from frictionid.shooting.sample_intervals import Intervals
+from frictionid.shooting.servo_problem import has_actuator
 from frictionid.shooting.settings import Settings
 
 
@@ -145,6 +146,9 @@ def refine_folds(
         blocks = recipe.known.as_priors(blocks)
         held = recipe.known.on(intervals.dataset)
         starts = [replace(start, calibration=held) for start in starts]
+        if not has_actuator(blocks):
+            known = with_calibrated_servos(intervals.dataset, held)
+            intervals = replace(intervals, dataset=known)
     results = [
         fit_blocks(start, intervals, blocks, recipe.settings, use)
         for start, use in zip(starts, training > 0, strict=True)

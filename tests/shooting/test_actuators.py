@@ -210,3 +210,15 @@ def test_all_outputs_of_a_controller_lead_to_the_same_friction(frame, actuator):
     assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
     assert viscous == pytest.approx(rig.viscous, rel=0.05)
     assert delay == pytest.approx(rig.delay, abs=1e-3)
+
+
+def test_what_another_fit_found_of_the_servo_is_held(loose):
+    """Its delay and backlash in the torques where friction alone is free, else as priors."""
+    known, _ = loose
+    data = dataset(frames(LOOSE, runs=1), LOOSE)
+    for free in (["friction"], ["friction", "backlash"]):
+        fit = fid.fit(data, "coulomb_viscous", method="shooting", free=free, calibration=known)
+        found = fit.frame.set_index("parameter")["value"]
+        assert list(found.index) == ["coulomb", "viscous", "backlash"][: len(free) + 1]
+        assert found["coulomb"] == pytest.approx(LOOSE.coulomb, rel=0.05)
+        assert found["viscous"] == pytest.approx(LOOSE.viscous, rel=0.05)
