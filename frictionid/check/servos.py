@@ -25,6 +25,7 @@ from frictionid.check.partial_regression import (
     nuisance_of,
 )
 from frictionid.data.integrals import integrals_of
+from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, holds
@@ -33,6 +34,7 @@ _LATEST, _COARSE, _STEP = 0.06, 0.004, 0.001  # [s], of the search and of its la
 _WIDE = 2.5  # standard errors, as of a measured torque's delay
 _CLEAR = 0.02  # of the sum of squares that a delay must explain
 _PLAYS = np.radians([0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0])  # backlash that is tried
+_FAST = 0.2  # of a velocity error that controllers take off within a sample
 _MUCH = 0.5  # of the sum of squares that a backlash must explain
 
 
@@ -108,8 +110,9 @@ class _Fit:
         out = []
         for recording, motion in zip(self.dataset.recordings, self.motions, strict=True):
             rate = Signal(motion.states.time, motion.states.w, "linear")
+            angle = Signal(motion.states.time, motion.states.q, "linear")
             servo = _with(recording.servo, late, play)
-            out.append(servo_torque(servo, recording.angle, rate=rate))
+            out.append(servo_torque(servo, angle, rate=rate))
         return out
 
     def _means(self, late: float, play: float) -> Array:
@@ -133,7 +136,12 @@ def servo_findings(dataset: Dataset) -> list[Finding]:
     servos = servos_of(dataset)
     if not servos:
         return []
-    return [*_tied(dataset, servos), *_one_gain_set(servos), *_one_payload(dataset, servos)]
+    return [
+        *_fast_loop(dataset),
+        *_tied(dataset, servos),
+        *_one_gain_set(servos),
+        *_one_payload(dataset, servos),
+    ]
 
 
 def servo_advice(dataset: Dataset) -> list[str]:
@@ -176,6 +184,32 @@ def _play_finding(found: _Found, without: _Found) -> Finding:
         None,
         {"backlash": found.play, "explains": share},
     )
+
+
+def _fast_loop(dataset: Dataset) -> list[Finding]:
+    """Whether controllers change velocities within a sample or so, which samples do not show."""
+    plant, most = plant_of(dataset), 0.0
+    for k, r in enumerate(dataset.recordings):
+        if r.servo is None:
+            continue
+        time, q = r.angle.time, np.asarray(r.angle.value)
+        M = np.asarray(plant.mechanism.inertia(np.asarray(plant.p)[k], q))
+        rate = r.servo.damping_at(time, q, 0.0 * q) / np.diagonal(M, axis1=-2, axis2=-1)
+        most = max(most, float(np.median(rate, axis=0).max() * np.median(np.diff(time))))
+    if most < _FAST:
+        return []
+    return [
+        Finding(
+            "fast_loop",
+            "good",
+            f"controllers change a velocity within {1 / most:.1f} samples: torques that are "
+            "computed from samples are too coarse to test masses and delays by, what is said of "
+            "them here may be off by a fifth and more",
+            "log faster, or believe the fit by shooting, which simulates the controller in between",
+            None,
+            {"samples": 1 / most},
+        )
+    ]
 
 
 def _tied(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:

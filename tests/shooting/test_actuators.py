@@ -222,3 +222,16 @@ def test_what_another_fit_found_of_the_servo_is_held(loose):
         assert list(found.index) == ["coulomb", "viscous", "backlash"][: len(free) + 1]
         assert found["coulomb"] == pytest.approx(LOOSE.coulomb, rel=0.05)
         assert found["viscous"] == pytest.approx(LOOSE.viscous, rel=0.05)
+
+
+def test_check_says_where_a_controller_is_too_fast_for_its_samples():
+    rig = ServoPendulum()
+    for P, D in ((10.0, 0.15), (20.0, 0.5), (100.0, 1.0)):
+        data = dataset({"one": pd.DataFrame(rig.log(P, D, seed=0, seconds=6.0))}, rig, P=P, D=D)
+        found = {row.kind: row for row in fid.check(data).findings.itertuples()}
+        assert ("fast_loop" in found) == (D > 0.15)
+        if D > 0.15:  # J/D over the time of a sample
+            assert found["fast_loop"].numbers["samples"] == pytest.approx(0.01125 / D * 200)
+        else:
+            assert found["late_targets"].numbers["delay"] == pytest.approx(0.010, abs=1e-3)
+            assert all(row.level == "good" for row in found.values())
