@@ -51,6 +51,17 @@ def test_joints_may_have_units_of_their_own(tmp_path):
         load_dataset(tmp_path, mechanism=own)
 
 
+def test_a_unit_of_one_joint_that_turns_is_refused(tmp_path):
+    document = described(
+        mechanism={"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}},
+        columns={"time": "time", "angle": "q1", "torque": "u1"},
+        units={"angle": "mm"},
+    )
+    write(tmp_path, document, a_csv=csv_bytes(motion()))
+    with pytest.raises(InputError, match=r"'?joint.* turns: correct the unit$"):
+        load_dataset(tmp_path)
+
+
 TILTING = """<robot name="tilting"><link name="base"/><link name="arm"><inertial>
 <origin xyz="0 0 -0.2"/><mass value="0.5"/>
 <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
-from frictionid.data.outliers import smoothed
+from frictionid.data.outliers import _roughness, smoothed
 from frictionid.data.prediction_residuals import JerkFit, prediction_residuals
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter, thin, without_outliers
@@ -28,6 +28,13 @@ def deletion_residuals(series, left_out, fit):
 
 def found(time, value, **more):
     return RTS()([Signal(time, value, **more)])[0].left_out[:, 0]
+
+
+def test_roughness_is_the_upper_quartile_of_the_samples_around() -> None:
+    sizes = 2.0 + np.random.default_rng(0).random((50, 3))
+    around = np.stack([np.delete(sizes[20:31], 5, axis=0), np.delete(sizes[30:41], 5, axis=0)])
+    expected = np.quantile(around, 0.75, axis=1, method="inverted_cdf")
+    np.testing.assert_array_equal(_roughness(sizes)[[25, 35]], expected)
 
 
 # ---------------------------------------------------------------- deletion residuals

@@ -306,6 +306,16 @@ def test_the_substeps_follow_friction_that_grows_with_load_or_motor_torque(law, 
     assert most <= stiffness(plant, friction) * 1.01 < 1.3 * most
 
 
+@pytest.mark.parametrize("beyond", [0.0, 0.005, 0.03, 0.5])
+def test_slopes_beyond_a_speed_are_those_of_the_curve_there(beyond):
+    """Of smoothed Coulomb friction the steepest is the slowest."""
+    friction = Friction(CoulombViscous(width=0.02), np.array([[0.1, 0.003]]))
+    found = slopes(friction, beyond) if beyond else slopes(friction)
+    x = np.array([[beyond - 1e-6], [beyond + 1e-6]])
+    below, above = np.asarray(friction.law.torque(friction.theta, at_rest(x), ()))
+    np.testing.assert_allclose(found, (above - below) / 2e-6, rtol=1e-3)
+
+
 def test_friction_that_grows_with_motor_torque_is_flat_without_it():
     friction = Friction(Pressed(), np.array([[0.0, 3.0]]))
     assert slopes(friction) == 0.0 < slopes(friction, u=np.array([0.2]))

@@ -40,3 +40,11 @@ def test_two_odd_recordings_do_not_hide_each_other():
 
 def test_of_few_recordings_none_is_told_from_the_others():
     assert odd_among(np.array([1.0, 1.0, 1.0, 9.0]), NAMES[:4]) == ()
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_recording_that_stands_off_by_little_is_not_worth_a_word(size):
+    sizes = size * np.array([1.0, 1.001, 0.999, 1.0, 1.1, 1.0, 0.999, 1.001])
+    assert odd_among(sizes, NAMES) == ()
+    sizes[4] = 2.0 * size
+    assert [odd.recording for odd in odd_among(sizes, NAMES)] == ["4"]

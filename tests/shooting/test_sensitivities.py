@@ -181,6 +181,19 @@ def short(data, count):
     return replace(data, recordings=(one,))
 
 
+def test_what_no_data_can_tell_apart_is_refused_with_a_way_out(healthy):
+    both = (FrictionBlock(), InertiaBlock())
+    passive = torques(healthy, lambda u: u._replace(value=0.0 * u.value))
+    cases = (
+        (passive, both, "only the ratios of inertia, gravity"),
+        (healthy, (*both, GainBlock()), "a larger gain with larger inertias"),
+    )
+    for data, blocks, words in cases:
+        way_out = f"{words}.*fix one base parameter that you are sure of, such as 'gravity'"
+        with pytest.raises(InputError, match=way_out):
+            refine(BEGIN, data, blocks, SHORT)
+
+
 NOISE = np.random.default_rng(1).normal(size=(150, 1))
 
 
