@@ -15,6 +15,7 @@ from frictionid.data.recordings import Recording
 
 # Intervals around one whose median is the usual one where the sampling rate changes.
 NEIGHBOURS = 21
+GAP = 5.0  # of the usual intervals
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class ClockFacts:
 
     rate, slowest, fastest : usual sampling rate and the range of its changes ; jitter : standard
     deviation of the sample intervals over the usual one of their neighbourhood, gaps left out ;
-    dropped : samples missing at 1.5 to 5 of these ; gaps : intervals longer than 5
+    dropped : samples missing at 1.5 to 5 of these ; gaps : intervals longer than GAP
     """
 
     recordings: int
@@ -84,9 +85,9 @@ def clock_of(recordings: Sequence[Recording]) -> ClockFacts:
     (0, 50, 100)
     """
     steps = [np.diff(r.angle.time) for r in recordings]
-    dt, middle = np.concatenate(steps), np.concatenate([_usual(s) for s in steps])
+    dt, middle = np.concatenate(steps), np.concatenate([usual_intervals(s) for s in steps])
     ratio = dt / middle
-    lost = (ratio > 1.5) & (ratio <= 5.0)
+    lost = (ratio > 1.5) & (ratio <= GAP)
     plain = ratio <= 1.5
     return ClockFacts(
         recordings=len(recordings),
@@ -97,12 +98,12 @@ def clock_of(recordings: Sequence[Recording]) -> ClockFacts:
         fastest=float(1.0 / np.quantile(middle, 0.01)),
         jitter=float(np.std(ratio[plain])) if plain.any() else 0.0,
         dropped=int(np.rint(ratio[lost] - 1).sum()),
-        gaps=int((ratio > 5.0).sum()),
+        gaps=int((ratio > GAP).sum()),
         longest_gap=float(dt[ratio > 1.5].max(initial=0.0)),
     )
 
 
-def _usual(intervals: Array) -> Array:
+def usual_intervals(intervals: Array) -> Array:
     """Usual interval around each one: the median of NEIGHBOURS of them, or of the recording.
 
     Of the recording, unless the sampling rate changes: then most of a neighbourhood is longer or

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.clock_faults import clock_findings
 from frictionid.check.findings import Finding, percent
 from frictionid.check.fine_structure import deviations, resolution
 from frictionid.check.motion import Measured, Motion
@@ -41,6 +42,7 @@ def log_findings(measured: Measured, dead: Sequence[int]) -> list[Finding]:
     dataset = measured.dataset
     return [
         *repeated_rows(dataset),
+        *clock_findings(dataset),
         *jittering_stamps(dataset),
         *(_dead(measured, j) for j in dead),
         *unsigned_torques(dataset),

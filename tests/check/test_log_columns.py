@@ -7,6 +7,7 @@ import pytest
 from fixtures.one_joint_sets import Setup, sets
 
 from frictionid.check import check
+from frictionid.check.clock_faults import clock_findings
 from frictionid.check.log_faults import coarse_velocities, repeated_rows
 from frictionid.check.unsigned_torque import unsigned_torques
 from frictionid.data.signals import Signal, taken
@@ -99,3 +100,27 @@ def test_all_of_it_is_in_the_verdict_and_gaps_are_counted():
     assert kinds["unsigned_torque"] == "unusable" == verdict.level
     assert kinds["coarse_velocity"] == "doubtful"
     assert verdict.clock.gaps == 1 and verdict.clock.longest_gap == pytest.approx(0.5, abs=0.03)
+    (gap,) = (f for f in verdict.findings if f.kind == "stamp_gaps")
+    assert gap.numbers["longest"] == verdict.clock.longest_gap
+    assert repr(recording.name) in gap.text
+
+
+def test_bursts_of_stamps_and_held_torques_are_named():
+    """Rows that arrived together, and a torque that is logged four times as often as it changes."""
+
+    def together(recording):
+        time = recording.angle.time.copy()
+        time[40:50] = time[40] + 1e-6 * np.arange(10)
+        return replace(recording, angle=recording.angle._replace(time=time))
+
+    def held(value):
+        return np.repeat(value[::4], 4, axis=0)[: len(value)]
+
+    for data in sets(Setup(), 3, seed=8):
+        assert clock_findings(data) == []
+        burst = replace(data, recordings=(together(data.recordings[0]), *data.recordings[1:]))
+        rows = {f.kind: f.numbers for f in clock_findings(burst)}
+        assert rows["stamp_bursts"]["rows"] == 9
+        assert rows["stamp_bursts"]["start"] == data.recordings[0].angle.time[40]
+        found = clock_findings(changed(data, "torque", held))
+        assert [(f.kind, f.numbers["rows"]) for f in found] == [("held_torque", 4)]
