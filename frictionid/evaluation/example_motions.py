@@ -1,7 +1,8 @@
 """Motions to look at: from the same starts for all models, and from each model's own ones.
 
-A model's own starts are those of its best, its median and its worst prediction over the longest
-horizon. They come with the band of the prediction and, where the mechanism draws itself, lines.
+A model's own starts are those of its best, its median and its worst prediction of motion over the
+longest horizon. They come with the band of the prediction and, where the mechanism draws itself,
+lines.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from frictionid.evaluation.prepared import Prepared
 
 PLACES = {"best": 0.0, "median": 0.5, "worst": 1.0}  # ranks among all predictions
 FEWEST = 3  # folds that a band needs
+_WAY = 0.1
 FRAMES = 61  # drawings of a motion at most
 
 
@@ -44,9 +46,11 @@ def ranked_examples(
 ) -> Iterator[dict[str, Any]]:
     """The same from the best, the median and the worst start, with what is drawn of them.
 
+    Of starts from which a joint moves, where there are so many: rest is predicted best.
+
     band : half the width (T + 1, k, n) of the band about the predictions from some starts (k,)
     """
-    full, last = np.flatnonzero(use), initial.last[-1]
+    full, last = _moving(np.flatnonzero(use), initial, prepared), initial.last[-1]
     error = q[last[full], full] - initial.measured[last[full], full]
     units = prepared.position_units
     norm, unit = norm_of(error, units, joint_sizes(units, initial.measured))
@@ -58,6 +62,15 @@ def ranked_examples(
         own = {"place": place, "error": norm[full == s][0], "error_unit": unit}
         width = None if widths is None else widths[: last[s] + 1, i]
         yield {**example, **own, "band": width, **_drawing(prepared, example)}
+
+
+def _moving(full: Array, initial: InitialStates, prepared: Prepared) -> Array:
+    """Starts (k,) from which a joint moves by a tenth of its size; all where few do."""
+    measured = initial.measured[:, full]
+    sizes = joint_sizes(prepared.position_units, initial.measured)
+    way = np.nanmax(measured, axis=0) - np.nanmin(measured, axis=0)
+    moving = full[(way > _WAY * sizes).any(axis=-1)]
+    return moving if len(moving) >= len(PLACES) else full
 
 
 def jackknife_width(values: Array) -> Array:

@@ -382,3 +382,15 @@ def test_examples_are_predictions_beside_what_was_measured():
             np.testing.assert_array_equal(motion["measured"], recording.angle.value[k : k + T])
             assert np.abs(motion["predicted"] - motion["measured"]).max() < 0.1
             assert np.abs(np.diff(motion["measured"], axis=0)).max() > 0
+
+
+def test_the_best_example_is_one_of_motion():
+    data = dataset()
+    first = data.recordings[0]
+    still = {
+        name: getattr(first, name)._replace(value=0.0 * getattr(first, name).value)
+        for name in ("angle", "torque")
+    }
+    resting = replace(data, recordings=(*data.recordings, replace(first, name="rest", **still)))
+    _, motions = score_model(true_friction(TRUTH), prepare(resting, Protocol(horizons=HORIZONS)))
+    assert "rest" not in [m["recording"] for m in motions if "place" in m]

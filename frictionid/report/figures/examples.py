@@ -67,5 +67,5 @@ def limits_of(measured: Array, predicted: Array) -> tuple[float, float]:
     every = np.concatenate([measured, predicted])
     every = every[np.isfinite(every)]
     low, high = max(low - room, float(every.min())), min(high + room, float(every.max()))
-    edge = 0.05 * (high - low)
+    edge = 0.05 * (high - low) or 0.01  # of a joint at rest, too
     return round(low - edge, 9), round(high + edge, 9)
