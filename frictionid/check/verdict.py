@@ -23,6 +23,7 @@ from frictionid.check.passive import energy_findings, passive_time, rest_finding
 from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.questions import Question, questions
 from frictionid.check.regression import Estimate, Regression, regress, widened
+from frictionid.check.sampling import sampling_findings
 from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
 from frictionid.check.servos import servo_advice, servo_findings, with_late_targets
 from frictionid.check.time_unit import in_seconds
@@ -150,6 +151,7 @@ def judge(
             *findings,
             *screening.findings,
             *outlier_findings(screening.usable),
+            *sampling_findings(screening.usable),
             *still_joints(tests, facts),
             *tests.findings,
             *_passivity_findings(tests, estimate),

@@ -144,11 +144,14 @@ def _of_series(rho: Array) -> Array:
     return np.ascontiguousarray(rho.reshape(-1, rho.shape[-1]), dtype=float)
 
 
-def initial_state(value: Array) -> tuple[Array, Array]:
-    """Mean (3, ...) and covariance (6, ...) before the first sample, next to unknown."""
+def initial_state(value: Array, dt: Array) -> tuple[Array, Array]:
+    """Mean (3, ...) and covariance (6, ...) before the first sample, next to unknown.
+
+    dt : (...) [s] to the second sample
+    """
     x, P = np.zeros((3, *value.shape)), np.zeros((6, *value.shape))
     x[0] = value
-    P[0], P[3], P[5] = kalman_loops.DIFFUSE
+    P[0], P[3], P[5] = kalman_loops.diffuse(dt)
     return x, P
 
 

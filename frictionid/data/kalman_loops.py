@@ -15,9 +15,6 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.compiled import compiled, inlined
 
-# Initial variances of position, velocity and acceleration, in units of the measurement variance:
-# practically unknown.
-DIFFUSE = (1e6, 1e14, 1e18)
 _FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
 _FLOOR = 1e-24  # of the variance: the resolution of stored numbers
 
@@ -41,13 +38,24 @@ def predicted(mean: Any, covariance: Any, dt: Any, rho: Any) -> Any:
     )
 
 
-_predicted = inlined(predicted)
+def diffuse(dt: Any) -> tuple[Any, Any, Any]:
+    """Initial variances of position, velocity and acceleration: practically unknown.
+
+    In units of the measurement variance. Over long first intervals dt [s] smaller ones are as
+    unknown; rounding errors of larger ones would outlast the samples that follow.
+    """
+    slower = np.maximum(60.0 * dt, 1.0)
+    return 1e6, 1e14 / slower**2, 1e18 / slower**4
+
+
+_predicted, _diffuse = inlined(predicted), inlined(diffuse)
 
 
 @inlined
-def _initial(value: float) -> Any:
+def _initial(value: float, dt: float) -> Any:
     """Mean and covariance before the first sample, next to unknown."""
-    return (value, 0.0, 0.0), (DIFFUSE[0], 0.0, 0.0, DIFFUSE[1], 0.0, DIFFUSE[2])
+    a, d, f = _diffuse(dt)
+    return (value, 0.0, 0.0), (a, 0.0, 0.0, d, 0.0, f)
 
 
 @inlined
@@ -76,7 +84,7 @@ def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) ->
     gains = np.zeros((G, S, T, 3))
     innovations, variances = np.empty((G, S, T)), np.empty((G, S, T))
     for g, s in np.ndindex(G, S):
-        x, P = _initial(value[s, 0])
+        x, P = _initial(value[s, 0], dt[s, min(1, T - 1)])
         for t in range(T):
             if t:
                 x, P = _predicted(x, P, dt[s, t], rho[g, s])
@@ -98,7 +106,7 @@ def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array)
     G, S, T = len(rho), len(dt), dt.shape[1]
     whole, means, best = np.empty((G, S)), np.empty((S, T, 3)), np.full((S, T), -np.inf)
     for g, s in np.ndindex(G, S):
-        x, P = _initial(value[s, 0])
+        x, P = _initial(value[s, 0], dt[s, min(1, T - 1)])
         count, squares, logs, likelihood = 0, 0.0, 0.0, 0.0
         for t in range(T):
             if t:

@@ -69,7 +69,7 @@ def prediction_residuals(series: Series, left_out: Array, fit: JerkFit) -> Resid
 
 def _by_the_past(series: Series, fit: JerkFit) -> tuple[Array, Array]:
     """Means (3, T, S) and covariances (6, T, S) of the state by the samples before each one."""
-    x, P = initial_state(series.value[0])
+    x, P = initial_state(series.value[0], series.dt[min(1, len(series.dt) - 1)])
     before = (
         np.moveaxis(fit.forward.mean[:-1], -1, 0),
         np.moveaxis(fit.forward.covariance[:-1], 1, 0),

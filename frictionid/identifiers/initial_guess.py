@@ -46,6 +46,8 @@ def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
     InputError
         Where a joint slides in fewer rows of a fold than it has parameters.
     """
+    if not fit.problem.nodes.inputs.w.any():  # no speed that bounds the law's velocities either
+        check_rows(fit, weights, np.zeros(fit.problem.r.shape, dtype=bool))
     values = _values(fit)
     grams = _grams(fit, values, weights)
     found = [

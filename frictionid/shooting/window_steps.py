@@ -72,6 +72,7 @@ def linearised_at(
     return Point(estimate, nodes, windows, prediction, prior, gap, none, none > 0, none > 0, none)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # windows that diverge are left out
 def _predicted(
     problem: ShootingProblem, windows: Array, estimate: Estimate, nodes: Array
 ) -> WindowPrediction:

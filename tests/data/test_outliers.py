@@ -213,3 +213,16 @@ def test_series_without_outliers_are_smoothed_as_before() -> None:
     series = padded_series([Signal(time, swing(time, rng))])
     rho = likeliest_jerk_ratio(series)
     np.testing.assert_array_equal(smoothed(series).mean, rts_smoother(series, rho))
+
+
+@pytest.mark.parametrize("slower", [10**0.6, 10**1.8])
+def test_a_slower_clock_changes_no_angle_and_no_outlier(slower):
+    """Rounding errors of the filter's first samples used to outlast those at 5 Hz and slower."""
+    time, rng = clock(), np.random.default_rng(3)
+    value = swing(time, rng, noise=5e-2)
+    value[[40, 200]] += 1.0
+    fast, slow = (RTS()([Signal(t, value)])[0] for t in (time, slower * time))
+    assert np.flatnonzero(fast.left_out).tolist() == [40, 200]
+    np.testing.assert_array_equal(slow.left_out, fast.left_out)
+    np.testing.assert_allclose(slow.q, fast.q, atol=1e-5)
+    np.testing.assert_allclose(slower * slow.w, fast.w, atol=1e-4)

@@ -1,0 +1,59 @@
+"""Samples that are too far apart for the motion are named; others are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.paths import DATA
+
+from frictionid.check.motion import Measured, motions_of
+from frictionid.check.sampling import sampling_findings
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.signals import Signal
+
+
+@pytest.fixture(scope="module")
+def clean():
+    data = load_dataset(DATA / "acrobot_clean")
+    some = [r for r in data.recordings if r.name in ("03_decay", "04_sine", "14_steps")]
+    return replace(data, recordings=tuple(some))
+
+
+def thinned(data, every, slower=1.0):
+    """One angle out of so many, on clocks that run slower."""
+    own = [
+        replace(
+            r,
+            angle=Signal(slower * r.angle.time[::every], r.angle.value[::every]),
+            torque=r.torque._replace(time=slower * r.torque.time),
+            truth=None,
+        )
+        for r in data.recordings
+    ]
+    return replace(data, recordings=tuple(own))
+
+
+def found(data):
+    return sampling_findings(Measured.of(data, motions_of(data.recordings)))
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_samples_at_60_and_30_hz_are_enough(clean, every):
+    assert found(thinned(clean, every)) == []
+
+
+@pytest.mark.parametrize(("every", "gap"), [(4, "66.7 ms"), (6, "100 ms")])
+def test_samples_at_15_and_10_hz_are_too_few(clean, every, gap):
+    (finding,) = found(thinned(clean, every))
+    assert (finding.kind, finding.level) == ("slow_sampling", "doubtful")
+    assert finding.numbers["change"] > 0.1
+    assert gap in finding.text
+    assert "times as often" in finding.remedy
+
+
+def test_only_the_samples_count_and_not_the_speed_of_the_clock(clean):
+    """The same motion at a tenth of its speed, at a tenth of the rate, is as well sampled."""
+    (fast,), (slow,) = found(thinned(clean, 6)), found(thinned(clean, 6, slower=10.0))
+    np.testing.assert_allclose(slow.numbers["change"], fast.numbers["change"], rtol=0.05)

@@ -1,0 +1,64 @@
+"""Numerics under stress: small versions of comparisons/stress.py, the table of docs/stress.md."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+from fixtures.paths import ROOT
+
+import frictionid as fid
+
+sys.path.append(str(ROOT / "comparisons"))
+
+from stress import LAW, METHODS, STRESSES, found_by, recorded
+
+SEEDS = (1, 2)
+BOTH = pytest.mark.parametrize("method", METHODS)
+
+
+def pairs(name):
+    """Stressed sets, each with its set without stress."""
+    stress = STRESSES[name]
+    clean = recorded(stress.rate, stress.noise, stress.rod, SEEDS)
+    return [(stress.change(data, seed), data) for data, seed in zip(clean, SEEDS, strict=True)]
+
+
+@cache
+def error(method, name):
+    """Mean curve error of all joints and seeds."""
+    return np.mean([found_by(method, *pair).error for pair in pairs(name)])
+
+
+@BOTH
+def test_single_precision_fits_as_double_precision(method):
+    rough, fine = pairs("single precision")[0]
+    single, double = (fid.fit(data, LAW, method=method).friction.theta for data in (rough, fine))
+    assert rough.recordings[0].angle.value.dtype == np.float32
+    assert single.dtype == np.float64
+    np.testing.assert_allclose(single, double, rtol=2e-3)
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["5 % of angles off by 1 rad", "5 % of torques off by 1 N m"])
+def test_gross_outliers_hardly_harm(method, name):
+    assert error(method, name) < 1.5 * error(method, "nothing")
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["angles constant", "angle 1 constant", "angle 2 constant"])
+def test_joints_that_stand_still_are_refused_in_a_line(method, name):
+    still, _ = pairs(name)[0]
+    with pytest.raises(fid.InputError, match=r"joint [12] slides in 0 rows") as caught:
+        fid.fit(still, LAW, method=method)
+    assert "\n" not in str(caught.value)
+
+
+def test_10_hz_are_named_and_what_they_cannot_tell_is_not_identified():
+    data, clean = pairs("10 Hz")[0]
+    assert "slow_sampling" in set(fid.check(data).findings.kind)
+    found = found_by("one_step", data, clean)
+    assert found.error.max() > 0.1
+    assert not found.identified.all()
