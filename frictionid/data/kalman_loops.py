@@ -41,10 +41,10 @@ def predicted(mean: Any, covariance: Any, dt: Any, rho: Any) -> Any:
 def diffuse(dt: Any) -> tuple[Any, Any, Any]:
     """Initial variances of position, velocity and acceleration: practically unknown.
 
-    In units of the measurement variance. Over long first intervals dt [s] smaller ones are as
+    In units of the measurement variance. Over first intervals dt beyond 0.1 s smaller ones are as
     unknown; rounding errors of larger ones would outlast the samples that follow.
     """
-    slower = np.maximum(60.0 * dt, 1.0)
+    slower = np.maximum(10.0 * dt, 1.0)
     return 1e6, 1e14 / slower**2, 1e18 / slower**4
 
 
