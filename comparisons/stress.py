@@ -187,16 +187,21 @@ def findings(datasets: Sequence[Dataset]) -> str:
 
 def cells(method: str, pairs: Sequence[tuple[Dataset, Dataset]], usual: Array | None) -> list[str]:
     """Cells of the table, from (stressed, clean) sets, and beside them mean errors (n,)."""
-    try:
-        found = [found_by(method, data, clean) for data, clean in pairs]
-    except fid.InputError as error:
-        return [f"refused: {error}", "", ""]
+    found, refused = [], []
+    for data, clean in pairs:
+        try:
+            found.append(found_by(method, data, clean))
+        except fid.InputError as error:
+            refused.append(str(error))
+    said = f"refused in {len(refused)} of {len(pairs)}: {refused[0]}" if refused else ""
+    if not found:
+        return [said, "", ""]
     error = np.mean([f.error for f in found], axis=0)
     known = np.concatenate([f.identified for f in found])
     held = np.concatenate([f.held for f in found])[known].sum()
     ratio = " / ".join(f"{x:.2g}" for x in error / (error if usual is None else usual))
     texts = " / ".join(f"{100 * x:.2g} %" for x in error)
-    return [texts, ratio, f"{held} of {known.sum()}"]
+    return ["; ".join(filter(None, [texts, said])), ratio, f"{held} of {known.sum()}"]
 
 
 def main() -> None:
