@@ -64,8 +64,8 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
     count = int(np.ceil(max(dt / _LONGEST, dt * rate / _STABLE, 1.0)))
     if rate > _FASTEST:
         raise InputError(
-            f"{friction.law}: slopes of {slopes(friction)} N m s/rad slow a joint down within "
-            f"{1 / rate:.1g} s and need {count} substeps in {dt:.3g} s: widen the law's "
+            f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "
+            f"in {1 / rate:.1g} s and needs {count} substeps in {dt:.3g} s: widen the law's "
             "smoothing, or check its parameters"
         )
     return count

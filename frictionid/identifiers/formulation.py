@@ -179,7 +179,17 @@ def training_problem(
 
     Where some joints turn and others slide, r and G are in units of the joints' sizes, as in the
     scores: a fit does not depend on whether a position is in m or in mm.
+
+    Raises
+    ------
+    InputError
+        Where no joint moves, or no recording has a row.
     """
+    if not dataset.scales.fast.any():
+        raise InputError(
+            f"data set {dataset.name!r}: no joint moves by more than the noise of its angle: give "
+            "recordings of motion"
+        )
     problem = problem_of(dataset, plant, recipe, sample_time, history, states)
     if are_mixed(plant.mechanism.position_units):
         sizes = dataset.scales.size

@@ -362,5 +362,6 @@ def test_the_default_count_is_stable_where_a_third_of_it_is_not(width):
 
 def test_a_law_too_steep_for_any_step_is_refused():
     absurd = Friction(CoulombViscous(width=1e-6), np.array([[50.0, 0.0], [0.1, 0.0]]))
-    with pytest.raises(InputError, match=r"need \d+ substeps in 0.0167 s: widen the law's"):
+    words = r"slope of [\d.e+]+ N m s/rad .* needs \d+ substeps in 0.0167 s: widen the law's"
+    with pytest.raises(InputError, match=words):
         substeps(CASES["double"].plant, absurd, 1 / 60)
