@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from frictionid.friction.laws import MotorLoad as MotorLoad
     from frictionid.friction.laws import MotorLoadQuadratic as MotorLoadQuadratic
     from frictionid.friction.laws import NoFriction as NoFriction
+    from frictionid.friction.laws import Play as Play
     from frictionid.friction.laws import Quadratic as Quadratic
     from frictionid.friction.laws import Ripple as Ripple
     from frictionid.friction.laws import Spline as Spline
@@ -150,6 +151,7 @@ _HOME = {
     "OverCovariate": "frictionid.api.covariate",
     "Pooled": "frictionid.api.pool",
     "Protocol": "frictionid.evaluation.protocol",
+    "Play": "frictionid.friction.laws",
     "Published": "frictionid.identifiers",
     "Quadratic": "frictionid.friction.laws",
     "Recording": "frictionid.data.recordings",

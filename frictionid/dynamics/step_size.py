@@ -46,6 +46,7 @@ def step_size_of(
     substeps(plant, friction, dt)
     sliding = replace(friction, law=friction.law.sharpened()) if is_sharp(friction) else friction
     away = stiffness(plant, sliding, plant.slow_like(np.zeros(plant.parts)))
+    longest = min(longest, friction.law.longest_substep)
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
     near = away if has_break_away(friction) else stiffness(plant, friction)
     part = dt / pieces
@@ -61,7 +62,8 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
         When the law is so steep that no reasonable number of substeps resolves it.
     """
     rate = stiffness(plant, friction)
-    count = int(np.ceil(max(dt / _LONGEST, dt * rate / _STABLE, 1.0)))
+    longest = min(_LONGEST, friction.law.longest_substep)
+    count = int(np.ceil(max(dt / longest, dt * rate / _STABLE, 1.0)))
     if rate > _FASTEST:
         raise InputError(
             f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "

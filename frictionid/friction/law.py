@@ -69,6 +69,8 @@ class Law(ABC):
         tanh by setting `width`.
     sample_time : float or None
         Time [s] of the samples at which the memory advances; None: it does so continuously.
+    longest_substep : float
+        Time [s] within which the physics step must look at the memory again.
     uses_load : bool
         Whether friction depends on the bearing load, which costs time to compute.
     is_linear : bool
@@ -104,6 +106,7 @@ class Law(ABC):
     width: float = 0.0
     shape: str = "tanh"
     sample_time: float | None = None
+    longest_substep: float = float("inf")
     uses_load: bool = False
     is_linear: bool = False
     is_sparse: bool = False

@@ -19,6 +19,7 @@ _FEW = 4  # windows: of fewer, no interval is worth the name
 _STILL = 10.0  # [noise]: a joint that moves less does not move
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
+_EARLY = 0.001  # [s] that a torque acts before it was logged
 _SCALE = 10.0  # times the nominal base parameters
 
 
@@ -126,7 +127,8 @@ def _noise(intervals: Intervals) -> Array:
 
 def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
     """Sentences on what makes the numbers of a fit doubtful as a whole."""
-    found = [*_coarse(problem, solution), *_far(problem, solution), *_scaled(problem, solution)]
+    about = (_coarse, _far, _early, _scaled)
+    found = [sentence for words in about for sentence in words(problem, solution)]
     yield from found
     if found:
         yield (
@@ -164,6 +166,16 @@ def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
                     f"The torque delay ends at {parameter.value:+.2g} s, as far as it may go: the "
                     "clocks may be further apart, or the logs do not belong together."
                 )
+
+
+def _early(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    delay = float(solution.estimate.calibration.delay)
+    free = any(own.block.name == "delay" and own.parameters for own in problem.blocks)
+    if free and delay < -_EARLY:
+        yield (
+            f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: its clock is "
+            "late, or friction sets in later than the law says, as behind a gap (law 'play')."
+        )
 
 
 def _scaled(problem: ShootingProblem, solution: Solution) -> Iterator[str]:

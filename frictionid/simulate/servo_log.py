@@ -21,8 +21,9 @@ class ServoPendulum:
     """A point mass on a massless arm, moved by u = P (q*(t - delay) - q + z) - D w.
 
     mass [kg], length [m], coulomb [N m], viscous [N m s/rad] of its friction, a share `load` of |u|
-    beside them; delay [s] of the targets; backlash [rad], z its play; limit [N m] of u; noise
-    [rad]; rate [1/s] of the samples, and of the targets, which are held
+    beside them; delay [s] of the targets; backlash [rad], z its play; gap [rad], within which the
+    joint moves without its friction, to the substep; limit [N m] of u; noise [rad]; rate [1/s] of
+    the samples, and of the targets, which are held
     """
 
     mass: float = 0.5
@@ -32,6 +33,7 @@ class ServoPendulum:
     load: float = 0.0
     delay: float = 0.010
     backlash: float = 0.0
+    gap: float = 0.0
     limit: float = float("inf")
     noise: float = 2e-4
     rate: float = 200.0
@@ -54,7 +56,7 @@ class ServoPendulum:
         inertia, gravity = self.mass * self.length**2, self.mass * 9.81 * self.length
         numbers = (P, D, inertia, gravity, self.coulomb, self.viscous, self.load)
         late = round(self.delay * self.rate * parts)
-        rest = (self.backlash / 2, self.limit, 1 / self.rate / parts)
+        rest = (self.backlash / 2, self.gap / 2, self.limit, 1 / self.rate / parts)
         q, u = _motion(target, parts, late, np.array([*numbers, *rest]))
         return {"t": t, "q": q + self.noise * rng.normal(size=len(t)), "target": target, "u": u}
 
@@ -62,8 +64,8 @@ class ServoPendulum:
 @compiled
 def _motion(target: Array, parts: int, late: int, numbers: Array) -> tuple[Array, Array]:
     """Angles and torques (T,) at the samples of a target (T,), from rest at its start."""
-    P, D, inertia, gravity, coulomb, viscous, load, half, limit, h = numbers
-    q, w, z = target[0], 0.0, 0.0
+    P, D, inertia, gravity, coulomb, viscous, load, half, reach, limit, h = numbers
+    q, w, z, y = target[0], 0.0, 0.0, 0.0
     angle, torque = np.empty(len(target)), np.empty(len(target))
     for k in range(len(target) * parts):
         aim = target[max(k - late, 0) // parts]
@@ -72,11 +74,15 @@ def _motion(target: Array, parts: int, late: int, numbers: Array) -> tuple[Array
             torque[k // parts] = 0.0
         q += h / 2 * w
         z = min(max(z + h / 2 * w, -half), half)
+        y = min(max(y + h / 2 * w, -reach), reach)
         u = min(max(P * (aim - q + z) - D * w, -limit), limit)
         torque[k // parts] += u / parts
-        wanted = w + h / inertia * (u - gravity * np.sin(q) - viscous * w)
-        most = h / inertia * (coulomb + load * abs(u))
+        free = w + h / inertia * (u - gravity * np.sin(q))
+        rubs = (y >= reach and free > 0) or (y <= -reach and free < 0)
+        wanted = free - h / inertia * viscous * w if rubs else free
+        most = h / inertia * (coulomb + load * abs(u)) if rubs else 0.0
         w = 0.0 if abs(wanted) <= most else wanted - np.sign(wanted) * most
         q += h / 2 * w
         z = min(max(z + h / 2 * w, -half), half)
+        y = min(max(y + h / 2 * w, -reach), reach)
     return angle, torque

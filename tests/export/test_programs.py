@@ -33,6 +33,7 @@ LAWS = {
     "gear_load": known.GearLoad(0.3),
     "per_joint": known.PerJoint(("stribeck", "lugre")),
     "sum": known.Sum(),
+    "play": known.Play(),
     "none": known.NoFriction(),
     "mlp": known.MLP(),
     "window_mlp": known.WindowMLP(),

@@ -15,6 +15,7 @@ from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.motor_load import MotorLoad, MotorLoadQuadratic
 from frictionid.friction.laws.none import NoFriction
 from frictionid.friction.laws.per_joint import PerJoint
+from frictionid.friction.laws.play import Play
 from frictionid.friction.laws.quadratic import Quadratic
 from frictionid.friction.laws.ripple import Ripple
 from frictionid.friction.laws.spline import AsymmetricSpline, Spline
@@ -50,6 +51,7 @@ __all__ = [
     "MotorLoadQuadratic",
     "NoFriction",
     "PerJoint",
+    "Play",
     "Quadratic",
     "Ripple",
     "Spline",

@@ -36,6 +36,11 @@ class WrappedLaw(Law):
         return self.law.sample_time
 
     @property
+    def longest_substep(self) -> float:  # type: ignore[override]
+        """That of the other law."""
+        return self.law.longest_substep
+
+    @property
     def uses_load(self) -> bool:  # type: ignore[override]
         """Whether the other law does."""
         return self.law.uses_load

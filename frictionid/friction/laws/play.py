@@ -1,0 +1,141 @@
+"""Play: friction that a joint reaches through a gap, as that of a motor behind gears with backlash.
+
+Tf = share law(w) + joint(w)
+z' = z + dq, held within +-(gap/2 + h)
+share = (z sgn(w) - gap/2 + h)/(2 h), held within 0 and 1;   h = |w| closing/2
+
+z [rad] is where the joint stands between the sides of the gap. There it moves alone, beyond them it
+takes the friction with it: the play operator [Nordin2002]. Contact closes within the time
+`closing`, half of it before the side and half behind it, so that substeps of any speed see it, and
+the impulse of friction is neither larger nor later than that of a sharp contact. Sharp, a substep
+crosses the gap at once, and predictions jump with its width.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+from frictionid.arrays import Array, namespace
+from frictionid.config import Positive
+from frictionid.errors import InputError
+from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.laws.per_joint import PARTS, Name
+
+_GAP = (1e-4, 1.0)  # [rad]
+_GAPS = (0.002, 0.006, 0.02, 0.06)
+_SLOW = 0.02  # [rad/s], contact closes no more sharply than at this speed
+
+
+@dataclass(frozen=True)
+class Play(Law):
+    """Tf = share(z) law(w) + joint(w), share = 1 where the joint takes the friction with it.
+
+    law : name of the static law behind the play, whose parameters keep their names
+    joint : name of one that acts all the time, its parameters begin with "joint_"
+    closing : [s] within which contact closes
+
+    `gap` [rad] is how far the joint moves between the sides, where `law` does not act. Memory is
+    the place z [rad] between them. It starts at the side to which the joint moves, in the middle
+    where it is at rest.
+
+    >>> Play().names
+    ('coulomb', 'viscous', 'gap')
+    """
+
+    law: Name = "coulomb_viscous"
+    joint: Name = "none"
+    closing: Positive = 0.01
+    width: float = 0.02
+    shape: str = "tanh"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in (self.law, self.joint):
+            if PARTS[name]().has_memory:
+                raise InputError(f"play: {name!r} has a memory: play is of a law without")
+        if self.law == "none":
+            raise InputError("play: law = 'none' is no friction behind the play: name another law")
+
+    @cached_property
+    def parts(self) -> tuple[Law, Law]:
+        """The laws behind the play and of the joint, smoothed over `width`."""
+        made = (PARTS[name]() for name in (self.law, self.joint))
+        first, second = (
+            type(law)(self.width, self.shape) if law.width else law  # type: ignore[call-arg]
+            for law in made
+        )
+        return first, second
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        behind, joint = self.parts
+        return (*behind.names, "gap", *(f"joint_{name}" for name in joint.names))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        behind, joint = self.parts
+        return (*behind.units, "rad", *joint.units)
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        behind, joint = self.parts
+        return (*behind.bounds, _GAP, *joint.bounds)
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        behind, joint = self.parts
+        return tuple(
+            (*behind.initial[k % len(behind.initial)], gap, *joint.initial[k % len(joint.initial)])
+            for gap, k in product(_GAPS, range(max(len(law.initial) for law in self.parts)))
+        )
+
+    @property
+    def longest_substep(self) -> float:  # type: ignore[override]
+        """A quarter of the time within which contact closes."""
+        return self.closing / 4
+
+    @property
+    def uses_load(self) -> bool:  # type: ignore[override]
+        """Whether one of the laws depends on the load."""
+        return any(law.uses_load for law in self.parts)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        xp, reach = namespace(theta, x.w), self._reach(theta, x.w)
+        return (xp.where(xp.abs(x.w) > _SLOW, xp.sign(x.w) * reach, 0.0 * reach),)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        xp, reach = namespace(theta, x.w), self._reach(theta, x.w)
+        return (xp.minimum(xp.maximum(memory[0] + x.w * dt, -reach), reach),)
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        (behind, joint), (own, rest) = self.parts, self._split(theta)
+        share = self._share(theta, x, memory, self._half(x.w))
+        return share * behind.torque(own, x, ()) + joint.torque(rest, x, ())
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        (behind, joint), (own, rest) = self.parts, self._split(theta)
+        share = self._share(theta, x, memory, self._half(0.0 * x.w))
+        return share * behind.limit(own, x, ()) + joint.limit(rest, x, ())
+
+    def _split(self, theta: Array) -> tuple[Array, Array]:
+        """Parameters of the laws behind the play and of the joint."""
+        count = len(self.parts[0].names)
+        return theta[..., :count], theta[..., count + 1 :]
+
+    def _reach(self, theta: Array, w: Array) -> Array:
+        """Largest |z| [rad]: beyond the side by half the way over which contact closes."""
+        return theta[..., len(self.parts[0].names)] / 2 + self._half(w)
+
+    def _half(self, w: Array) -> Array:
+        """Half the way over which contact closes [rad]."""
+        xp = namespace(w)
+        return self.closing / 2 * xp.maximum(xp.abs(w), _SLOW + 0.0 * w)
+
+    def _share(self, theta: Array, x: Inputs, memory: Memory, half: Array) -> Array:
+        """Share (..., n) of the friction behind the play that acts on the joint."""
+        xp = namespace(theta, x.w)
+        ahead = xp.where(x.w >= 0.0, memory[0], -memory[0])
+        share = (ahead - theta[..., len(self.parts[0].names)] / 2 + half) / (2 * half)
+        return xp.minimum(xp.maximum(share, 0.0 * share), 1.0 + 0.0 * share)
