@@ -79,7 +79,8 @@ def _motion(target: Array, parts: int, late: int, numbers: Array) -> tuple[Array
         torque[k // parts] += u / parts
         free = w + h / inertia * (u - gravity * np.sin(q))
         rubs = (y >= reach and free > 0) or (y <= -reach and free < 0)
-        wanted = free - h / inertia * viscous * w if rubs else free
+        drag = viscous if rubs else 0.0
+        wanted = w + h / inertia * (u - gravity * np.sin(q) - drag * w)
         most = h / inertia * (coulomb + load * abs(u)) if rubs else 0.0
         w = 0.0 if abs(wanted) <= most else wanted - np.sign(wanted) * most
         q += h / 2 * w

@@ -56,7 +56,7 @@ def test_within_the_gap_nothing_rubs_and_at_its_sides_everything_does():
     place, torque = along(Play(), TURN)
     full = LEVEL * np.sign(TURN) + 0.02 * TURN
     near = 0.005 * np.abs(TURN)  # contact closes over this way on either side of it
-    before, free = TURN > 0.02, (TURN < 0.0) & (np.abs(place) < GAP / 2 - near)
+    before, free = TURN > 0.1, (TURN < 0.0) & (np.abs(place) < GAP / 2 - near)
     closed = (TURN < 0.0) & (np.abs(place + GAP / 2) > near - 1e-12) & ~free
     assert before.any() and free.any() and closed.any()
     np.testing.assert_allclose(torque[500:][before[500:]], full[500:][before[500:]], rtol=1e-2)
