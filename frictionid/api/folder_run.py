@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from joblib import cpu_count
+
 from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import lock, unfinished
@@ -49,5 +51,5 @@ def run_in_folder(
             kept = (new, folder / "tasks") if resume else ()
             run_tasks(tasks, prepared, new, LAWS, jobs=jobs, dask=dask, kept=kept, done=done)
         results = load_results(folder)
-        build(results, replace=replace)
+        build(results, replace=replace, jobs=1 if dask else jobs or cpu_count())
     return results

@@ -28,6 +28,7 @@ from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import is_sealed, sealed
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json
+from frictionid.friction import Law
 from frictionid.friction.model_files import model_document
 from frictionid.identifiers import Identifier
 from frictionid.mechanics import Mechanism
@@ -151,6 +152,8 @@ def results_of(
 ) -> Iterator[tuple[Task, Result]]:
     """Results of the tasks as they are finished, `jobs` at a time on one thread each.
 
+    Those that take longest begin first, so that all processes end together.
+
     jobs : 0 for one per core
     dask : address of the scheduler of a cluster, whose workers run the tasks in place of these
 
@@ -159,7 +162,7 @@ def results_of(
     InputError
         Where a task fails, with its name.
     """
-    groups = _alike(tasks)
+    groups = sorted(_alike(tasks), key=lambda group: _effort(group[0]), reverse=True)
     firsts = [group[0] for group in groups]
     calls = [(task, prepared_benchmarks[task.benchmark.dataset.name]) for task in firsts]
     if dask is None or not calls:
@@ -213,6 +216,16 @@ def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
             key = (id(task.benchmark), id(task.identifier), None if fixed else task.recipe.name)
         groups.setdefault(key, []).append(task)
     return list(groups.values())
+
+
+def _effort(task: Task) -> tuple[bool, bool, int]:
+    """How long a task takes, to be compared: whether it fits, whether it shoots, and its weights.
+
+    Weights are those of a network; what is no network is fitted and scored sooner.
+    """
+    law: Law | None = getattr(task.identifier, "law", None)
+    weights = len(law.names) if law is not None and law.is_network else 0
+    return not task.identifier.fixed, task.recipe.needs_intervals, weights
 
 
 def _run(task: Task, shared: PreparedBenchmark) -> Result:

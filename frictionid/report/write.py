@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, reduction
 from frictionid.outputs import replace_files
-from frictionid.report.exhibits import NamedTable, exhibits_of, names_of
+from frictionid.report.exhibits import NamedTable, Picture, exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.html.index import index_html
 from frictionid.report.sections import sections_of
@@ -15,11 +19,14 @@ from frictionid.report.tables import latex, markdown
 from frictionid.report.verdict import verdict_of
 from frictionid.report.verdict_document import verdict_json
 
+_FEW = 10  # figures, which take as long as a process takes to begin drawing
 
-def build(results: Results, *, replace: bool = False) -> None:
+
+def build(results: Results, *, replace: bool = False, jobs: int = 1) -> None:
     """Write scores.csv, models/, verdict.json, summary.md, tables/ and figures/; fits nothing.
 
     replace : write also over files that were changed since, or are not of the comparison
+    jobs : processes that draw figures
 
     Raises
     ------
@@ -27,17 +34,17 @@ def build(results: Results, *, replace: bool = False) -> None:
         Where a file is the user's own, or the folder cannot be written.
     """
     with readable(results.folder, sealed=results.is_sealed):
-        contents = _contents(results)
+        contents = _contents(results, jobs)
     replace_files(results.folder, contents, replace=replace)
 
 
-def _contents(results: Results) -> dict[str, bytes]:
+def _contents(results: Results, jobs: int) -> dict[str, bytes]:
     """Content of all files of a report, by path."""
     sections = sections_of(results)
     verdicts = [verdict_of(section) for section in sections]
     names = names_of(sections)
     contents = reduction(results)
-    exhibits, drawn = {}, {}
+    exhibits, pictures = {}, []
     with drawing():
         for section, verdict in zip(sections, verdicts, strict=True):
             for data in section.data:
@@ -45,18 +52,31 @@ def _contents(results: Results) -> dict[str, bytes]:
                 if data.held_out:
                     own = own._replace(pictures=(*own.pictures, *beside(results, section, names)))
                 exhibits[section.dataset, data.dataset] = own
-                for picture in (*own.pictures, *own.shooting_pictures, *own.linked_pictures):
-                    files = rendered(picture.figure, ("svg", "pdf"))
-                    drawn[picture.stem] = files.get("svg", b"")
-                    contents |= {f"figures/{picture.stem}.{k}": v for k, v in files.items()}
+                pictures += [*own.pictures, *own.shooting_pictures, *own.linked_pictures]
                 for table in (*own.tables, *own.shooting, *own.linked):
                     contents |= _table_files(table)
+    figures = figure_files(pictures, jobs)
+    for stem, files in figures.items():
+        contents |= {f"figures/{stem}.{kind}": content for kind, content in files.items()}
+    drawn = {stem: files["svg"] for stem, files in figures.items()}
     contents["verdict.json"] = verdict_json(verdicts).encode()
     whole = index_html(results, sections, verdicts, exhibits, names, drawn)
     contents["index.html"] = whole.encode()
     short = summary_markdown(results, sections, verdicts, exhibits)
     contents["summary.md"] = short.encode()
     return contents
+
+
+def figure_files(pictures: Sequence[Picture], jobs: int) -> dict[str, Mapping[str, bytes]]:
+    """The figures' files, by their stems and endings, the same however many jobs draw them."""
+    jobs = min(jobs, len(pictures) // _FEW)
+    found = dict(side_by_side(_drawn, [(picture.figure,) for picture in pictures], jobs))
+    return {picture.stem: found[i] for i, picture in enumerate(pictures)}
+
+
+def _drawn(figure: Any) -> dict[str, bytes]:
+    with drawing():
+        return rendered(figure, ("svg", "pdf"))
 
 
 def _table_files(named: NamedTable) -> dict[str, bytes]:
