@@ -45,6 +45,7 @@ class Convergence:
     """How a fit by shooting went; see `frictionid.shooting.Diagnostics`.
 
     warnings : sentences on what makes the numbers doubtful as a whole
+    angle_noise : [rad] of each joint, by which measured angles miss the predicted ones
     """
 
     converged: bool
@@ -53,6 +54,7 @@ class Convergence:
     left_out: int
     unexplained: int
     warnings: tuple[str, ...]
+    angle_noise: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,9 +122,8 @@ class Fit:
         if not d:
             return None
         sizes = (len(d["left_out"]), len(d["unexplained"]))
-        return Convergence(
-            bool(d["settled"]), int(d["iterations"]), int(d["windows"]), *sizes, (*d["warnings"],)
-        )
+        went = bool(d["settled"]), int(d["iterations"]), int(d["windows"])
+        return Convergence(*went, *sizes, (*d["warnings"],), (*d.get("angle_noise", ()),))
 
     @cached_property
     def frame(self) -> pd.DataFrame:

@@ -10,9 +10,12 @@ from frictionid.mechanics.description import Base, Description
 from frictionid.mechanics.mechanism import Parameter
 from frictionid.mechanics.symbolic import SymbolicMechanism
 
+_ROUND = 1e-5  # [rad], over which the corners of a dead zone are rounded
+
 
 def two_mass_axis(
     hanging: bool = False,
+    gap: float = 0.0,
     *,
     motor_inertia: float | None = None,
     load_inertia: float | None = None,
@@ -21,15 +24,17 @@ def two_mass_axis(
 ) -> SymbolicMechanism:
     """Motor q1, as seen at the load, and load q2, with a spring between them; q2 = 0 hangs down.
 
-        Jm dw1/dt = u - k (q1 - q2) - Tf1,    Jl dw2/dt = k (q1 - q2) - m g l sin q2 - Tf2
+        Jm dw1/dt = u - k D(q1 - q2) - Tf1,    Jl dw2/dt = k D(q1 - q2) - m g l sin q2 - Tf2
 
     Both angles are measured: by the encoder of the motor, over the gear, and by one at the load.
     `hanging` says whether gravity acts on the load, with its moment m g l [N m].
+    `gap` [rad] is the backlash of the gear: D(x) = x - gap/2 beyond it, x + gap/2 below, and zero
+    where |x| < gap/2, the dead zone of a spring with play [Nordin2002]. Without it D(x) = x.
 
     Raises
     ------
     ValueError
-        Unless `hanging` is true or false.
+        Unless `hanging` is true or false, and `gap` is zero or a positive number.
     InputError
         For a parameter that is no finite number.
 
@@ -39,14 +44,16 @@ def two_mass_axis(
     given = {name: value for name, value in locals().items() if value is not None}
     if given.pop("hanging") not in (False, True):
         raise ValueError(f"two_mass_axis: hanging = {hanging!r} must be true or false")
-    options = {"hanging": True} if hanging else {}
-    return SymbolicMechanism.of(_description(bool(hanging)), given, options)
+    if isinstance(gap, bool) or not isinstance(given.pop("gap"), int | float) or not 0 <= gap < 1e3:
+        raise ValueError(f"two_mass_axis: gap = {gap!r} must be zero or a positive angle [rad]")
+    options = {**({"hanging": True} if hanging else {}), **({"gap": gap} if gap else {})}
+    return SymbolicMechanism.of(_description(bool(hanging), float(gap)), given, options)
 
 
 @cache
-def _description(hanging: bool) -> Description:
+def _description(hanging: bool, gap: float) -> Description:
     motor, load, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
-    spring = k * (q1 - q2) ** 2 / 2
+    spring = k * _energy(q1 - q2, gap)
     weight = (Parameter("moment", 1.0, "N m", "gravity moment of the load", required=True),)
     return Description(
         kind="two_mass_axis",
@@ -77,3 +84,18 @@ def _description(hanging: bool) -> Description:
         potential=spring - (moment * sp.cos(q2) if hanging else 0),
         drawing=((0, 0), (sp.sin(q1), -sp.cos(q1)), (0, 0), (sp.sin(q2), -sp.cos(q2))),
     )
+
+
+def _energy(twist: sp.Expr, gap: float) -> sp.Expr:
+    """Energy of a spring of stiffness 1 that is slack where |twist| < gap/2.
+
+    Its slope is twist + (|twist - gap/2| - |twist + gap/2|)/2, with |y| = (y^2 + _ROUND^2)^(1/2).
+    """
+    if gap == 0.0:
+        return twist**2 / 2
+
+    def size(y: sp.Expr) -> sp.Expr:  # integral of (y^2 + _ROUND^2)^(1/2)
+        root = sp.sqrt(y**2 + _ROUND**2)
+        return (y * root + _ROUND**2 * sp.asinh(y / _ROUND)) / 2
+
+    return twist**2 / 2 + (size(twist - gap / 2) - size(twist + gap / 2)) / 2

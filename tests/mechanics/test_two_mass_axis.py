@@ -5,18 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import frictionid as fid
 from frictionid.mechanics import check_mechanism, pendulum, two_mass_axis
+from frictionid.mechanics.mechanism_table import mechanism_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
+from frictionid.simulate.axis_log import LooseAxis
 
 NUMBERS = dict(motor_inertia=0.01, load_inertia=0.04, stiffness=80.0)
 
 
+@pytest.mark.parametrize("gap", [0.0, 0.02])
 @pytest.mark.parametrize("hanging", [False, True])
-def test_it_keeps_to_the_protocol(hanging):
-    check_mechanism(two_mass_axis(hanging, **NUMBERS, **({"moment": 2.0} if hanging else {})))
+def test_it_keeps_to_the_protocol(hanging, gap):
+    weight = {"moment": 2.0} if hanging else {}
+    check_mechanism(two_mass_axis(hanging, gap, **NUMBERS, **weight))
 
 
 def test_it_swings_at_the_frequency_of_two_masses_and_a_spring():
@@ -55,3 +60,55 @@ def test_friction_of_motor_and_load_and_the_stiffness_come_out():
     np.testing.assert_allclose(
         found[4:6], [NUMBERS["load_inertia"], NUMBERS["stiffness"]], rtol=0.01
     )
+
+
+def test_the_gears_press_beyond_the_gap_and_not_within_it():
+    axis = two_mass_axis(gap=0.02, **NUMBERS)
+    twist = np.array([-0.5, -0.011, -0.009, 0.0, 0.004, 0.0099, 0.0101, 0.02, 3.0])
+    q = np.stack([twist + 0.7, 0.7 + 0.0 * twist], axis=-1)
+    terms = axis.terms(axis.base(axis.nominal()), q, 0.0 * q)
+    beyond = twist - np.clip(twist, -0.01, 0.01)
+    press = NUMBERS["stiffness"] * np.stack([-beyond, beyond], axis=-1)
+    np.testing.assert_allclose(terms.h, press, atol=NUMBERS["stiffness"] * 1e-6)
+    middle = terms.energy[3]
+    energy = NUMBERS["stiffness"] * beyond**2 / 2
+    np.testing.assert_allclose(terms.energy - middle, energy, atol=NUMBERS["stiffness"] * 1e-9)
+
+
+def test_a_table_of_the_mechanism_keeps_the_gap():
+    axis = two_mass_axis(gap=0.02, **NUMBERS)
+    again = mechanism_of(axis.table)
+    assert again.table == axis.table and again.table["gap"] == 0.02
+    assert "gap" not in two_mass_axis(**NUMBERS).table
+
+
+@pytest.mark.parametrize("gap", [-0.01, float("nan"), float("inf"), True, "wide"])
+def test_gaps_that_mean_nothing_are_refused(gap):
+    with pytest.raises(ValueError, match="gap = .* must be zero or a positive angle"):
+        two_mass_axis(gap=gap)
+
+
+def test_friction_on_both_sides_of_a_gap_comes_out_and_only_with_it():
+    rig = LooseAxis()
+    logs = {str(k): pd.DataFrame(rig.log(k, seconds=4.0)) for k in range(2)}
+    truth = [rig.motor_coulomb, rig.motor_viscous, rig.load_coulomb, rig.load_viscous]
+    truth += [rig.load_inertia, rig.stiffness]
+    noise = {}
+    for gap in (rig.gap, 1.2 * rig.gap):
+        believed = {"motor_inertia": rig.motor_inertia, "load_inertia": 0.05, "stiffness": 120.0}
+        data = fid.Dataset.from_frames(
+            logs,
+            two_mass_axis(gap=gap, **believed),
+            time="t",
+            angle=["q1", "q2"],
+            torque=["u1", "u2"],
+            hold="previous",
+        )
+        free = {"free": ["friction", "inertia"], "fixed": ["inertia.motor_inertia"]}
+        fit = fid.fit(data, "coulomb_viscous", method="shooting", **free)
+        noise[gap] = max(fit.convergence.angle_noise)
+        if gap == rig.gap:
+            np.testing.assert_allclose(fit.frame.value, truth, rtol=0.03)
+            assert not fit.convergence.warnings
+    assert noise[rig.gap] == pytest.approx(1e-4, rel=0.05)  # that of the encoders
+    assert noise[1.2 * rig.gap] > 3 * noise[rig.gap]
