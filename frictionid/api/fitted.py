@@ -123,7 +123,8 @@ class Fit:
             return None
         sizes = (len(d["left_out"]), len(d["unexplained"]))
         went = bool(d["settled"]), int(d["iterations"]), int(d["windows"])
-        return Convergence(*went, *sizes, (*d["warnings"],), (*d.get("angle_noise", ()),))
+        noise = tuple(map(float, d.get("angle_noise", ())))
+        return Convergence(*went, *sizes, (*d["warnings"],), noise)
 
     @cached_property
     def frame(self) -> pd.DataFrame:

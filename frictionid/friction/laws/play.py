@@ -30,7 +30,7 @@ _SLOW = 0.02  # [rad/s], contact closes no more sharply than at this speed
 
 @dataclass(frozen=True)
 class Play(Law):
-    """Tf = share(z) law(w) + joint(w), share = 1 where the joint takes the friction with it.
+    """Tf = share(z, gap) law(w) + joint(w), share = 1 at the side it moves to, 0 within the gap.
 
     law : name of the static law behind the play, whose parameters keep their names
     joint : name of one that acts all the time, its parameters begin with "joint_"
