@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from frictionid.friction.laws import Spline as Spline
     from frictionid.friction.laws import Stribeck as Stribeck
     from frictionid.friction.laws import Sum as Sum
+    from frictionid.friction.laws import Thermal as Thermal
     from frictionid.friction.laws import TorchModule as TorchModule
     from frictionid.friction.laws import WindowMLP as WindowMLP
     from frictionid.identifiers import BlackBox as BlackBox
@@ -164,6 +165,7 @@ _HOME = {
     "Split": "frictionid.evaluation.folds",
     "Stribeck": "frictionid.friction.laws",
     "Sum": "frictionid.friction.laws",
+    "Thermal": "frictionid.friction.laws",
     "TorchModule": "frictionid.friction.laws",
     "Tracked": "frictionid.api.track",
     "TrueMotion": "frictionid.data.recordings",

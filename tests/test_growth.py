@@ -73,10 +73,10 @@ def test_a_memory_that_relaxes_is_that_of_step_by_step(law):
     nodes, own = nodes_of((40, 7, 60)), some_friction(law)
     theta, found = own.theta[:, None], memory_along(own, nodes)
     for r, (a, b) in enumerate(zip(nodes.first[:-1], nodes.first[1:], strict=True)):
-        at = [Inputs(*(x[[k]] for x in nodes.inputs)) for k in range(a, b)]
+        at = [nodes.inputs.each(lambda x, k=k: x[[k]]) for k in range(a, b)]
         memory = law.start(theta, at[0])
         for t in range(1, b - a):
-            middle = Inputs(*((p + q) / 2 for p, q in zip(at[t - 1], at[t], strict=True)))
+            middle = at[t - 1].each(lambda p, q: (p + q) / 2, at[t])
             memory = law.advance(theta, middle, memory, np.array([[0.01]]))
             np.testing.assert_allclose(found[t][0][:, [r]], memory[0], rtol=1e-12, atol=1e-15)
 

@@ -14,6 +14,7 @@ from frictionid.export.exported import ExportedFriction, exported
 from frictionid.export.formats import ExportSettings, Written, held_by, writer_of
 from frictionid.export.randomise import randomised
 from frictionid.files import write_bytes
+from frictionid.friction import Friction
 from frictionid.outputs import check_outputs
 
 
@@ -39,6 +40,7 @@ def export(
     *,
     data: DatasetLike | None = None,
     speeds: Sequence[float] = (),
+    temperature: float | None = None,
     settings: ExportSettings | None = None,
     replace: bool = False,
 ) -> Exported:
@@ -55,6 +57,8 @@ def export(
         Its mechanism names the joints. What the target cannot hold is replayed on its motion.
     speeds : list of float, optional
         Greatest measured speed of each joint [rad/s or m/s], in place of the model's own.
+    temperature : float [degC], optional
+        At which friction is taken that depends on it.
     settings : ExportSettings, optional
     replace : bool
         Whether files that exist may be written over.
@@ -80,7 +84,7 @@ def export(
         dataset = getattr(model, "data", None)
     named = () if dataset is None else tuple(dataset.mechanism.friction_names)
     joints = chosen.joints or named
-    friction = friction_of(model)
+    friction = _at(friction_of(model), temperature)
     if named and len(named) != friction.n:
         raise InputError(
             f"the model has friction at {friction.n} parts, the data set at {len(named)}: "
@@ -99,6 +103,17 @@ def export(
     for path, content in zip(paths, written.files.values(), strict=True):
         write_bytes(path, content)
     return Exported(paths, lost, written.notes, cost)
+
+
+def _at(friction: Friction, temperature: float | None) -> Friction:
+    """The friction at a temperature, where one is chosen."""
+    if temperature is None:
+        return friction
+    if not friction.law.uses_temperature:
+        raise InputError(
+            f"temperature = {temperature:g} degC: this friction does not depend on it, leave it out"
+        )
+    return friction.at_temperature(temperature)
 
 
 def _lost(own: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Cost | None]:

@@ -35,6 +35,9 @@ def export(
     joints: Annotated[
         str, typer.Option(help="Names of the joints in the file, in the model's order: hip,knee.")
     ] = "",
+    temperature: Annotated[
+        float | None, typer.Option(help="Of friction that depends on it [degC].")
+    ] = None,
     randomise: Annotated[
         int, typer.Option(min=0, help="Also write so many samples of the parameters, and ranges.")
     ] = 0,
@@ -52,7 +55,9 @@ def export(
     named = tuple(name.strip() for name in joints.split(",") if name.strip())
     chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
     data = None if dataset is None else load_dataset(dataset, trust=trust)
-    done = write(model, to, out, data=data, settings=chosen, replace=replace)
+    done = write(
+        model, to, out, data=data, temperature=temperature, settings=chosen, replace=replace
+    )
     if json:
         cost = None if done.cost is None else done.cost._asdict()
         document = {"lost": done.lost, "notes": done.notes, "cost": cost, "written": done.paths}

@@ -40,6 +40,7 @@ from frictionid.friction.laws import (
     Stribeck,
     Sum,
     Table,
+    Thermal,
     WindowMLP,
 )
 from frictionid.friction.model_files import load_model, own_law
@@ -91,6 +92,7 @@ LAWS: Mapping[str, type] = {
     "sum": Sum,
     "library": Library,
     "table": Table,
+    "thermal": Thermal,
     "state_library": StateLibrary,
     "film_lag": FilmLag,
     "film_lag_asymmetric": AsymmetricFilmLag,
@@ -157,6 +159,7 @@ IDENTIFIERS: Mapping[str, Kind] = {
     "per_joint": _kind(LeastSquares, PerJoint),
     "play": _kind(LeastSquares, Play),
     "sum": _kind(LeastSquares, Sum),
+    "thermal": _kind(LeastSquares, Thermal),
     "sindy": _kind(SINDy, Library),
     "sklearn": _kind(Regressor, estimator_named, without=["inputs"]),
     "sindy_dynamics": _kind(BlackBox, SparseDynamics),

@@ -22,6 +22,7 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States
+from frictionid.data.temperatures import temperature_at
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import step
@@ -30,18 +31,21 @@ from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
+from frictionid.friction.coordinates import of_last_joints
 from frictionid.mechanics import Plant
 
 # A servo's torque is held for so long [s]; with 0.5 ms in its place the mean errors of published
 # models on real logs are the same to 1e-4 of 0.06 rad
 _PIECE = 4e-3
+_AT_ONE_TEMPERATURE = 100  # intervals
 
 
 class Trajectory(NamedTuple):
     """Whole recordings side by side, R over at most T intervals.
 
     names; time (T + 1, R) [s]; q, w (R, n): initial states; u (T, R, n) [N m] recorded torque;
-    measured (T + 1, R, n) [rad], NaN behind a recording's end; servos: empty, or one for each.
+    measured (T + 1, R, n) [rad], NaN behind a recording's end; servos: empty, or one for each;
+    temperature (T + 1, R, m) [degC] of parts with friction, None where it is not known.
     """
 
     names: tuple[str, ...]
@@ -51,6 +55,7 @@ class Trajectory(NamedTuple):
     u: Array
     measured: Array
     servos: tuple[Servo, ...]
+    temperature: Array | None = None
 
     @property
     def dt(self) -> Array:
@@ -67,6 +72,7 @@ class Trajectory(NamedTuple):
             self.u[:, rows],
             self.measured[:, rows],
             tuple(self.servos[r] for r in rows) if self.servos else (),
+            None if self.temperature is None else self.temperature[:, rows],
         )
 
 
@@ -113,7 +119,21 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
         u=_side_by_side([averages(r.torque, time) for r, time in pairs], T, 0.0),
         measured=_side_by_side([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
         servos=tuple(servos) if len(servos) == len(times) else (),
+        temperature=_temperature(dataset, times, T + 1),
     )
+
+
+def _temperature(dataset: Dataset, times: Sequence[Array], length: int) -> Array | None:
+    """Temperatures (length, R, m) [degC]; the last one is kept behind a recording's end."""
+    mechanism = dataset.mechanism
+    each = [
+        temperature_at(recording, _lengthened(time, length), mechanism.joints)
+        for recording, time in zip(dataset.recordings, times, strict=True)
+    ]
+    known = [T for T in each if T is not None]
+    if len(known) < len(each):
+        return None
+    return of_last_joints(mechanism, np.stack(known, axis=1))
 
 
 def _lengthened(time: Array, length: int) -> Array:
@@ -136,10 +156,33 @@ def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
         calibration does to a servo's torque is done here, the rest is in the recordings already
     """
     start = State(trajectory.q, trajectory.w)
+    if friction.law.uses_temperature:
+        return _warming(plant, friction, trajectory)
     if not trajectory.servos:
         return rollout(plant, friction, start, trajectory.u, trajectory.dt).q
     with np.errstate(all="ignore"):  # a motion that diverges is infinitely wrong, no warning
         return _run(plant, friction, start, trajectory)
+
+
+def _warming(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
+    """Angles (T + 1, R, n) where friction depends on the temperature: a piece at a time.
+
+    Friction of each piece is that at the temperature of its start. Such laws have no memory.
+    """
+    if trajectory.servos:
+        raise InputError(
+            "whole recordings under a servo are not predicted with friction that depends on the "
+            "temperature: choose a horizon"
+        )
+    q, state = [trajectory.q[None]], State(trajectory.q, trajectory.w)
+    for begin in range(0, len(trajectory.u), _AT_ONE_TEMPERATURE):
+        own = slice(begin, begin + _AT_ONE_TEMPERATURE)
+        T = None if trajectory.temperature is None else trajectory.temperature[begin]
+        there = friction.at_temperature(T)
+        motion = rollout(plant, there, state, trajectory.u[own], trajectory.dt[own])
+        state = State(motion.q[-1], motion.w[-1])
+        q.append(motion.q[1:])
+    return np.concatenate(q)
 
 
 class _Drive(NamedTuple):

@@ -12,9 +12,11 @@ from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States
+from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
 from frictionid.friction import Inputs, Nodes
+from frictionid.friction.coordinates import of_last_joints
 from frictionid.identifiers.residual import GAP
 from frictionid.mechanics import Plant
 
@@ -25,7 +27,8 @@ class InitialStates(NamedTuple):
     recording, index (S,): where each starts; q, w (S, n): states there; u (T, S, n) [N m];
     dt (T, S) [s]; measured (T + 1, S, n) [rad]; truth the same or None; horizons (H,) [s] and
     last (H, S): interval count that reaches each horizon, -1 where the recording is too short;
-    nodes: motion of all recordings before, for the friction's memory.
+    nodes: motion of all recordings before, for the friction's memory; temperature (S, m) [degC] of
+    parts with friction at the start, None where it is not known.
     """
 
     recording: Array
@@ -39,13 +42,15 @@ class InitialStates(NamedTuple):
     horizons: Array
     last: Array
     nodes: Nodes
+    temperature: Array | None = None
 
     def take(self, rows: Array) -> InitialStates:
         """Some (k,) of the rollouts, as often as they are asked for."""
         first = {name: getattr(self, name)[rows] for name in ("recording", "index", "q", "w")}
         second = {name: getattr(self, name)[:, rows] for name in ("u", "dt", "measured", "last")}
         truth = None if self.truth is None else self.truth[:, rows]
-        return self._replace(**first, **second, truth=truth)
+        own = None if self.temperature is None else self.temperature[rows]
+        return self._replace(**first, **second, truth=truth, temperature=own)
 
     def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
         """The initial states with some (k,) of another calibration of the same data."""
@@ -94,6 +99,7 @@ def make_initial_states(
         horizons=horizons_,
         last=last,
         nodes=_nodes(dataset, states, plant),
+        temperature=_temperatures(dataset, states, pairs),
     )
 
 
@@ -170,6 +176,21 @@ def _windows(
         part = series[r][k : k + length]
         out[: len(part), i] = part
     return out
+
+
+def _temperatures(
+    dataset: Dataset, states: Sequence[States], pairs: Sequence[tuple[int, int]]
+) -> Array | None:
+    """Temperature (S, m) [degC] at each start."""
+    mechanism = dataset.mechanism
+    each = [
+        temperature_at(recording, s.time, mechanism.joints)
+        for recording, s in zip(dataset.recordings, states, strict=True)
+    ]
+    known = [T for T in each if T is not None]
+    if len(known) < len(each):
+        return None
+    return of_last_joints(mechanism, np.stack([known[r][k] for r, k in pairs]))
 
 
 def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:

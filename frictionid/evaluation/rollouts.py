@@ -27,7 +27,10 @@ def predict(
     """Motion from all initial states; plant and friction have one entry for each, theta (S, n, P).
 
     preceding : where each friction estimates its own initial states, see `state_estimator`
+
+    A temperature is that of the start all along.
     """
+    friction = friction.at_temperature(initial.temperature)
     if preceding is None:
         state = State(initial.q, initial.w, _memory(friction, initial))
     else:

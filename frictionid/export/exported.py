@@ -18,6 +18,7 @@ from frictionid.export.program import Program, Value
 from frictionid.export.trace import chained, traced
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.laws import LinearOutside
+from frictionid.friction.temperature import refuse_temperature
 
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
 _HORIZON = 1.0  # [s], over which it is replayed what a target loses
@@ -150,6 +151,7 @@ def exported(
         raise InputError(
             "a model without physics has no friction torque to export: fit one that has"
         )
+    refuse_temperature(friction.law, "an export")
     if friction.theta.ndim != 2:
         raise InputError(
             f"a model with parameters of shape {friction.theta.shape} holds several frictions: "

@@ -10,7 +10,7 @@ bam_files     parameter files of BAM as frictions
 
 from frictionid.friction.constraints import Constraints, Groups, SpeedRange, constraints_of
 from frictionid.friction.friction import Friction, Nodes, along, memory_along, units_of
-from frictionid.friction.law import Inputs, Law, Memory, at_rest
+from frictionid.friction.law import Inputs, Law, Memory, at_rest, joined
 
 __all__ = [
     "Constraints",
@@ -24,6 +24,7 @@ __all__ = [
     "along",
     "at_rest",
     "constraints_of",
+    "joined",
     "memory_along",
     "units_of",
 ]

@@ -28,7 +28,12 @@ def at_places(mechanism: Mechanism, x: Inputs) -> Inputs:
     if turns is None:
         return x
     last, (q, w) = _last(mechanism), (of_parts(position, turns) for position in (x.q, x.w))
-    return Inputs(q, w, x.u[..., last], x.load[..., last])
+    return x.each(lambda values: values[..., last])._replace(q=q, w=w)
+
+
+def of_last_joints(mechanism: Mechanism, values: Array) -> Array:
+    """Values (..., m) of all parts from those of joints (..., n): those of the last that turns."""
+    return values[..., _last(mechanism)]
 
 
 def torque_map(mechanism: Mechanism) -> Array:
@@ -92,7 +97,9 @@ def mobility(M: Array, turns: Array | None) -> Array:
     return A @ inverse(M) @ A.T
 
 
-def recorded_inputs(plant: Plant, time: Array, q: Array, w: Array, u: Array) -> Inputs:
+def recorded_inputs(
+    plant: Plant, time: Array, q: Array, w: Array, u: Array, temperature: Array | None = None
+) -> Inputs:
     """Inputs (S, m) where parts slide along a recorded motion (S, n); samples are every other row.
 
     The load is that of friction-free motion under u or, where it is the torque of gears, of the
@@ -104,7 +111,7 @@ def recorded_inputs(plant: Plant, time: Array, q: Array, w: Array, u: Array) -> 
         a = np.stack([np.interp(time, time[::2], column) for column in rate.T], axis=-1)
         M, h = plant.dynamics(q, w)
         load = times(M, a) - h
-    return at_places(plant.mechanism, Inputs(q, w, u, plant.load(q, w, load)))
+    return at_places(plant.mechanism, Inputs(q, w, u, plant.load(q, w, load), temperature))
 
 
 def with_places(mechanism: Mechanism, r: Array, G: Array) -> tuple[Array, Array]:

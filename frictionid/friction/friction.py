@@ -18,7 +18,9 @@ from frictionid.data.calibration import Calibration
 from frictionid.friction.constraints import Constraints
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
 from frictionid.friction.relaxation import relaxed
+from frictionid.friction.temperature import check_temperature
 
+_OF_THETA = ("half_widths", "refined", "equation", "equality")  # in a provenance
 _STEPS = 1_000_000  # of memories of all frictions at a time
 
 
@@ -108,10 +110,36 @@ class Friction:
         """Friction torque at inputs whose batch axes broadcast against theta's, (..., n) [N m]."""
         return self.law.torque(self.theta, x, memory)
 
+    def at_temperature(self, temperature: Array | float | None) -> Friction:
+        """The friction at a temperature [degC], of a law that does not depend on it.
+
+        temperature : one, or (..., n), whose batch axes broadcast against theta's
+
+        Raises
+        ------
+        InputError
+            Where friction depends on the temperature, and none in degC is given.
+
+        >>> from frictionid.friction.laws import Thermal
+        >>> print(Friction(Thermal(), np.array([[0.1, 0.02, -0.01, 0.0]])).at_temperature(35.0))
+        CoulombViscous(width=0.02, shape='tanh')
+          joint 1  coulomb 0.09 N m, viscous 0.02 N m s/rad
+        """
+        check_temperature(self.law, temperature)
+        if not self.law.uses_temperature or temperature is None:
+            return self
+        T = like(np.asarray(temperature, dtype=float) + np.zeros(self.n), self.theta)
+        law, theta = self.law.at_temperature(self.theta, T)
+        source = {k: v for k, v in self.provenance.items() if k not in _OF_THETA}
+        if np.ndim(temperature) == 0:
+            source["temperature"] = float(np.asarray(temperature))
+        return replace(self, law=law, theta=theta, provenance=source, constraints=None)
+
     def curve(self, w: Array, settle: float = 5.0) -> Array:
         """Steady-state friction torque of each joint at velocities w (V,), shape (..., V, n) [N m].
 
-        Numerical smoothing of sgn(w) is left out, as in the physics step.
+        Numerical smoothing of sgn(w) is left out, as in the physics step. Laws that depend on the
+        temperature are at their reference.
         Laws with memory are held at each velocity for `settle` seconds before they are read.
         """
         theta, law = self.theta[..., None, :, :], self.law.sharpened()
@@ -274,14 +302,12 @@ def _side_by_side(nodes: Nodes, theta: Array) -> Iterator[Nodes]:
 
 
 def _take(x: Inputs, index: Any) -> Inputs:
-    return Inputs(*(field_[index] for field_ in x))
+    return x.each(lambda values: values[index])
 
 
 def _middle(a: Inputs, b: Inputs, sample_time: float | None) -> Inputs:
     # continuous memories see the mean of both ends; sampled ones the newest sample
-    return (
-        b if sample_time is not None else Inputs(*((x + y) / 2 for x, y in zip(a, b, strict=True)))
-    )
+    return b if sample_time is not None else a.each(lambda x, y: (x + y) / 2, b)
 
 
 def _padded(nodes: Nodes) -> Array:

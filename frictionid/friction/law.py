@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
@@ -25,13 +25,34 @@ SHARP_WIDTH = 1e-7  # [rad/s], smoothing of a law that is made sharp
 class Inputs(NamedTuple):
     """What friction may depend on: q [rad], w [rad/s], motor torque u [N m], bearing load [N].
 
-    Each has shape (..., n), one entry for each joint.
+    Each has shape (..., n), one entry for each joint; so has `temperature` [degC], None where it is
+    not known.
     """
 
     q: Array
     w: Array
     u: Array
     load: Array
+    temperature: Array | None = None
+
+    def each(self, change: Callable[..., Array], *others: Inputs) -> Inputs:
+        """The inputs with every array changed, by those of others as further arguments.
+
+        >>> at_rest(np.ones(2)).each(lambda x: x[:1]).w
+        array([1.])
+        """
+        rows = zip(self, *others, strict=True)
+        made = [None if any(x is None for x in row) else change(*row) for row in rows]
+        return Inputs._make(made)
+
+
+def joined(parts: Sequence[Inputs]) -> Inputs:
+    """Inputs (S, n) of several recordings, one after the other."""
+
+    def one(*arrays: Array) -> Array:
+        return np.concatenate(arrays)
+
+    return parts[0].each(one, *parts[1:])
 
 
 def at_rest(w: Array) -> Inputs:
@@ -73,6 +94,8 @@ class Law(ABC):
         Time [s] within which the physics step must look at the memory again.
     uses_load : bool
         Whether friction depends on the bearing load, which costs time to compute.
+    uses_temperature : bool
+        Whether friction depends on the temperature; `at_temperature` gives that at one.
     is_linear : bool
         Whether the torque is `gradient` times theta, so that linear least squares fit it.
     is_sparse : bool
@@ -108,6 +131,7 @@ class Law(ABC):
     sample_time: float | None = None
     longest_substep: float = float("inf")
     uses_load: bool = False
+    uses_temperature: bool = False
     is_linear: bool = False
     is_sparse: bool = False
     is_network: bool = False
@@ -199,6 +223,10 @@ class Law(ABC):
     def memory_slopes(self, theta: Array, x: Inputs, memory: Memory) -> Memory | None:
         """Derivatives (..., n) of the torque in each memory entry alone, or None."""
         return None
+
+    def at_temperature(self, theta: Array, temperature: Array) -> tuple[Law, Array]:
+        """The law and its theta at a temperature (..., n) [degC]; as they are by default."""
+        return self, theta
 
     def has_parameters(self, joints: int) -> NDArray[np.bool_]:
         """Which of the P parameters each joint has, (joints, P): all, unless joints differ."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction, Inputs, along
+from frictionid.friction import Friction, along
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.residual import Problem
 from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
@@ -158,7 +158,7 @@ def _others_changed(problem: Problem, weights: Array) -> Problem:
     """The problem with other numbers in recordings without weight: r, G, motion, torque, load."""
     held = ~np.isin(np.arange(len(problem.nodes.first) - 1), problem.recording[weights > 0])
     rows, nodes = held[problem.recording], np.repeat(held, np.diff(problem.nodes.first))
-    inputs = Inputs(*(np.where(nodes[:, None], 1.7 * x, x) for x in problem.nodes.inputs))
+    inputs = problem.nodes.inputs.each(lambda x: np.where(nodes[:, None], 1.7 * x, x))
     return replace(
         problem,
         r=np.where(rows[:, None], problem.r + 10.0, problem.r),

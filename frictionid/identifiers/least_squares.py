@@ -19,6 +19,7 @@ from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Groups, Law
+from frictionid.friction.temperature import check_temperature
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.identifier import Identifier
 from frictionid.identifiers.initial_guess import best_initial_guess
@@ -78,6 +79,7 @@ class LeastSquares(Identifier):
         check_settings(self)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        check_temperature(self.law, problem.nodes.inputs.temperature, fitted=True)
         weights = normalised(weights, problem)
         law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior, self.equal))
         return replace(law.friction(self._fitted(law, weights)), law=self.law)

@@ -8,7 +8,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import check_settings
-from frictionid.friction import Friction, Groups, Inputs, Law
+from frictionid.friction import Friction, Groups, Law
 from frictionid.identifiers.box_qp import bounded
 from frictionid.identifiers.grams import check_linear, columns, grams
 from frictionid.identifiers.identifier import Identifier
@@ -89,7 +89,7 @@ def _in_linear_range(friction: Friction, problem: Problem) -> Array:
     S = len(inputs.w)
     places = np.linspace(0, S - 1, min(_CHECKED, S)).astype(int)
     order = np.argsort(np.abs(inputs.w), axis=0)[places]
-    x = Inputs(*(np.take_along_axis(part, order, axis=0) for part in inputs))
+    x = inputs.each(lambda part: np.take_along_axis(part, order, axis=0))
     theta = friction.theta[:, None]
     linear = (law.gradient(0.0 * theta[:1], x) * theta).sum(-1)
     error = np.abs(law.torque(theta, x, ()) - linear).max(axis=(1, 2))

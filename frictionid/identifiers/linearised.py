@@ -14,7 +14,6 @@ from frictionid.friction import (
     Constraints,
     Friction,
     Groups,
-    Inputs,
     Law,
     Nodes,
     along,
@@ -141,7 +140,7 @@ class Linearised(NamedTuple):
         """The same on every `step`-th row only, with the nodes that these need; without memory."""
         problem = self.problem
         own, stencil = np.unique(problem.stencil[::step], return_inverse=True)
-        inputs = Inputs(*(x[own] for x in problem.nodes.inputs))
+        inputs = problem.nodes.inputs.each(lambda x: x[own])
         nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, len(own)]))
         arrays = {name: getattr(problem, name)[::step] for name in _ROW_ARRAYS}
         return self._replace(problem=replace(problem, nodes=nodes, stencil=stencil, **arrays))
@@ -233,7 +232,7 @@ def _some(problem: Problem, rows: slice) -> Problem:
     stencil = problem.stencil[rows]
     low, high = int(stencil.min()), int(stencil.max()) + 1
     own = slice(low, high)
-    inputs = Inputs(*(x[own] for x in problem.nodes.inputs))
+    inputs = problem.nodes.inputs.each(lambda x: x[own])
     nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, high - low]))
     arrays = {name: getattr(problem, name)[rows] for name in _ROW_ARRAYS}
     return replace(problem, nodes=nodes, stencil=stencil - low, **arrays)

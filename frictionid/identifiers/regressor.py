@@ -144,7 +144,7 @@ def torques(problem: Problem) -> tuple[Inputs, Array, Array]:
     variance = (inverse**2).sum(-1)
     slides = (np.abs(problem.G).max(axis=1) > 0) & (variance > 0)
     weight = np.where(slides, 1.0 / np.where(slides, variance, 1.0), 0.0)
-    x = Inputs(*(problem.mean(part) for part in problem.nodes.inputs))
+    x = problem.nodes.inputs.each(problem.mean)
     return x, times(inverse, problem.r), weight
 
 
@@ -157,7 +157,7 @@ def _training_set(x: Inputs, torque: Array, weight: Array, place: tuple[int, int
             f"joint {joint + 1} slides in no row of fold {fold}: give recordings in which it "
             "moves, or use fewer folds"
         )
-    own = Inputs(*(part[rows, joint] for part in x))
+    own = x.each(lambda part: part[rows, joint])
     return TrainingSet(own, torque[rows, joint], weight[rows] / weight.max())
 
 
@@ -169,7 +169,7 @@ def _binned(data: TrainingSet, bins: int) -> TrainingSet:
     label = np.minimum((cumulated / weight.sum() * bins).astype(int), bins - 1)
     _, bin_of = np.unique(label * 2 + (data.x.w[order] > 0), return_inverse=True)
     total = np.bincount(bin_of, weight)
-    x = Inputs(*(np.bincount(bin_of, weight * part[order]) / total for part in data.x))
+    x = data.x.each(lambda part: np.bincount(bin_of, weight * part[order]) / total)
     return TrainingSet(x, np.bincount(bin_of, weight * data.torque[order]) / total, total)
 
 

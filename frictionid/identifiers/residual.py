@@ -21,8 +21,9 @@ from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
+from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Nodes, SpeedRange
+from frictionid.friction import Inputs, Nodes, SpeedRange, joined
 from frictionid.friction.coordinates import at_places, recorded_inputs, with_places
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import (
@@ -79,7 +80,7 @@ class Problem:
         begin = np.concatenate([[0], np.cumsum(sizes)])
         at = np.arange(begin[-1]) + np.repeat(first[which] - begin[:-1], sizes)
         nodes = Nodes(
-            Inputs(*(x[at] for x in self.nodes.inputs)),
+            self.nodes.inputs.each(lambda x: x[at]),
             self.nodes.time[at],
             begin,
             self.nodes.per_sample,
@@ -217,7 +218,9 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     dt = np.diff(time)
     terms = plant.terms(q[:-1], w[:-1])
     r = w[:-1] + solve(terms.M, terms.h + times(terms.B, u)) * dt[:, None] - w[1:]
-    nodes = at_places(plant.mechanism, Inputs(q[:-1], w[:-1], u, plant.load(q[:-1], w[:-1], u)))
+    temperature = temperature_at(recording, time[:-1], plant.mechanism.joints)
+    load = plant.load(q[:-1], w[:-1], u)
+    nodes = at_places(plant.mechanism, Inputs(q[:-1], w[:-1], u, load, temperature))
     r, G = with_places(plant.mechanism, r, inverse(terms.M) * dt[:, None, None])
     return _Part(nodes, time[:-1], r, G, time[:-1], dt)
 
@@ -232,7 +235,8 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     r = solve(M1, balance.start + force * dt[:, None]) - states.w[1:]
     # friction at a sample sees the torque logged there, not the mean of the next interval
     torque = interleaved(sample(recording.torque, states.time), u)
-    nodes = recorded_inputs(plant, at, q, w, torque)
+    temperature = temperature_at(recording, at, plant.mechanism.joints)
+    nodes = recorded_inputs(plant, at, q, w, torque, temperature)
     r, G = with_places(plant.mechanism, r, inverse(M1) * dt[:, None, None])
     return _Part(nodes, at, r, G, states.time[:-1], dt)
 
@@ -260,7 +264,7 @@ def _assemble(
             f"no recording is longer than the {max(before)} samples of history before its first "
             "row: shorten the history, or use more of the samples"
         )
-    inputs = Inputs(*map(np.concatenate, zip(*(part.inputs for part in parts), strict=True)))
+    inputs = joined([part.inputs for part in parts])
     nodes = Nodes(inputs, np.concatenate([part.node_time for part in parts]), first, per_sample)
     c = np.array(coefficients)
     slowest = np.stack([slowest_speeds(s) for s in states])

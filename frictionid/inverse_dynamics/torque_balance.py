@@ -20,11 +20,12 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import plant_of
-from frictionid.data.recordings import Dataset
-from frictionid.data.signals import Signal, sample
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
+from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Nodes
+from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
 from frictionid.identifiers.residual import GAP, Problem, stiction_mask
 from frictionid.mechanics import Mechanism, Plant
@@ -126,7 +127,7 @@ def torque_balance(
     counts = [_counts(s, window, node_time) for s in states]
     most = max((count for _, count in counts), default=1)
     parts = [
-        _part(plant[i], s, recording.torque, step, most)
+        _part(plant[i], s, recording, step, most)
         for i, (s, recording, (step, _)) in enumerate(
             zip(states, dataset.recordings, counts, strict=True)
         )
@@ -137,7 +138,7 @@ def torque_balance(
             "shorten the window"
         )
     first = np.cumsum([0, *(len(part.time) for part in parts)])
-    inputs = Inputs(*map(np.concatenate, zip(*(part.inputs for part in parts), strict=True)))
+    inputs = joined([part.inputs for part in parts])
     stencil = np.concatenate([p.stencil + f for p, f in zip(parts, first[:-1], strict=True)])
     recording = np.repeat(np.arange(len(parts)), [len(part.start) for part in parts])
     nominal = plant.mechanism.base(plant.mechanism.nominal())
@@ -189,12 +190,13 @@ def _simpson(count: int) -> Array:
     return np.asarray(c / c.sum())
 
 
-def _part(plant: Plant, states: States, torque: Signal, step: int, count: int) -> _Part:
+def _part(plant: Plant, states: States, recording: Recording, step: int, count: int) -> _Part:
     """Nodes of a recording, and its windows of `count` steps from each to the next."""
     at = np.arange(0, len(states.time), step)
     time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
-    u = sample(torque, time)
-    inputs = recorded_inputs(plant, time, q, w, u)
+    temperature = temperature_at(recording, time, plant.mechanism.joints)
+    u = sample(recording.torque, time)
+    inputs = recorded_inputs(plant, time, q, w, u, temperature)
     dt = np.diff(states.time[at])
     broken = np.concatenate([[0], np.cumsum(dt > GAP * np.median(dt))])
     first = np.arange(0, len(at) - count, count)

@@ -70,6 +70,6 @@ def _torque(friction: Friction, theta: Array) -> Array:
     x = Inputs(*(_SPEED * 10.0 ** rng.uniform(-_DECADES, 0.0, shape) * rng.choice([-1, 1], shape)))
     x = x._replace(load=np.abs(x.load))
     dt = np.full((_POINTS, 1), law.sample_time or 0.005)
-    before = Inputs(*(value[::-1] for value in x))
+    before = x.each(lambda value: value[::-1])
     memory = law.advance(theta, x, law.start(theta, before), dt)
     return np.asarray(law.torque(theta, x, memory) + 0.0 * x.w)

@@ -25,18 +25,18 @@ class TensorLaw(SmoothedLaw):
     like: Array
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        return tuple(map(_numpy, self.inner.start(self._in(theta), Inputs(*self._all(x)))))
+        return tuple(map(_numpy, self.inner.start(self._in(theta), x.each(self._in))))
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        inner = Inputs(*self._all(x))
+        inner = x.each(self._in)
         return _numpy(self.inner.torque(self._in(theta), inner, self._all(memory)))
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        inner, z = Inputs(*self._all(x)), self._all(memory)
+        inner, z = x.each(self._in), self._all(memory)
         return tuple(map(_numpy, self.inner.advance(self._in(theta), inner, z, self._in(dt))))
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        inner = Inputs(*self._all(x))
+        inner = x.each(self._in)
         return _numpy(self.inner.limit(self._in(theta), inner, self._all(memory)))
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
@@ -71,7 +71,7 @@ class TensorLaw(SmoothedLaw):
         leaf = self._in(np.broadcast_to(theta, (len(dt[rows]), *theta.shape))).requires_grad_()
         first = tuple(z.requires_grad_() for z in self._all([entry[rows] for entry in memory]))
         z = first
-        inner = [Inputs(*self._all([value[rows] for value in x])) for x in path]
+        inner = [x.each(lambda value: self._in(value[rows])) for x in path]
         for x in inner[1:]:
             z = self.inner.advance(leaf, x, z, span)
         self.inner.torque(leaf, inner[-1], z).sum().backward()

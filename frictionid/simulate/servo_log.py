@@ -23,7 +23,9 @@ class ServoPendulum:
     mass [kg], length [m], coulomb [N m], viscous [N m s/rad] of its friction, a share `load` of |u|
     beside them; delay [s] of the targets; backlash [rad], z its play; gap [rad], within which the
     joint moves without its friction, to the substep; limit [N m] of u; noise [rad]; rate [1/s] of
-    the samples, and of the targets, which are held
+    the samples, and of the targets, which are held; warming [K] towards which it warms up from 15
+    degC in a recording, with the time constant of a third of it; the level changes by `slope`
+    [1/K], and viscous friction decays by `decay` [1/K], from what they are at 25 degC
     """
 
     mass: float = 0.5
@@ -37,12 +39,15 @@ class ServoPendulum:
     limit: float = float("inf")
     noise: float = 2e-4
     rate: float = 200.0
+    warming: float = 0.0
+    slope: float = 0.0
+    decay: float = 0.0
 
     def log(self, P: float, D: float, seed: int, seconds: float = 8.0) -> dict[str, Array]:
         """A recording: time "t" [s], angle "q" [rad], "target" [rad] and torque "u" [N m], (T,).
 
         The target is a sum of four sines that the seed draws; the torque is its mean until the
-        next sample, as of a drive that averages.
+        next sample, as of a drive that averages. Where it warms up, also "T" [degC].
 
         >>> log = ServoPendulum().log(4.0, 0.05, seed=1, seconds=1.0)
         >>> sorted(log), len(log["q"])
@@ -57,13 +62,21 @@ class ServoPendulum:
         numbers = (P, D, inertia, gravity, self.coulomb, self.viscous, self.load)
         late = round(self.delay * self.rate * parts)
         rest = (self.backlash / 2, self.gap / 2, self.limit, 1 / self.rate / parts)
-        q, u = _motion(target, parts, late, np.array([*numbers, *rest]))
-        return {"t": t, "q": q + self.noise * rng.normal(size=len(t)), "target": target, "u": u}
+        T = 15.0 + self.warming * (1.0 - np.exp(-3.0 * t / seconds))
+        share = np.stack([1.0 + self.slope * (T - 25.0), np.exp(-self.decay * (T - 25.0))])
+        q, u = _motion(target, parts, late, np.array([*numbers, *rest]), share)
+        log = {"t": t, "q": q + self.noise * rng.normal(size=len(t)), "target": target, "u": u}
+        return log | ({"T": T} if self.warming else {})
 
 
 @compiled
-def _motion(target: Array, parts: int, late: int, numbers: Array) -> tuple[Array, Array]:
-    """Angles and torques (T,) at the samples of a target (T,), from rest at its start."""
+def _motion(
+    target: Array, parts: int, late: int, numbers: Array, share: Array
+) -> tuple[Array, Array]:
+    """Angles and torques (T,) at the samples of a target (T,), from rest at its start.
+
+    share : (2, T) of the level and of viscous friction
+    """
     P, D, inertia, gravity, coulomb, viscous, load, half, reach, limit, h = numbers
     q, w, z, y = target[0], 0.0, 0.0, 0.0
     angle, torque = np.empty(len(target)), np.empty(len(target))
@@ -79,9 +92,10 @@ def _motion(target: Array, parts: int, late: int, numbers: Array) -> tuple[Array
         torque[k // parts] += u / parts
         free = w + h / inertia * (u - gravity * np.sin(q))
         rubs = (y >= reach and free > 0) or (y <= -reach and free < 0)
-        drag = viscous if rubs else 0.0
+        level, drag = share[0, k // parts] * coulomb, share[1, k // parts] * viscous
+        drag = drag if rubs else 0.0
         wanted = w + h / inertia * (u - gravity * np.sin(q) - drag * w)
-        most = h / inertia * (coulomb + load * abs(u)) if rubs else 0.0
+        most = h / inertia * (level + load * abs(u)) if rubs else 0.0
         w = 0.0 if abs(wanted) <= most else wanted - np.sign(wanted) * most
         q += h / 2 * w
         z = min(max(z + h / 2 * w, -half), half)

@@ -6,6 +6,7 @@ from typing import Any
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction
+from frictionid.friction.temperature import refuse_temperature
 
 
 def given_friction(given: Any) -> Friction:
@@ -14,7 +15,7 @@ def given_friction(given: Any) -> Friction:
     Raises
     ------
     InputError
-        For anything else.
+        For anything else, and for friction that depends on the temperature.
     """
     friction = getattr(given, "friction", given)
     if not isinstance(friction, Friction):
@@ -22,4 +23,5 @@ def given_friction(given: Any) -> Friction:
             f"a friction must be a Friction or a Fit, not {given!r:.60}: "
             'fid.load_model("model.json") reads a file'
         )
+    refuse_temperature(friction.law, "a simulator or controller")
     return friction

@@ -298,7 +298,7 @@ def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
     first = starts.nodes.first[starts.recording[s]]
     own = slice(first, first + starts.index[s] + 1)
     nodes = Nodes(
-        type(starts.nodes.inputs)(*(x[own] for x in starts.nodes.inputs)),
+        starts.nodes.inputs.each(lambda x: x[own]),
         starts.nodes.time[own],
         np.array([0, own.stop - own.start]),
     )

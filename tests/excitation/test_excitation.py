@@ -38,7 +38,7 @@ from frictionid.excitation.information import (
 )
 from frictionid.excitation.search import e_criterion, exchange, simulated
 from frictionid.excitation.smoothing import smoother_gains
-from frictionid.friction import Inputs, Nodes, along
+from frictionid.friction import Nodes, along
 from frictionid.friction.laws import CoulombViscous
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
@@ -145,7 +145,7 @@ def _rows(problem: Problem, own: Array) -> Problem:
     """Some rows of a problem of static friction, with the nodes that they need."""
     used, stencil = np.unique(problem.stencil[own], return_inverse=True)
     nodes = Nodes(
-        Inputs(*(x[used] for x in problem.nodes.inputs)),
+        problem.nodes.inputs.each(lambda x: x[used]),
         problem.nodes.time[used],
         np.array([0, len(used)]),
     )

@@ -243,4 +243,4 @@ TARGETS = {
 
 def used(own: ExportedFriction, x: Inputs) -> dict[str, np.ndarray]:
     """Inputs that friction depends on, by name."""
-    return {g: v for g, v in zip(GROUPS, x, strict=True) if g in own.programs.inputs}
+    return {g: v for g, v in zip(GROUPS, x[:4], strict=True) if g in own.programs.inputs}

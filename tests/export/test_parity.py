@@ -40,7 +40,7 @@ def test_ten_thousand_velocities_give_the_torques_of_the_model(to, name, tmp_pat
     for k in range(SAMPLES):
         x = Inputs(*(3.0 * rng.standard_normal((4, MOTIONS, N))))
         if tolerance > 1e-6:  # the same numbers, as floats hold them
-            x = Inputs(*(v.astype(np.float32).astype(float) for v in x))
+            x = x.each(lambda v: v.astype(np.float32).astype(float))
         given = used(own, x)
         if k == 0 and law.has_memory:
             memory, found_memory = law.start(theta, x), target.start(given)

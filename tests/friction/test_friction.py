@@ -178,7 +178,7 @@ def test_curve_is_the_torque_of_settled_motion():
 def test_tensors_give_the_same_numbers(static):
     x = drawn(np.random.default_rng(5))
     other = Friction(static.law, torch.as_tensor(static.theta))
-    tensors = Inputs(*map(torch.as_tensor, x))
+    tensors = x.each(torch.as_tensor)
     np.testing.assert_allclose(other.torque(tensors).numpy(), static.torque(x), rtol=1e-14)
     np.testing.assert_allclose(other.curve(velocities()), static.curve(velocities()), rtol=1e-14)
     assert str(other) == str(static)
@@ -212,7 +212,7 @@ def series(rng, lengths=(15, 7, 11), per_sample=1):
 
 
 def at(x, index):
-    return Inputs(*(part[index] for part in x))
+    return x.each(lambda part: part[index])
 
 
 def loop(friction, nodes):
@@ -226,7 +226,7 @@ def loop(friction, nodes):
             due = law.sample_time is None or (k - begin) % nodes.per_sample == 0
             if k > begin and due:
                 dt = np.array([nodes.time[k] - nodes.time[last]])
-                mean = Inputs(*((a + b) / 2 for a, b in zip(at(x, last), at(x, k), strict=True)))
+                mean = at(x, last).each(lambda a, b: (a + b) / 2, at(x, k))
                 seen = mean if law.sample_time is None else at(x, k)
                 memory = law.advance(theta, seen, memory, dt)
                 last = k

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frictionid.friction import Inputs, Nodes, along
+from frictionid.friction import Nodes, along
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 from frictionid.identifiers import LeastSquares, least_squares, linearised
 from frictionid.identifiers.initial_guess import _grams
@@ -19,7 +19,7 @@ from frictionid.identifiers.synthetic_problem import synthetic_problem
 def _repeated(problem, times):
     """The rows of a problem several times, each with nodes of their own."""
     S = len(problem.nodes.time)
-    inputs = Inputs(*(np.tile(x, (times, 1)) for x in problem.nodes.inputs))
+    inputs = problem.nodes.inputs.each(lambda x: np.tile(x, (times, 1)))
     nodes = Nodes(inputs, np.tile(problem.nodes.time, times), problem.nodes.first)
     shifts = np.repeat(np.arange(times), len(problem.r))[:, None] * S
     return replace(

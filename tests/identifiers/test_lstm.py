@@ -10,7 +10,7 @@ from fixtures.exact_problems import cost, everything, explained_by
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
+from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.identifiers import LeastSquares, Network, check_identifier
@@ -94,7 +94,7 @@ def test_beyond_the_reach_the_level_does_not_fall():
 def test_it_remembers_and_forgets():
     law = LSTM(4, hidden=(4,))
     theta, x = drawn(law), at_rest(np.full(2, 2.0))
-    fast = Inputs(*(3.0 * v for v in x))
+    fast = x.each(lambda v: 3.0 * v)
     dt = np.full((1,), law.sample_time)
     memory = [law.start(theta, x)]
     for first in (x, fast):

@@ -25,6 +25,7 @@ from frictionid.friction.laws.state_mlp import StateMLP
 from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
 from frictionid.friction.laws.sum import Sum
 from frictionid.friction.laws.table import Table
+from frictionid.friction.laws.thermal import Thermal
 from frictionid.friction.laws.torch_module import TorchModule
 from frictionid.friction.laws.window_mlp import WindowMLP
 
@@ -61,6 +62,7 @@ __all__ = [
     "Stribeck",
     "Sum",
     "Table",
+    "Thermal",
     "TorchModule",
     "WindowMLP",
     "check_law",

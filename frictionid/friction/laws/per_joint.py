@@ -199,7 +199,7 @@ class PerJoint(Law):
             yield _Part(
                 law,
                 theta[..., one, :][..., places],
-                Inputs(*(entry[..., one] for entry in x)),
+                x.each(lambda entry, one=one: entry[..., one]),
                 tuple(entry[..., one] for entry in own),
             )
 

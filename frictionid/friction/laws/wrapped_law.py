@@ -50,6 +50,11 @@ class WrappedLaw(Law):
         """Whether the other law does."""
         return self.law.reads_window
 
+    @property
+    def uses_temperature(self) -> bool:  # type: ignore[override]
+        """Whether the other law does."""
+        return self.law.uses_temperature
+
     def start(self, theta: Array, x: Inputs) -> Memory:
         return self.law.start(theta, x)
 

@@ -71,7 +71,7 @@ def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_they_run_alike_on_torch(law):
     values, x = np.random.default_rng(1).uniform(0.05, 1.0, (4, 1, 1, len(law.names))), inputs(30)
-    tensors = torch.as_tensor(values), Inputs(*(torch.as_tensor(field) for field in x))
+    tensors = torch.as_tensor(values), x.each(torch.as_tensor)
     for method in (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ())):
         np.testing.assert_allclose(method(*tensors).numpy(), method(values, x), rtol=1e-13)
     np.testing.assert_allclose(law.gradient(*tensors).numpy(), law.gradient(values, x), rtol=1e-13)

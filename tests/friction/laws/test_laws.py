@@ -6,7 +6,7 @@ import torch
 from fixtures.memory_laws import Sampled
 
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import (
     AsymmetricCoulombViscous,
     AsymmetricFilmLag,
@@ -82,7 +82,7 @@ def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_laws_run_alike_on_torch(law):
     theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
-    tensors = torch.as_tensor(theta), Inputs(*(torch.as_tensor(field) for field in x))
+    tensors = torch.as_tensor(theta), x.each(torch.as_tensor)
     methods = (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ()))
     for method in (*methods, law.gradient):
         np.testing.assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
@@ -91,7 +91,7 @@ def test_laws_run_alike_on_torch(law):
 @pytest.mark.parametrize("law", REMEMBERING, ids=str)
 def test_laws_with_memory_run_alike_on_torch(law):
     theta, x = draws(law, np.random.default_rng(1), 4, 1), speeds()
-    tensors = torch.as_tensor(theta), Inputs(*(torch.as_tensor(field) for field in x))
+    tensors = torch.as_tensor(theta), x.each(torch.as_tensor)
     memory, dt = law.start(theta, x._replace(w=-x.w)), np.array([0.003])
     same = tuple(torch.as_tensor(entry) for entry in memory)
     pairs = [
@@ -108,7 +108,7 @@ def test_laws_with_memory_run_alike_on_torch(law):
 def test_torque_has_slopes_in_torch_at_every_velocity(law):
     theta = torch.tensor(draws(law, np.random.default_rng(3), 4, 1), requires_grad=bool(law.names))
     w = torch.tensor([[0.0, 0.0], *speeds().w.tolist()], dtype=torch.float64, requires_grad=True)
-    x = Inputs(*(torch.as_tensor(field) for field in at_rest(w.detach().numpy())))._replace(w=w)
+    x = at_rest(w.detach().numpy()).each(torch.as_tensor)._replace(w=w)
     memory = law.advance(theta, x, law.start(theta, x), torch.tensor([0.01], dtype=torch.float64))
     law.torque(theta, x, memory).sum().backward()
     assert torch.isfinite(w.grad).all()

@@ -36,7 +36,7 @@ def test_it_is_the_laws_side_by_side(first, second):
     theta[has] = rng.uniform(0.1, 1.0, has.sum())
     memory = law.advance(theta, x, law.start(theta, x), dt)
     for j, alone in enumerate(PARTS[name]() for name in (first, second)):
-        one = Inputs(*(entry[..., j : j + 1] for entry in x))
+        one = x.each(lambda entry, j=j: entry[..., j : j + 1])
         places = [law.names.index(name) for name in alone.names]
         own = theta[j : j + 1][:, places]
         state = alone.advance(own, one, alone.start(own, one), dt)
