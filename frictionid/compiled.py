@@ -1,18 +1,39 @@
 """Loops compiled to machine code by Numba, kept on disk where there is a folder for it.
 
-Numba compiles a function again when its own file changes; functions of other files that it calls
-are part of the kept code. So what is shared between files should be small and final.
+What is kept holds the code of other files that a function calls, too. So it is compiled again when
+any file of the package has changed since.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
+from contextlib import suppress
+from functools import cache, wraps
+from pathlib import Path
 from typing import Any
 
 import numba
+from numba.extending import intrinsic
 
-inlined = numba.njit(error_model="numpy", forceinline=True)  # for functions that compiled ones call
+# for functions that compiled ones call: small ones, and larger ones
+inlined = numba.njit(error_model="numpy", forceinline=True)
+called = numba.njit(error_model="numpy")
+
+Numbers = Any  # where numbers begin in memory, see `pointer`
+
+
+@intrinsic
+def pointer(_: Any, array: Any) -> Any:
+    """Where the numbers of a contiguous array begin, for compiled loops.
+
+    Arrays count who knows them, whenever they are handed on; that costs more than short loops do.
+    The array must live on: something must be done to it after the last use of the place.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.make_array(signature.args[0])(context, builder, arguments[0]).data
+
+    return numba.types.CPointer(array.dtype)(array), generate
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -21,10 +42,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     >>> compiled(lambda x: 2.0 * x)(1.5)
     3.0
     """
-    try:
-        fast = numba.njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:  # no such folder
-        fast = inlined(function)
+    fast = kept(function)
 
     @wraps(function)
     def call(*arguments: Any) -> Any:
@@ -34,3 +52,29 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
             return fast(*arguments)
 
     return call
+
+
+def kept(function: Callable[..., Any]) -> Any:
+    """The same for functions that compiled ones call, too long to be compiled for each of them."""
+    try:
+        fast = numba.njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # no such folder
+        return called(function)
+    _forget_outdated(fast)
+    return fast
+
+
+def _forget_outdated(fast: Any) -> None:
+    """Remove what was kept before a file of the package changed."""
+    code = fast.py_func.__code__
+    name = f"{Path(code.co_filename).stem}.{fast.py_func.__qualname__}-*.nbi"
+    for index in Path(fast.stats.cache_path).glob(name.replace("<", "[<]")):
+        with suppress(OSError):  # another process was faster
+            if index.stat().st_mtime <= _newest_source():
+                index.unlink()
+
+
+@cache
+def _newest_source() -> float:
+    """When a file of the package changed last."""
+    return max(path.stat().st_mtime for path in Path(__file__).parent.rglob("*.py"))

@@ -18,7 +18,17 @@ from fixtures.paths import ROOT
 
 # From the bottom to the top: a module may import what stands before it, and its own package.
 LAYERS = (
-    *("errors", "arrays", "compiled", "files", "shipped", "outputs", "config", "progress"),
+    *(
+        "errors",
+        "arrays",
+        "compiled",
+        "tracing",
+        "files",
+        "shipped",
+        "outputs",
+        "config",
+        "progress",
+    ),
     "mechanics",
     "data",
     "simulate",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
+from frictionid.dynamics.compiled.machine import machine_of
+from frictionid.dynamics.compiled.rollout import rolled_out
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import adaptive_step, euler_step, semi_implicit_step
 from frictionid.dynamics.step_size import StepSize, step_size_of
@@ -15,6 +18,7 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
+_MANY = 2000  # samples: fewer are predicted before loops are compiled
 _RUNAWAY = 1e5  # times as fast as slow joints, they have diverged: they are frozen as NaN
 
 
@@ -71,6 +75,11 @@ def rollout(
     xp = namespace(start.q, u)
     sizes = _step_sizes(plant, friction, dt, refine) if method == "rk4" else []
     state, alive = begin(plant, friction, start, u[0], dt[0]), None
+    many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= _MANY
+    if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
+        motion = state.q, state.w
+        counts = np.array(sizes, dtype=int)
+        return Rollout(*rolled_out(machine, plant, friction.theta, motion, u, dt, counts, _RUNAWAY))
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen

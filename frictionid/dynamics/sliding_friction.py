@@ -54,12 +54,17 @@ def friction_torque(
 
 def sliding_velocity(friction: Friction, w: Array, stiction: Stiction) -> Array:
     """Velocities (..., n) at which the law is evaluated: beyond its smoothing, in the direction."""
-    least = 4.0 * _WIDTHS * SHARP_WIDTH if is_sharp(friction) else _smoothing(friction)
+    least = least_sliding_speed(friction)
     if stiction.direction is None or least == 0.0:
         return w
     xp, direction = namespace(w), stiction.direction
     beyond = direction * xp.maximum(direction * w, 0.0 * w + least)
     return xp.where(direction == 0.0, w, beyond)
+
+
+def least_sliding_speed(friction: Friction) -> float:
+    """Speed [rad/s] beyond which the law of a sliding joint is evaluated; 0: at any speed."""
+    return 4.0 * _WIDTHS * SHARP_WIDTH if is_sharp(friction) else _smoothing(friction)
 
 
 def _smoothing(friction: Friction) -> float:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from frictionid.errors import InputError
 from frictionid.export.exported import ExportedFriction
 from frictionid.export.formats import ExportSettings, Written
-from frictionid.export.program import Program
+from frictionid.tracing.program import Program
 
 try:
     import casadi

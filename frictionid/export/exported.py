@@ -14,11 +14,11 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, known_speeds, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
-from frictionid.export.program import Program, Value
-from frictionid.export.trace import chained, traced
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.laws import LinearOutside
 from frictionid.friction.temperature import refuse_temperature
+from frictionid.tracing.program import Program, Value
+from frictionid.tracing.trace import chained, traced
 
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
 _HORIZON = 1.0  # [s], over which it is replayed what a target loses

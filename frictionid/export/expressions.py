@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from frictionid.export.program import Line, Operand, Program, Value
+from frictionid.tracing.program import Line, Operand, Program, Value
 
 TRUTHS = ("less", "less_equal", "equal", "and", "or", "not")  # operations that give true or false
 _OF_TRUTHS = ("and", "or", "not")

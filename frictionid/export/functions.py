@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from frictionid.export.exported import ExportedFriction
 from frictionid.export.expressions import Block, blocks, names
-from frictionid.export.program import Program
+from frictionid.tracing.program import Program
 
 
 class Element(NamedTuple):

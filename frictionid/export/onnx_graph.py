@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.export.exported import ExportedFriction
 from frictionid.export.expressions import TRUTHS
 from frictionid.export.formats import ExportSettings, Written
-from frictionid.export.program import Line, Operand, Program, Value
+from frictionid.tracing.program import Line, Operand, Program, Value
 
 try:
     import onnx

@@ -12,8 +12,8 @@ import torch
 from frictionid.errors import InputError
 from frictionid.export.exported import INPUTS, ExportedFriction
 from frictionid.export.formats import ExportSettings, Written
-from frictionid.export.program import Program
 from frictionid.friction import Inputs
+from frictionid.tracing.program import Program
 
 _OPERATIONS: Mapping[str, Any] = {
     "add": lambda a, b: a + b,

@@ -17,6 +17,7 @@ from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.shooting.law_derivatives import FreeTheta, LawReads, reads_of
+from frictionid.shooting.motor_torque import MotorTorque
 from frictionid.shooting.parameters.parameter_block import (
     Estimate,
     FreeBlock,
@@ -30,7 +31,7 @@ from frictionid.shooting.parameters.parameter_block import (
 )
 from frictionid.shooting.sample_intervals import Intervals, logged_torque
 from frictionid.shooting.sampled_memory import memory_after_sample
-from frictionid.shooting.sensitivities import MotorTorque, end_states
+from frictionid.shooting.sensitivities import end_states
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.tangent import MotionModel
 

@@ -5,7 +5,6 @@ The motion is that of `step.substep`, nothing else; the derivatives follow the v
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,33 +13,12 @@ from frictionid.arrays import Array, times
 from frictionid.dynamics import step
 from frictionid.dynamics.state import State, velocities
 from frictionid.friction import Memory
+from frictionid.shooting.compiled_end_states import advanced, tangent_machine_of
+from frictionid.shooting.motor_torque import MotorTorque
 from frictionid.shooting.tangent import MotionModel, Tangent, initial_tangent, inverse_of_free
 from frictionid.shooting.variational_equation import advance_tangent
 
-
-class MotorTorque(NamedTuple):
-    """Motor torque of K intervals in S equal pieces, and its derivatives in E directions.
-
-    u (S, K, n) [N m], by (S, E, K, n); moment (S, K, n) [N m s^2], that of the torque about the end
-    of each piece beyond what its mean has, and moment_by (S, E, K, n). finer(rows, piece, parts):
-    the torque of some intervals in parts of a piece. Without these the torque is u throughout.
-    """
-
-    u: Array
-    by: Array
-    moment: Array | None = None
-    moment_by: Array | None = None
-    finer: Callable[[Array, int, int], MotorTorque] | None = None
-
-    def of(self, rows: Array, piece: int, parts: int) -> MotorTorque:
-        """That of some intervals in equal parts of a piece."""
-        if parts > 1 and self.finer is not None:
-            return self.finer(rows, piece, parts)
-        at = np.repeat(piece, parts)
-        u, by = self.u[at][:, rows], self.by[at][:, :, rows]
-        if parts > 1 or self.moment is None or self.moment_by is None:
-            return MotorTorque(u, by)
-        return MotorTorque(u, by, self.moment[at][:, rows], self.moment_by[at][:, :, rows])
+_MANY = 500  # intervals: fewer are done before loops are compiled
 
 
 class EndStates(NamedTuple):
@@ -64,6 +42,11 @@ def end_states(
 
     fine : substeps of a piece in which a joint comes near rest; other pieces are one substep
     """
+    machine = tangent_machine_of(model) if len(dt) >= _MANY else None
+    if machine is not None:
+        q, w, T = advanced(machine, model, (start.q, start.w), motor, dt, fine)
+        size = T.shape[1]
+        return EndStates(q, w, (), T[..., :size], T[..., size:])
     state, tangent = start, initial_tangent(model, start, motor.by.shape[1])
     part = (dt / len(motor.u))[:, None]
     for piece, u in enumerate(motor.u):

@@ -14,9 +14,10 @@ from frictionid.friction import Friction, Inputs
 from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Plant
 from frictionid.shooting.law_derivatives import FreeTheta, reads_of
+from frictionid.shooting.motor_torque import MotorTorque
 from frictionid.shooting.problem import Linearisation, memory_of
 from frictionid.shooting.sample_intervals import Intervals
-from frictionid.shooting.sensitivities import MotorTorque, end_states
+from frictionid.shooting.sensitivities import end_states
 from frictionid.shooting.tangent import MotionModel
 from frictionid.shooting.windows import (
     START_VELOCITY,

@@ -7,10 +7,10 @@ import pytest
 
 from frictionid.errors import InputError
 from frictionid.export.exported import exported
-from frictionid.export.program import Program
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction import laws as known
 from frictionid.friction.laws import LinearOutside
+from frictionid.tracing.program import Program
 
 LAWS = {
     "coulomb_viscous": known.CoulombViscous(),

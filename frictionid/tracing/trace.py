@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.export.operations import OPERATIONS
-from frictionid.export.program import Line, Operand, Program, Value, needed
+from frictionid.tracing.operations import OPERATIONS
+from frictionid.tracing.program import Line, Operand, Program, Value, needed
 
 _SAME = {"abs": "absolute", "fabs": "absolute", "logical_and": "and", "bitwise_and": "and"} | {
     "logical_or": "or",

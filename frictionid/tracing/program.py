@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from frictionid.export.operations import OPERATIONS
+from frictionid.tracing.operations import OPERATIONS
 
 
 @dataclass(frozen=True, slots=True)

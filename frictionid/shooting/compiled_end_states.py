@@ -1,0 +1,202 @@
+"""End states of many intervals and their derivatives by the compiled step, row after row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.compiled import compiled, pointer
+from frictionid.dynamics.compiled import layout as at
+from frictionid.dynamics.compiled.machine import (
+    limit_program,
+    machine_of,
+    program_of,
+    torque_program,
+)
+from frictionid.dynamics.compiled.step import begin_substep, is_near_rest, substep
+from frictionid.friction import Law
+from frictionid.mechanics import Mechanism
+from frictionid.shooting import compiled_layout as more
+from frictionid.shooting.compiled_layout import TangentMachine
+from frictionid.shooting.compiled_tangent import advance_tangent, displace
+from frictionid.shooting.motor_torque import MotorTorque
+from frictionid.shooting.tangent import MotionModel
+from frictionid.tracing.derivative import with_derivatives
+from frictionid.tracing.machine_code import machine_code
+from frictionid.tracing.program import Program
+
+
+def tangent_machine_of(model: MotionModel) -> TangentMachine | None:
+    """Functions of a model and its derivatives; None where they cannot be compiled."""
+    machine = None if model.reads.others else machine_of(model.plant, model.friction)
+    if machine is None:
+        return None
+    law, mechanism, n = model.friction.law, model.plant.mechanism, model.plant.n
+    slopes = _slopes(law.sharpened() if machine.breaks else law, n)
+    limits, partials = _limits(law, n), _partials(mechanism)
+    if slopes is None or limits is None or partials is None:
+        return None
+    return TangentMachine(
+        machine, machine_code(slopes), machine_code(limits), machine_code(partials), len(law.names)
+    )
+
+
+@lru_cache(maxsize=64)
+def _partials(mechanism: Mechanism) -> Program | None:
+    n, base = mechanism.n, len(mechanism.base_names)
+
+    def partials(x: Mapping[str, Array]) -> Mapping[str, Array]:
+        own = mechanism.partials(x["p"], x["q"], x["w"], x["a"])
+        return {"by q": own.by_q, "by w": own.by_w, "by p": own.by_p}
+
+    return program_of(partials, {"q": n, "w": n, "a": n, "p": base})
+
+
+@lru_cache(maxsize=64)
+def _slopes(law: Law, n: int) -> Program | None:
+    program = torque_program(law, n)
+    if program is None:
+        return None
+    own = {x: [f"{x}_{j + 1}" for j in range(n)] for x in ("w", "q", "u")}
+    return with_derivatives(program, {**own, **_parameters(law, n)}, ["Tf"])
+
+
+@lru_cache(maxsize=64)
+def _limits(law: Law, n: int) -> Program | None:
+    program = limit_program(law, n)
+    return None if program is None else with_derivatives(program, _parameters(law, n), ["limit"])
+
+
+def _parameters(law: Law, n: int) -> dict[str, list[str]]:
+    """Each parameter of all joints: friction of a joint depends on its own alone."""
+    count = len(law.names)
+    return {
+        f"parameter {k}": [f"theta_{j * count + k + 1}" for j in range(n)] for k in range(count)
+    }
+
+
+def advanced(
+    tangent: TangentMachine,
+    model: MotionModel,
+    start: tuple[Array, Array],
+    motor: MotorTorque,
+    dt: Array,
+    fine: int,
+) -> tuple[Array, Array, Array]:
+    """End states q, w (K, n) and their derivatives (K, 2n, D), see `sensitivities.end_states`."""
+    plant, n = model.plant, model.plant.n
+    q, w = (np.array(x, order="C") for x in start)
+    theta = model.friction.theta
+    flat = np.array(theta.reshape(math.prod(theta.shape[:-2]), tangent.machine.theta))
+    motors, slow = plant.mechanism.motors, plant.slow_like(w[0])
+    p = np.array(plant.p.reshape(-1, plant.p.shape[-1]))
+    fixed = motors, slow, p, flat
+    free = np.stack([model.free.joint, model.free.place], axis=-1)
+    base = np.array(model.base, dtype=int)
+    T = np.zeros((len(q), 2 * n, 2 * n + model.directions + motor.by.shape[1]))
+    T[:, range(2 * n), range(2 * n)] = 1.0
+    part = np.ascontiguousarray(dt / len(motor.u))
+    for piece, u in enumerate(motor.u):
+        near = _near_rest(tangent.machine, *fixed, q, w, np.ascontiguousarray(u), part)
+        for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
+            if len(rows):
+                torques = _torques(motor.of(rows, piece, count))
+                _advance(tangent, *fixed, free, base, q, w, T, rows, *torques, part[rows] / count)
+    return q, w, T
+
+
+def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, Array]:
+    """Torques u, by, moment, moment_by, and the substeps (S,) in which a moment counts."""
+    u, by = (np.ascontiguousarray(x) for x in (motor.u, motor.by))  # loops are for one kind
+    if motor.moment is None or motor.moment_by is None:
+        return u, by, u, by, np.zeros(len(u), dtype=bool)
+    some: Array = motor.moment.any(axis=(1, 2))  # type: ignore[assignment]
+    return u, by, np.ascontiguousarray(motor.moment), np.ascontiguousarray(motor.moment_by), some
+
+
+@compiled
+def _near_rest(
+    machine: at.Machine,
+    motors: Array,
+    slow: Array,
+    p: Array,
+    theta: Array,
+    q: Array,
+    w: Array,
+    u: Array,
+    dt: Array,
+) -> Array:
+    """Rows (K,) near rest within dt (K,); states and motor torques (K, n)."""
+    n = len(slow)
+    numbers = at.new_row(machine, motors, slow, 0)
+    row = pointer(numbers)
+    near = np.zeros(len(q), np.bool_)
+    for k in range(len(q)):
+        at.set_parameters(
+            machine, row, n, p[k if len(p) > 1 else 0], theta[k if len(theta) > 1 else 0]
+        )
+        at.set_state(row, n, q[k], w[k], u[k])
+        begin_substep(machine, row, n)
+        near[k] = is_near_rest(row, n, dt[k])
+    numbers[0] = 0.0  # they live until here
+    return near
+
+
+@compiled
+def _advance(
+    tangent: TangentMachine,
+    motors: Array,
+    slow: Array,
+    p: Array,
+    theta: Array,
+    free: Array,
+    base: Array,
+    q: Array,
+    w: Array,
+    T: Array,
+    rows: Array,
+    u: Array,
+    by: Array,
+    moment: Array,
+    moment_by: Array,
+    varies: Array,
+    dt: Array,
+) -> None:
+    """Advance some rows of states q, w (K, n) and derivatives T (K, 2n, D), in place.
+
+    rows : (k,) of them; u (S, k, n), by (S, E, k, n), moment, moment_by: see `MotorTorque`, in S
+    substeps; varies (S,): whether a moment counts; dt (k,): of a substep [s]
+    """
+    n, D = q.shape[1], T.shape[2]
+    machine = tangent.machine
+    numbers = at.new_row(machine, motors, slow, more.lines_of(n, tangent))
+    kept, more_kept = np.zeros(2 * n * D), np.zeros(2 * n * D)
+    row, own, spare = pointer(numbers), pointer(kept), pointer(more_kept)
+    for i in range(len(rows)):
+        k = rows[i]
+        at.set_parameters(
+            machine, row, n, p[k if len(p) > 1 else 0], theta[k if len(theta) > 1 else 0]
+        )
+        at.set_state(row, n, q[k], w[k], u[0, i])
+        for j in range(2 * n):
+            for d in range(D):
+                own[j * D + d] = T[k, j, d]
+        for s in range(len(u)):
+            for j in range(n):
+                row[at.U * n + j] = u[s, i, j]
+            begin_substep(machine, row, n)
+            crossed = substep(machine, row, n, dt[i])
+            advance_tangent(tangent, row, n, own, D, spare, free, base, by[s, :, i], dt[i], crossed)
+            if varies[s]:
+                displace(tangent, row, n, own, D, base, moment[s, i], moment_by[s, :, i])
+        for j in range(n):
+            q[k, j], w[k, j] = row[at.Q * n + j], row[at.W * n + j]
+        for j in range(2 * n):
+            for d in range(D):
+                T[k, j, d] = own[j * D + d]
+    numbers[0] = 0.0  # they live until here
+    kept[0] = more_kept[0] = 0.0

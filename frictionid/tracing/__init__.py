@@ -1,0 +1,1 @@
+"""Programs of scalars: what a function of arrays does, written down once, for other languages."""

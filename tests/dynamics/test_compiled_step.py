@@ -1,0 +1,116 @@
+"""The compiled step gives the motion of the step on arrays: two routes to one answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from frictionid.arrays import Array
+from frictionid.dynamics import rollout as prediction
+from frictionid.dynamics.compiled.machine import machine_of
+from frictionid.dynamics.state import State
+from frictionid.friction import Friction, Law
+from frictionid.friction import laws as known
+from frictionid.mechanics import (
+    Body,
+    Joint,
+    Mechanism,
+    Parameter,
+    Plant,
+    acrobot,
+    double_pendulum,
+    from_bodies,
+    pendulum,
+)
+
+STARTS, SAMPLES = 24, 15
+
+
+def crane() -> Mechanism:
+    """A carriage with two pendulums: three joints."""
+    a, b, c, m = sp.symbols("a b c m")
+    swings = [Body(m, a + 0.3 * sp.sin(x), -0.3 * sp.cos(x), joint=k) for k, x in ((1, b), (2, c))]
+    joints = [Joint("a", a, "m"), Joint("b", b), Joint("c", c)]
+    parameters = [Parameter("m", 0.4, "kg", "of each body"), Parameter("g", 9.81, "m/s^2", "")]
+    return from_bodies([Body(m, a, 0), *swings], joints, parameters)
+
+
+LAWS: dict[str, tuple[Law, list[float]]] = {
+    "none": (known.NoFriction(), []),
+    "coulomb": (known.CoulombViscous(), [0.03, 0.01]),
+    "stribeck": (known.AsymmetricStribeck(), [0.02, 0.03, 0.01, 0.02, 0.5, 0.01]),
+    "a wide smoothing": (known.CoulombViscous(width=0.1), [0.03, 0.01]),
+    "an arctangent": (known.CoulombViscous(shape="arctan"), [0.03, 0.01]),
+    "motor load": (known.MotorLoad(), [0.02, 0.01, 0.1]),
+}
+MECHANISMS = {
+    "pendulum": pendulum(mass=0.5, length=0.3),
+    "acrobot": acrobot(),
+    "double": double_pendulum(),
+    "crane": crane(),
+}
+
+
+def starts(mechanism: Mechanism) -> tuple[State, Array, Array]:
+    """Starts with joints at rest and slow ones among them, torques that change sides."""
+    random, n = np.random.default_rng(3), mechanism.n
+    q, w = random.normal(size=(2, STARTS, n))
+    w[::4] = 0.0
+    w[1::4] *= 0.05
+    w[2::4, 0] = 0.0
+    time = np.arange(SAMPLES)[:, None, None] / 60
+    u = 0.1 * np.sin(20.0 * time + random.uniform(0, 6, size=(1, STARTS, n))) * mechanism.motors
+    return State(q, w), u, np.full((SAMPLES, STARTS), 1 / 60)
+
+
+def both(
+    monkeypatch: pytest.MonkeyPatch, plant: Plant, friction: Friction
+) -> tuple[prediction.Rollout, prediction.Rollout]:
+    state, u, dt = starts(plant.mechanism)
+    assert machine_of(plant, friction) is not None
+    motions = []
+    for many in (10**9, 0):
+        monkeypatch.setattr(prediction, "_MANY", many)
+        motions.append(prediction.rollout(plant, friction, state, u, dt))
+    return motions[0], motions[1]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_the_motion_is_that_of_arrays(
+    law: str, mechanism: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, numbers = LAWS[law]
+    machine = MECHANISMS[mechanism]
+    plant = Plant.from_parameters(machine, {})
+    friction = Friction(own, np.tile(np.array(numbers), (machine.n, 1)))
+    arrays, fast = both(monkeypatch, plant, friction)
+    np.testing.assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(fast.w, arrays.w, rtol=0, atol=1e-7)
+    assert np.array_equal(fast.w == 0.0, arrays.w == 0.0)  # the same joints rest at the same time
+
+
+def test_each_start_has_its_own_machine_and_friction(monkeypatch: pytest.MonkeyPatch) -> None:
+    random, machine = np.random.default_rng(4), double_pendulum()
+    masses = {"m1": random.uniform(0.5, 1.0, STARTS)}
+    plant = Plant.from_parameters(machine, masses)
+    theta = random.uniform(0.01, 0.05, size=(STARTS, 2, 2))
+    arrays, fast = both(monkeypatch, plant, Friction(known.CoulombViscous(), theta))
+    np.testing.assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
+
+
+def test_motions_that_diverge_are_no_numbers_from_then_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = pendulum(mass=0.5, length=0.3)
+    plant = Plant.from_parameters(machine, {})
+    driving = Friction(known.CoulombViscous(), np.array([[0.0, -2.0]]))  # feeds the motion
+    arrays, fast = both(monkeypatch, plant, driving)
+    assert np.isnan(fast.q).any()
+    assert np.array_equal(np.isnan(fast.q), np.isnan(arrays.q))
+
+
+@pytest.mark.parametrize("law", [known.LuGre(), known.MLP(), known.LoadDependent()])
+def test_laws_that_have_no_compiled_form_are_left_to_arrays(law: Law) -> None:
+    theta = np.array(law.initial[:1])
+    plant = Plant.from_parameters(pendulum(mass=0.5, length=0.3), {})
+    assert machine_of(plant, Friction(law, theta)) is None
