@@ -16,7 +16,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter
 from frictionid.evaluation.one_step import held_out_residual
-from frictionid.friction import Friction, Inputs, Nodes, along, friction, memory_along
+from frictionid.friction import Friction, Inputs, Nodes, along, along_own, friction, memory_along
 from frictionid.friction.laws import LSTM, MLP, Dahl, FilmLag, LuGre, Stribeck, WindowMLP
 from frictionid.identifiers import LeastSquares
 from frictionid.identifiers.formulation import INTEGRAL, training_problem
@@ -99,6 +99,17 @@ def test_held_out_residuals_are_those_of_all_frictions_everywhere(law):
     everything = problem.residual(along(own, problem.nodes))[fold, np.flatnonzero(use)]
     found = held_out_residual(own, problem, use, fold)
     np.testing.assert_allclose(found, everything, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("law", [LSTM(), WindowMLP(), LuGre()], ids=repr)
+def test_recordings_held_out_side_by_side_are_those_alone(law, monkeypatch):
+    nodes, own = nodes_of((30, 5, 44, 3)), some_friction(law)[np.array([0, 2, 1, 2])]
+    monkeypatch.setattr(friction, "_STEPS", 100)
+    found = along_own(own, nodes)
+    for r, (a, b) in enumerate(zip(nodes.first[:-1], nodes.first[1:], strict=True)):
+        inputs = nodes.inputs.each(lambda x, own=slice(a, b): x[own])
+        alone = Nodes(inputs, nodes.time[a:b], np.array([0, b - a]))
+        np.testing.assert_allclose(found[a:b], along(own[r], alone), rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("estimator", [RTS(), KalmanFilter()], ids=repr)

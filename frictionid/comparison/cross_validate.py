@@ -177,13 +177,13 @@ def score(
     """
     folds, overall = friction[:-1], friction[-1]
     prepared = prepared_for(shared.prepared, friction)
-    scores, motions = score_folds(folds, overall, prepared, benchmark.folds, views)
+    lines, members = _curves(friction, prepared.grid)
+    scores, motions = score_folds(folds, overall, prepared, benchmark.folds, views, lines)
     tests = {}
     for test in shared.tests:
         name = test.dataset.name
         tests[name], test_motions = score_model(overall, prepared_for(test, friction))
         motions = [*motions, *test_motions]
-    lines, members = _curves(friction, prepared.grid)
     return Result(
         scores=scores,
         friction=folds,

@@ -9,7 +9,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import norm_of
 from frictionid.evaluation.score_frame import Score, summarise
-from frictionid.friction import Friction, along
+from frictionid.friction import Friction, Law, along, along_own
 from frictionid.identifiers.residual import Problem
 
 
@@ -19,6 +19,12 @@ def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Ar
     friction : batch of F frictions; use : (K,) true for the k rows; fold : (k,) friction of each.
     """
     rows = np.flatnonzero(use)
+    whole = problem.of_rows(rows)
+    owner = np.zeros(len(whole.nodes.first) - 1, dtype=int)
+    owner[whole.recording] = fold
+    undivided = (owner[whole.recording] == fold).all()
+    if undivided and friction.law.has_memory and type(friction.law).relaxation is Law.relaxation:
+        return whole.residual(along_own(friction[owner], whole.nodes))
     out = np.empty((len(rows), problem.r.shape[-1]))
     for f in np.unique(fold):
         own = problem.of_rows(rows[fold == f])

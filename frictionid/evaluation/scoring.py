@@ -79,6 +79,7 @@ def score_folds(
     prepared: Prepared,
     folds: Folds,
     views: Sequence[CalibratedView] | None = None,
+    lines: Array | None = None,
 ) -> Evaluation:
     """Held-out scores of the frictions (F, n, P) of the folds.
 
@@ -91,6 +92,7 @@ def score_folds(
     folds : of the same recordings
     views : `calibrated_views` of the frictions' calibrations, where they have been made before;
         those of further folds are left out
+    lines : `curves` (F + 1, V, n) of both on the grid, where they have been made before
     """
     held_out = HeldOut(
         (_held_out_rows(prepared.euler, folds), _held_out_rows(prepared.integral, folds)),
@@ -103,7 +105,7 @@ def score_folds(
         views = calibrated_views(prepared, friction.calibration, len(friction.theta))
     known = [view.of_folds(len(friction.theta)) for view in views]
     own = [view for view in known if len(view.folds)]
-    rows, motions = _scored(_Model(friction, own), overall, prepared, held_out)
+    rows, motions = _scored(_Model(friction, own), overall, prepared, held_out, lines)
     return Evaluation(score_frame(rows), [{**m, "friction_of": "fold"} for m in motions])
 
 
@@ -141,7 +143,11 @@ def _held_out_rows(problem: Problem, folds: Folds) -> Array:
 
 
 def _scored(
-    model: _Model, overall: Friction, prepared: Prepared, held_out: HeldOut
+    model: _Model,
+    overall: Friction,
+    prepared: Prepared,
+    held_out: HeldOut,
+    lines: Array | None = None,
 ) -> tuple[list[Score], list[dict[str, Any]]]:
     """All scores of a model, and examples of its rollouts."""
     # where any horizon of a rollout is held out, one fold holds it out: its friction predicts
@@ -157,7 +163,7 @@ def _scored(
         scores += rollout_scores(ideal, true, held_out.rollouts, units, true=True)
     if prepared.trajectory is not None:
         scores += _free_run_scores(model, held_out.recordings)
-    scores += _curve_scores(model.friction, overall, prepared)
+    scores += _curve_scores(model.friction, overall, prepared, lines)
     scores.append(_parameter_count(model.friction))
     shown = motion.q, initial, prepared, held_out.rollouts[-1] >= 0
     band = partial(_band, model) if len(model.friction.theta) >= FEWEST else None
@@ -253,14 +259,18 @@ def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
     yield from free_run_scores(q, trajectory._replace(measured=measured), held, units)
 
 
-def _curve_scores(friction: Friction, overall: Friction, prepared: Prepared) -> Iterable[Score]:
-    """Curve errors, where the truth is known and friction is a torque."""
+def _curve_scores(
+    friction: Friction, overall: Friction, prepared: Prepared, lines: Array | None
+) -> Iterable[Score]:
+    """Curve errors, where the truth is known and friction is a torque; see `score_folds`."""
     if prepared.dataset.truth is None or friction.mechanism:
         return ()
     grid = prepared.grid
     true = curves(steady_state(prepared.dataset.truth), grid)
-    each, whole = (curve_error(curves(f, grid), true, grid) for f in (friction, overall))
-    return curve_scores(each, whole)
+    if lines is None:
+        lines = np.concatenate([curves(friction, grid), curves(overall, grid)[None]])
+    errors = curve_error(lines, true, grid)
+    return curve_scores(errors[:-1], errors[-1])
 
 
 def _parameter_count(friction: Friction) -> Score:

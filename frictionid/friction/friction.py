@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -203,8 +204,8 @@ def _number(values: Array) -> str:
 def along(friction: Friction, nodes: Nodes) -> Array:
     """Friction torque along recorded nodes, shape (..., S, n) [N m].
 
-    The batch axes of theta lead. Memory starts anew in each recording. This and `memory_along` are
-    the only loops over recorded time.
+    The batch axes of theta lead. Memory starts anew in each recording. This, `along_own` and
+    `memory_along` are the only loops over recorded time.
 
     >>> from frictionid.friction.laws import CoulombViscous
     >>> nodes = Nodes(at_rest(np.array([[-1.0], [2.0]])), np.array([0.0, 0.1]), np.array([0, 2]))
@@ -222,16 +223,43 @@ def along(friction: Friction, nodes: Nodes) -> Array:
     return each[0] if len(each) == 1 else xp.concat(each, axis=-2)
 
 
+def along_own(friction: Friction, nodes: Nodes) -> Array:
+    """Friction torque (S, n) [N m] along recorded nodes, each recording by a friction of its own.
+
+    friction : (R, n, P), one entry for each recording
+
+    Memories advance step by step side by side, which takes no longer than one of them alone.
+
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> nodes = Nodes(at_rest(np.ones((2, 1))), np.array([0.0, 0.1]), np.array([0, 1, 2]))
+    >>> along_own(Friction(CoulombViscous(), np.array([[[0.1, 0.0]], [[0.2, 0.0]]])), nodes)[:, 0]
+    array([0.1, 0.2])
+    """
+    law, done, out = friction.law, 0, []
+    for part in _side_by_side(nodes, friction.theta[0]):
+        theta = friction.theta[done : done + len(part.first) - 1]
+        done += len(theta)
+        steps = [np.stack(entries) for entries in zip(*_stepped(law, theta, part), strict=True)]
+        for r, (first, end) in enumerate(pairwise(part.first)):
+            memory = tuple(entry[: end - first, r] for entry in steps)
+            out.append(law.torque(theta[r], _take(part.inputs, slice(first, end)), memory))
+    return np.concatenate(out)
+
+
 def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:
     """Memory at each step of all recordings side by side: entry t has arrays (..., R, n).
 
     Recordings that have ended keep their last node.
     """
-    index = _padded(nodes)
     relaxing = _relaxing(friction, nodes)
     if relaxing is not None:
-        return [(relaxing[..., now, :],) for now in index.T]
-    law, theta = friction.law, friction.theta[..., None, :, :]
+        return [(relaxing[..., now, :],) for now in _padded(nodes).T]
+    return _stepped(friction.law, friction.theta[..., None, :, :], nodes)
+
+
+def _stepped(law: Law, theta: Array, nodes: Nodes) -> list[Memory]:
+    """The same step by step; theta broadcasts against the recordings' inputs (R, n)."""
+    index = _padded(nodes)
     memory = law.start(theta, _take(nodes.inputs, index[:, 0]))
     out = [memory]
     last = 0
