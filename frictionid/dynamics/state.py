@@ -60,8 +60,11 @@ class Instant(NamedTuple):
             q = self.state.q
             physical = {k: rows_of(like(v, q), which, 0) for k, v in physical.items()}
         q, w, memory = self.state
+        warm = self.plant.temperature
+        warm = None if warm is None else rows_of(warm, which, 1)
+        p = rows_of(self.plant.p, which, 1)
         return Instant(
-            replace(self.plant, parameters=physical, p=rows_of(self.plant.p, which, 1)),
+            replace(self.plant, parameters=physical, p=p, temperature=warm),
             replace(self.friction, theta=rows_of(self.friction.theta, which, 2)),
             State(q[which], w[which], tuple(rows_of(z, which, 1) for z in memory)),
             rows_of(self.u, which, 1),
@@ -80,7 +83,7 @@ def rows_of(x: Array, which: Array, axes: int) -> Array:
 def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
     """What friction may depend on at a state (..., m); the load only for laws that use it."""
     load = plant.load(state.q, state.w, u) if friction.law.uses_load else 0.0 * state.w
-    return at_places(plant.mechanism, Inputs(state.q, state.w, u, load))
+    return at_places(plant.mechanism, Inputs(state.q, state.w, u, load, plant.temperature))
 
 
 def velocities(plant: Plant, state: State) -> Array:

@@ -156,7 +156,7 @@ def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
         calibration does to a servo's torque is done here, the rest is in the recordings already
     """
     start = State(trajectory.q, trajectory.w)
-    if friction.law.uses_temperature:
+    if not trajectory.servos and friction.law.uses_temperature:
         return _warming(plant, friction, trajectory)
     if not trajectory.servos:
         return rollout(plant, friction, start, trajectory.u, trajectory.dt).q
@@ -169,16 +169,11 @@ def _warming(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
 
     Friction of each piece is that at the temperature of its start. Such laws have no memory.
     """
-    if trajectory.servos:
-        raise InputError(
-            "whole recordings under a servo are not predicted with friction that depends on the "
-            "temperature: choose a horizon"
-        )
     q, state = [trajectory.q[None]], State(trajectory.q, trajectory.w)
+    T = trajectory.temperature
     for begin in range(0, len(trajectory.u), _AT_ONE_TEMPERATURE):
         own = slice(begin, begin + _AT_ONE_TEMPERATURE)
-        T = None if trajectory.temperature is None else trajectory.temperature[begin]
-        there = friction.at_temperature(T)
+        there = friction.at_temperature(None if T is None else T[begin])
         motion = rollout(plant, there, state, trajectory.u[own], trajectory.dt[own])
         state = State(motion.q[-1], motion.w[-1])
         q.append(motion.q[1:])
@@ -220,7 +215,9 @@ def _run(plant: Plant, friction: Friction, start: State, trajectory: Trajectory)
     drive = _drive_of(trajectory, friction.calibration)
     longest = trajectory.dt.max(axis=1)
     pieces = np.maximum(np.ceil(longest / _PIECE - 1e-9), 1.0).astype(int)
-    count = substeps(plant, friction, float((longest / pieces).max()))
+    T, part = trajectory.temperature, float((longest / pieces).max())
+    extremes = None if T is None else np.stack([T.min(axis=0), T.max(axis=0)])
+    count = substeps(plant, friction.at_temperature(extremes), part)
     u = drive.torque(trajectory.time[0], start.q, start.w)
     x = inputs(plant, friction, start, u)
     state = start._replace(memory=friction.law.start(friction.theta, x))
@@ -228,11 +225,12 @@ def _run(plant: Plant, friction: Friction, start: State, trajectory: Trajectory)
     z = 0.0 * state.q
     for k, number in enumerate(pieces):
         h = trajectory.dt[k][:, None] / number
+        there = friction.at_temperature(None if T is None else T[k])
         for piece in range(number):
             w = state.w + (state.w - before.w) / 2  # that of the piece's middle
             time = trajectory.time[k] + (piece + 0.5) * h[:, 0]
             u = drive.torque(time, state.q + w * h / 2 - z, w)
-            before, state = state, step(plant, friction, state, u, h, count)
+            before, state = state, step(plant, there, state, u, h, count)
             z = np.clip(z + state.q - before.q, -half, half)
         state = _sampled(plant, friction, state, u, trajectory.dt[k][:, None])
         q.append(state.q)

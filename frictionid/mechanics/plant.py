@@ -20,7 +20,8 @@ class Plant:
 
     `parameters` are arrays of one batch shape (...), often one entry per recording or row; p has
     shape (..., nb). An index into a plant picks from the batch. `slow` has a speed of each joint
-    [rad/s or m/s], below which it may come to rest: 0.1 where no motion says better.
+    [rad/s or m/s], below which it may come to rest: 0.1 where no motion says better. `temperature`
+    (..., n) [degC] is that of the joints, for friction that depends on it.
 
     >>> import numpy as np
     >>> from frictionid.mechanics import pendulum
@@ -32,6 +33,7 @@ class Plant:
     parameters: Mapping[str, Array]
     p: Array
     slow: tuple[float, ...] = ()
+    temperature: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.slow:
@@ -54,7 +56,8 @@ class Plant:
 
     def __getitem__(self, index: Any) -> Plant:
         physical = {k: v[index] for k, v in self.parameters.items()}
-        return Plant(self.mechanism, physical, self.p[index], self.slow)
+        warm = None if self.temperature is None else self.temperature[index]
+        return Plant(self.mechanism, physical, self.p[index], self.slow, warm)
 
     @property
     def n(self) -> int:

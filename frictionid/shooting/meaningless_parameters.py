@@ -10,6 +10,7 @@ from frictionid.arrays import Array
 from frictionid.friction import Friction, Inputs
 from frictionid.shooting.parameters.parameter_block import Parameter
 
+_TEMPERATURES = (0.0, 80.0)  # [degC]
 _POINTS, _SPEED, _DECADES = 200, 10.0, 4  # [rad/s], and how much slower the slowest is
 _CHANGE = 0.3  # of a parameter's value
 _NOTHING = 1e-9  # of the largest torque
@@ -68,7 +69,7 @@ def _torque(friction: Friction, theta: Array) -> Array:
     rng = np.random.default_rng(0)
     shape = (4, _POINTS, friction.n)
     x = Inputs(*(_SPEED * 10.0 ** rng.uniform(-_DECADES, 0.0, shape) * rng.choice([-1, 1], shape)))
-    x = x._replace(load=np.abs(x.load))
+    x = x._replace(load=np.abs(x.load), temperature=rng.uniform(*_TEMPERATURES, shape[1:]))
     dt = np.full((_POINTS, 1), law.sample_time or 0.005)
     before = x.each(lambda value: value[::-1])
     memory = law.advance(theta, x, law.start(theta, before), dt)

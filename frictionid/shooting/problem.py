@@ -14,7 +14,8 @@ from frictionid.data.signals import sample
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
 from frictionid.friction import Inputs, Nodes, memory_along
-from frictionid.friction.coordinates import at_places
+from frictionid.friction.coordinates import at_places, of_last_joints
+from frictionid.friction.temperature import check_temperature
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.shooting.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.shooting.motor_torque import MotorTorque
@@ -101,7 +102,7 @@ class ShootingProblem:
             alike = rows[pieces[rows] == count]
             for some in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
                 start = State(nodes[some, :n], nodes[some, n : 2 * n], self._memory(nodes[some]))
-                own = model._replace(plant=plant[intervals.recording[some]])
+                own = model._replace(plant=self._plant_at(estimate, plant, some))
                 motor = self._motor_torque(estimate, some, int(count))
                 fine = int(np.ceil(float(intervals.dt[some].max()) / count / self.settings.fine))
                 end = end_states(own, start, motor, intervals.dt[some], fine)
@@ -169,10 +170,21 @@ class ShootingProblem:
         # only bearing loads need the physical parameters
         return plant if estimate.friction.law.uses_load else replace(plant, parameters={})
 
+    def _plant_at(self, estimate: Estimate, plant: Plant, rows: Array) -> Plant:
+        """The plant of some intervals, with their temperature where friction depends on it."""
+        own = plant[self.intervals.recording[rows]]
+        if self.intervals.temperature is None or not estimate.friction.law.uses_temperature:
+            return own
+        return replace(own, temperature=self.intervals.temperature[rows])
+
     def _pieces(self, estimate: Estimate, plant: Plant) -> Array:
         """Pieces (K,) of each interval."""
         longest = float(self.intervals.dt.max())
-        away = step_size_of(plant, estimate.friction, longest, longest=_PIECE).pieces / longest
+        friction, T = estimate.friction, self.intervals.temperature
+        if friction.law.uses_temperature and T is not None:
+            T = of_last_joints(plant.mechanism, np.stack([T.min(axis=0), T.max(axis=0)]))
+            friction = friction.at_temperature(T)
+        away = step_size_of(plant, friction, longest, longest=_PIECE).pieces / longest
         return np.maximum(np.ceil(self.intervals.dt * away - 1e-6), 1).astype(int)
 
     def _motor_torque(self, estimate: Estimate, rows: Array, pieces: int) -> MotorTorque:
@@ -225,6 +237,7 @@ def shooting_problem(
 ) -> ShootingProblem:
     """The problem of fitting the blocks' free parameters to the intervals."""
     law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
+    check_temperature(law, intervals.temperature if law.uses_temperature else None)
     q, w = intervals.q[:64], intervals.w[:64]
     reads = reads_of(law, theta, at_places(estimate.mechanism, Inputs(q, w, 0.0 * q, 0.0 * q)))
     return ShootingProblem(intervals, free_blocks(blocks, estimate), settings, reads)

@@ -141,11 +141,6 @@ def refine_folds(
     Each fold is fitted from its own one-step fit, so that nothing of it depends on the recordings
     that it holds out: neither its optimum, nor the way there.
     """
-    if friction.law.uses_temperature:
-        raise InputError(
-            "shooting knows no temperature within a recording: fit this law in one step, or cut "
-            "the recordings and pool fits over the temperature"
-        )
     blocks, starts = recipe.blocks, [friction[f] for f in range(len(training))]
     if recipe.known is not None:
         blocks = recipe.known.as_priors(blocks)

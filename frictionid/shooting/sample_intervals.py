@@ -13,6 +13,7 @@ from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pie
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States
+from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.identifiers.formulation import states_of
 from frictionid.identifiers.residual import GAP
@@ -58,6 +59,18 @@ class Intervals:
     def torque(self) -> SignalIntegrals:
         """Integrals of the logged torques of all recordings."""
         return integrals_of([r.torque for r in self.dataset.recordings])
+
+    @cached_property
+    def temperature(self) -> Array | None:
+        """Temperature (K, n) [degC] of joints in the middle of each; None unless all know it."""
+        out, middle = np.empty_like(self.q), self.time + self.dt / 2
+        for r, recording in enumerate(self.dataset.recordings):
+            own = self.recording == r
+            known = temperature_at(recording, middle[own], self.dataset.mechanism.joints)
+            if known is None:
+                return None
+            out[own] = known
+        return out
 
     def take(self, rows: Array) -> Intervals:
         """Some of the intervals, as often as they are asked for."""

@@ -66,7 +66,8 @@ def test_a_level_does_not_fall_below_zero():
 
 
 @pytest.mark.parametrize(
-    "seed, method", [(0, "one_step"), (1, "one_step"), (1, "inverse_dynamics")]
+    "seed, method",
+    [(0, "one_step"), (1, "one_step"), (1, "inverse_dynamics"), (0, "shooting"), (1, "shooting")],
 )
 def test_a_warm_up_gives_the_truth_and_the_temperatures_effect(seed, method):
     data = dataset(frames(seed))
@@ -85,6 +86,23 @@ def test_predictions_follow_the_temperature():
     tables = [fit.predict(unseen, whole=True) for fit in (warm, plain)]
     own, other = (float((table.q1 - table.measured_q1).abs().mean()) for table in tables)
     assert own < other / 4
+
+
+def test_a_servo_without_a_torque_log_is_followed_too():
+    servo = ServoPendulum(0.5, 0.15, 0.06, 0.03, warming=35.0, slope=SLOPE, decay=DECAY)
+    log = {"run": pd.DataFrame(servo.log(4.0, 0.05, seed=5, seconds=6.0))}
+    given = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "delay": 0.01}
+    rig = fid.mechanisms.pendulum(mass=0.5, length=0.15)
+    columns = {"time": "t", "angle": "q", "covariates": {"temperature": "T"}}
+    data = fid.Dataset.from_frames(log, rig, **columns, actuator=given)
+    truth = Friction(Thermal(), np.array([list(TRUTH.values())]))
+    tables = [
+        fid.predict(friction, data, whole=True)
+        for friction in (truth, truth.at_temperature(15.0), truth.at_temperature(50.0))
+    ]
+    own, *others = (float((table.q1 - table.measured_q1).abs().mean()) for table in tables)
+    assert own < 5e-4
+    assert min(others) > 4 * own
 
 
 def test_a_temperature_of_a_joint_goes_before_that_of_the_machine():
@@ -129,8 +147,6 @@ def test_a_temperature_that_is_none_is_refused_in_one_line(data, match):
 def test_what_knows_no_temperature_says_so(tmp_path):
     data = dataset(frames(3))
     fit = fid.fit(data, "thermal")
-    with pytest.raises(InputError, match="shooting knows no temperature within a recording"):
-        fid.fit(data, "thermal", method="shooting")
     with pytest.raises(InputError, match="an export knows no temperature"):
         fit.export("c", tmp_path / "friction.c")
     with pytest.raises(InputError, match="knows no temperature, on which this friction depends"):
