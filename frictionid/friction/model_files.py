@@ -313,13 +313,26 @@ def _theta(document: Mapping[str, Any], law: Law, where: str) -> np.ndarray:
         if words is None:
             raise InputError(f'{where}: needs "theta", or "joints" with the parameters of each')
         return words
-    theta = np.asarray(document["theta"], dtype=float)
-    theta = theta.reshape(document.get("shape", theta.shape))
+    theta = _shaped(document, law, where)
     if words is not None:
         mean = theta.mean(axis=tuple(range(theta.ndim - 2)))
         if mean.shape != words.shape or not np.allclose(mean, words, rtol=1e-6, equal_nan=True):
             raise InputError(f'{where}: "joints" and "theta" disagree: remove one of them')
     return theta
+
+
+def _shaped(document: Mapping[str, Any], law: Law, where: str) -> np.ndarray:
+    """The array `theta` in its `shape`, where the document has one."""
+    shape = document.get("shape")
+    try:
+        theta = np.asarray(document["theta"], dtype=float)
+        return theta if shape is None else theta.reshape(shape)
+    except (TypeError, ValueError):
+        of_shape = "" if shape is None else f', and fit "shape" = {shape!r}'
+        raise InputError(
+            f'{where}: "theta" must have a row of {len(law.names)} numbers for each joint'
+            f'{of_shape}: correct it, or leave it out and give "joints"'
+        ) from None
 
 
 def _words(document: Mapping[str, Any], joints: Sequence[Any], law: Law, where: str) -> np.ndarray:

@@ -341,3 +341,23 @@ def test_loading_a_model_never_executes_code(place, tmp_path):
     assert not mark.exists()
     pickle.loads(content)
     assert mark.exists()  # the trap is armed
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"theta": [[0.1, 0.2, 1.0]]},
+        {"theta": [[0.1, 0.2, 1.0, 0.01], [0.1]]},
+        {"theta": [0.1, 0.2]},
+        {"theta": "many"},
+        {"shape": 3},
+        {"shape": [2, "four"]},
+    ],
+)
+def test_a_theta_of_another_shape_is_refused_in_words(wrong, tmp_path):
+    friction = Friction(Stribeck(), np.array([[0.1, 0.05, 1.0, 0.01], [0.2, 0.1, 2.0, 0.02]]))
+    document = model_document(friction, LAWS)
+    del document["joints"]
+    write_json(tmp_path / "m.json", {**document, **wrong})
+    with pytest.raises(InputError, match="m.json: .theta. must have a row of 4 numbers for each"):
+        load_model(tmp_path / "m.json", LAWS)
