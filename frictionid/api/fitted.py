@@ -17,6 +17,7 @@ from frictionid.api.evaluate import evaluate, predict
 from frictionid.api.models import dataset_of
 from frictionid.arrays import Array
 from frictionid.comparison import methods
+from frictionid.comparison.fit_model import AS_LOGGED
 from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
 from frictionid.data.calibration import Calibration
@@ -359,6 +360,7 @@ class Fit:
             notes.append(
                 "intervals hold the noise alone, not the bias of the smoothing: shoot for more"
             )
+        notes += [s for s in self.friction.provenance.get("torque", ()) if s == AS_LOGGED]
         went = self.convergence
         if went is not None:
             done = "converged" if went.converged else "NOT converged"
