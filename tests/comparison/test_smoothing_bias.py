@@ -1,0 +1,75 @@
+"""Intervals of one-step fits that hold the bias of smoothed states."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.paths import ROOT
+
+import frictionid as fid
+
+sys.path.append(str(ROOT / "comparisons"))
+
+from coverage_cases import case_of, rig_of
+
+from frictionid.simulate import simulate
+
+SETS, RECORDINGS, RATE = 3, 8, 250.0
+CASE = case_of("stribeck", "acrobot")
+
+
+@pytest.fixture(scope="module")
+def sets():
+    """Simulated acrobots of a truth that sticks, 2 s at 250 Hz, finely integrated."""
+    rig = rig_of(CASE, range(1, 1 + SETS), RECORDINGS, late=False)
+    camera = replace(rig.camera, samples=round(2 * RATE) + 1, rate=RATE)
+    everything = simulate(replace(rig, camera=camera, substeps=6))
+    at = range(0, len(everything.recordings), RECORDINGS)
+    return [replace(everything, recordings=everything.recordings[k : k + RECORDINGS]) for k in at]
+
+
+def held(fit):
+    """Which true parameters (n P,) lie in their intervals."""
+    true, frame = CASE.values.ravel(), fit.frame
+    return ((frame.low_95 <= true) & (true <= frame.high_95)).to_numpy()
+
+
+def test_intervals_with_the_bias_hold_the_truth_where_those_of_noise_alone_do_not(sets):
+    alone = np.mean([held(fid.fit(data, "stribeck")) for data in sets])
+    known = np.mean([held(fid.fit(data, "stribeck", bias=True)) for data in sets])
+    assert alone < 0.85 < 0.9 <= known
+
+
+def test_the_bias_widens_intervals_by_its_size_and_moves_no_parameter(sets, tmp_path):
+    alone, known = (fid.fit(sets[0], "stribeck", bias=bias) for bias in (False, True))
+    np.testing.assert_array_equal(known.friction.theta, alone.friction.theta)
+    bias = np.array(known.friction.provenance["smoothing_bias"])
+    wider = known.frame.high_95 - alone.frame.high_95
+    np.testing.assert_allclose(wider, np.abs(bias).ravel(), rtol=1e-9)
+    assert "bias=True" in repr(alone) and "too narrow" in repr(alone)
+    assert "the noise, and the bias of smoothed states" in repr(known) and "95 %" in repr(known)
+    assert "noise alone" in alone.friction.provenance["half_widths_hold"]
+    known.save(tmp_path / "known.json")
+    assert repr(fid.load_model(tmp_path / "known.json")).count("bias of smoothed states") == 1
+
+
+@pytest.mark.parametrize("law", ["none", "mlp"])
+def test_fits_without_intervals_have_no_bias_to_add(sets, law):
+    with pytest.raises(fid.InputError, match="bias: .* has none: give a law with parameters"):
+        fid.fit(sets[0], law, bias=True)
+
+
+def test_a_friction_that_replays_other_motion_says_nothing_of_the_bias(sets):
+    with pytest.raises(fid.InputError, match="unlike the recordings: fit by shooting"):
+        fid.fit(with_torque(sets[0], 30.0), "coulomb_viscous", bias=True)
+
+
+def with_torque(data, factor):
+    """The data with torques that are so much larger than those that acted."""
+    recordings = [
+        replace(r, torque=r.torque._replace(value=factor * r.torque.value)) for r in data.recordings
+    ]
+    return replace(data, recordings=tuple(recordings[2:]))
