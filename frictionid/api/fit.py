@@ -13,6 +13,7 @@ from frictionid.api.models import DatasetLike, LawLike, dataset_of, friction_of,
 from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fitted
 from frictionid.comparison.methods import Method
+from frictionid.comparison.smoothing_bias import with_smoothing_bias
 from frictionid.evaluation import Protocol
 from frictionid.friction import Law
 
@@ -33,6 +34,7 @@ def fit(
     settings: Mapping[str, Any] | None = None,
     sample_time: float | None = None,
     seed: int = 0,
+    bias: bool = False,
 ) -> Fit:
     """Fit friction to all recordings of a data set.
 
@@ -70,6 +72,9 @@ def fit(
     sample_time : float [s], optional
         Use samples at least this far apart.
     seed : int
+    bias : bool
+        Whether intervals of a one-step fit hold the bias of smoothed states, too. It is that of a
+        second fit, to the motion that the first one predicts; takes seconds.
 
     Raises
     ------
@@ -102,7 +107,10 @@ def fit(
         calibration=calibration,
     )
     made = fitted(dataset, identifier, chosen, protocol, count("seed", seed))
-    return Fit(made.friction, dataset, made.fit)
+    friction = made.friction
+    if bias:
+        friction = with_smoothing_bias(friction, dataset, identifier, chosen, protocol, seed)
+    return Fit(friction, dataset, made.fit)
 
 
 def load_model(path: str | Path, laws: Sequence[type[Law]] = ()) -> Fit:

@@ -34,7 +34,7 @@ from frictionid.report.figures.correlation import fit_correlation
 from frictionid.report.figures.fitted import fit_figure
 from frictionid.report.figures.predicted import predicted_figure
 from frictionid.report.figures.style import drawn
-from frictionid.report.fit_table import estimate_frame, estimate_table, fit_estimates
+from frictionid.report.fit_table import estimate_frame, estimate_table, fit_estimates, interval_note
 from frictionid.report.tables import html, terminal_text
 
 PLOTS = ("friction", "motion", "correlation")
@@ -332,7 +332,7 @@ class Fit:
 
     @property
     def _table(self) -> Any:
-        alone = self.method == "one_step"
+        alone = self.method == "one_step" and "smoothing_bias" not in self.friction.provenance
         return estimate_table(self._estimates, known=self._known, noise_alone=alone)
 
     @property
@@ -357,9 +357,7 @@ class Fit:
         for kind in ("equation", "equality"):
             notes += self.friction.provenance.get(kind, ())
         if self.method == "one_step" and self._known and self._estimates:
-            notes.append(
-                "intervals hold the noise alone, not the bias of the smoothing: shoot for more"
-            )
+            notes.append(interval_note(self.friction.provenance))
         notes += [s for s in self.friction.provenance.get("torque", ()) if s == AS_LOGGED]
         went = self.convergence
         if went is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frictionid.cli.options import (
+    Bias,
     Consistent,
     Equal,
     Fixed,
@@ -50,6 +52,7 @@ def fit(
     consistent: Consistent = False,
     calibration: KnownCalibration = None,
     equal: Equal = None,
+    bias: Bias = False,
     figure: Annotated[
         Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
     ] = None,
@@ -77,9 +80,8 @@ def fit(
         check_drawable(chosen)
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
-        made = fit_data(
-            loaded, chosen, method=method, sample_time=sample_time, seed=seed, equal=groups
-        )
+        common = partial(fit_data, loaded, chosen, method=method, sample_time=sample_time)
+        made = common(seed=seed, equal=groups, bias=bias)
     made.save(out)
     if figure is not None:
         write_bytes(figure, fit_picture(made.friction, loaded))

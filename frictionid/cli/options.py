@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+Bias = Annotated[
+    bool,
+    typer.Option("--bias", help="Intervals hold the bias of smoothed states, too; takes seconds."),
+]
 Trust = Annotated[
     bool,
     typer.Option(

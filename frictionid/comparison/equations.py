@@ -30,12 +30,15 @@ def with_equations(fit: Fit) -> Friction:
 def with_intervals(friction: Friction, fit: Fit) -> Friction:
     """Friction (F, n, P) of a one-step fit, with the intervals of all data in its provenance.
 
-    `half_widths` (n, P) of 95 % intervals of the noise alone, None where there is none. Networks
-    and laws without derivatives have none; shooting has its own result document.
+    `half_widths` (n, P) of 95 % intervals of the noise alone, None where there is none, and what
+    they hold in words. Networks and laws without derivatives have none; shooting has its own result
+    document.
     """
     law = friction.law
-    known = law.names and (law.has_gradient or law.has_memory)
-    if fit.refined is not None or law.is_network or not known:
+    derivable = law.names and (law.has_gradient or law.has_memory)
+    if fit.refined is not None or law.is_network or not derivable:
         return friction
     half = [[v if np.isfinite(v) else None for v in joint] for joint in fit.half_widths().tolist()]
-    return replace(friction, provenance={**friction.provenance, "half_widths": half})
+    hold = "noise alone, not the bias of smoothed states"
+    known = {"half_widths": half, "half_widths_hold": hold}
+    return replace(friction, provenance={**friction.provenance, **known})

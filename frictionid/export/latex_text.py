@@ -122,7 +122,10 @@ def _table(own: ExportedFriction) -> str:
                 shown = "" if end is None else rf"$[{_number(end[0])}, {_number(end[1])}]$"
                 cells = (_escaped(name), _escaped(parameter), f"${_number(value)}$", shown, unit)
                 rows.append(" & ".join(cells) + r" \\")
-    head = r"joint & parameter & value & 95\,\% interval & unit \\"
+    source = own.friction.provenance
+    alone = "half_widths" in source and "smoothing_bias" not in source
+    what = "interval of the noise alone" if alone else r"95\,\% interval"
+    head = rf"joint & parameter & value & {what} & unit \\"
     lines = [r"\begin{tabular}{llrll}", r"\toprule", head, *rows, r"\bottomrule"]
     return "\n".join([*lines, r"\end{tabular}"])
 

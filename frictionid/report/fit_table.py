@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,16 @@ def _estimate(
         prior=False,
         nominal=None,
         true=None,
+    )
+
+
+def interval_note(source: Mapping[str, Any]) -> str:
+    """What the intervals of a one-step fit hold, by its provenance."""
+    if "smoothing_bias" in source:
+        return "intervals hold the noise, and the bias of smoothed states"
+    return (
+        "intervals hold the noise alone: they leave out the bias of smoothed states and are too "
+        "narrow; fit with bias=True, or by shooting"
     )
 
 
