@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 
+from frictionid.shooting.gauss_newton import _initial_noise
 from frictionid.shooting.problem import Linearisation
 from frictionid.shooting.sample_intervals import cut_windows, intervals_of
 from frictionid.shooting.window_steps import Point, cost_of, counts_of, with_windows_checked
@@ -217,3 +218,15 @@ def test_each_angle_of_a_window_counts_by_its_own_noise():
         expected = np.concatenate([before[inside], after[inside[-1:]]])
         found = weighted[w, : len(inside) + 1] / alike[w, : len(inside) + 1]
         np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_of_exact_angles_the_noise_starts_above_zero_and_below_any_other():
+    """Residuals are divided by it; also those of a joint that stays at zero."""
+    q = np.array([[1.0, 0.0], [2.0, 0.0], [4.0, 0.0]])
+    use = np.ones(3, dtype=bool)
+    exact, rough = (
+        _initial_noise(SimpleNamespace(intervals=SimpleNamespace(before=q + off, q=q)), use)
+        for off in (0.0, 1e-4)
+    )
+    assert (exact > 0).all() and (exact < 1e-5).all()
+    np.testing.assert_allclose(rough, 1.4826e-4, rtol=1e-3)
