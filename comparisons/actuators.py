@@ -96,10 +96,9 @@ def tight(seed: int) -> dict[str, float]:
         out[f"{name}: viscous [% of coulomb at 1 rad/s]"] = 100 * found["viscous"] / rig.coulomb
         out[f"{name}: delay [ms]"] = 1e3 * abs(found["target_delay"] - rig.delay)
     (_, a, own), (_, b, other) = each
-    for name in a:
-        out[f"sets disagree in {name} (share)"] = float(
-            abs(a[name] - b[name]) > np.hypot(own[name], other[name])
-        )
+    apart = {name: abs(a[name] - b[name]) > np.hypot(own[name], other[name]) for name in a}
+    out |= {f"sets disagree in {name} (share)": float(off) for name, off in apart.items()}
+    out["sets disagree in any of these (share)"] = float(any(apart.values()))
     _, logged, _ = fitted(dataset(rig, ["soft", "stiff"], seed, torque=True), "delay")
     out["torque log: coulomb [%]"] = 100 * abs(logged["coulomb"] / rig.coulomb - 1)
     out["torque log: viscous [% of coulomb at 1 rad/s]"] = 100 * logged["viscous"] / rig.coulomb
