@@ -70,3 +70,17 @@ def test_10_hz_are_named_and_what_they_cannot_tell_is_not_identified():
     found = found_by("one_step", data, clean)
     assert found.error.max() > 0.1
     assert not found.identified.all()
+
+
+@pytest.mark.parametrize(("name", "named"), [("torque logged as zero", True), ("nothing", False)])
+def test_check_names_torques_that_were_not_logged(name, named):
+    kinds = [[f.kind for f in fid.check(data).details.findings] for data, _ in pairs(name)]
+    assert all(("zero_torque" in own) == named for own in kinds)
+    assert all("unknown_cause" not in own for own in kinds)
+
+
+def test_free_decays_are_no_torques_that_were_not_logged():
+    kinds = [
+        [f.kind for f in fid.check(data).details.findings] for data, _ in pairs("free decays only")
+    ]
+    assert all("zero_torque" not in own for own in kinds)

@@ -18,7 +18,7 @@ from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured
-from frictionid.check.rivals import SINGLED_OUT, findings_of, misfit
+from frictionid.check.rivals import SINGLED_OUT, findings_of, misfit, unlogged_torque
 from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
 
 # A torque is called late where its delay exceeds this many standard errors and this time [s], and
@@ -87,7 +87,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
     findings = [
         *_convention_findings(fitting, conventions[0]),
         *late,
-        *findings_of(left),
+        *(unlogged_torque(left, torque, measured.mechanism.driven) or findings_of(left)),
     ]
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)

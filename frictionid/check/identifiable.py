@@ -145,7 +145,7 @@ def _gain(tests: HypothesisTests) -> Identifiable:
     if not gains:
         return Identifiable("torque gain", False, "no torque acts")
     best = min(gains, key=lambda e: e.error)
-    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause"}
+    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause", "zero_torque"}
     if rivals:
         other = "friction that grows with the torque" if "load" in rivals else "what is unexplained"
         reason = f"{best.size:.3f} +- {best.error:.3f}, but {other} may look the same"

@@ -91,7 +91,7 @@ def _conventions(scored: Sequence[Scored]) -> Question:
 
 def _signs(tests: HypothesisTests) -> list[Question]:
     """Whether each torque pushes where the joint accelerates to."""
-    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause"}
+    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause", "zero_torque"}
     unless = ", if nothing else is wrong" if rivals else ""
     gains = [e for e in tests.model_errors if e.kind == "gain" and "all" not in e.words]
     return [

@@ -15,7 +15,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import WIDTH
 from frictionid.check.balances import Rows
-from frictionid.check.findings import Finding
+from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError, model_errors
 from frictionid.check.motion import Measured
 from frictionid.check.partial_regression import MODEL, PartialRegression, partial_regression
@@ -108,6 +108,27 @@ def free_share(rows: Rows, torque: Array, nominal: Array, fit: PartialRegression
     columns = columns[:, size > 0] / size[size > 0]
     left = target - columns @ np.linalg.lstsq(columns, target, rcond=1e-7)[0]
     return float(left @ left) / max(float(target @ target), 1e-300)
+
+
+def unlogged_torque(found: Misfit, torque: Array, driven: Sequence[bool]) -> list[Finding]:
+    """A finding where motors are not logged: torques (K, n) that are zero, and a misfit."""
+    joints = [j + 1 for j, is_driven in enumerate(driven) if is_driven]
+    unknown = any(f.kind == "unknown_cause" for f in findings_of(found))
+    if np.abs(torque).any() or not joints or not unknown:
+        return []
+    return [
+        Finding(
+            "zero_torque",
+            "doubtful",
+            f"the torque of all motors ({', '.join(map(str, joints))}) is logged as zero, and "
+            f"{percent(found.share)} of the balance stays unexplained, whatever the friction: the "
+            "machine moves as if something drove it",
+            "log the torque (the motor's current times its constant); where no motor acted, look "
+            "for what else did, or keep the free decays alone",
+            None,
+            {"left": found.share, "noise": found.noise},
+        )
+    ]
 
 
 def findings_of(found: Misfit) -> list[Finding]:
