@@ -18,7 +18,7 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
-_MANY = 2000  # samples: fewer are predicted before loops are compiled
+MANY = 2000  # samples: fewer are predicted before loops are compiled
 _RUNAWAY = 1e5  # times as fast as slow joints, they have diverged: they are frozen as NaN
 
 
@@ -75,7 +75,7 @@ def rollout(
     xp = namespace(start.q, u)
     sizes = _step_sizes(plant, friction, dt, refine) if method == "rk4" else []
     state, alive = begin(plant, friction, start, u[0], dt[0]), None
-    many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= _MANY
+    many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= MANY
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
         motion = state.q, state.w
         counts = np.array(sizes, dtype=int)

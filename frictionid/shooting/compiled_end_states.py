@@ -91,9 +91,9 @@ def advanced(
     plant, n = model.plant, model.plant.n
     q, w = (np.array(x, order="C") for x in start)
     theta = model.friction.theta
-    flat = np.array(theta.reshape(math.prod(theta.shape[:-2]), tangent.machine.theta))
+    flat = np.array(theta.reshape(math.prod(theta.shape[:-2]), tangent.machine.theta), order="C")
     motors, slow = plant.mechanism.motors, plant.slow_like(w[0])
-    p = np.array(plant.p.reshape(-1, plant.p.shape[-1]))
+    p = np.array(plant.p.reshape(-1, plant.p.shape[-1]), order="C")
     fixed = motors, slow, p, flat
     free = np.stack([model.free.joint, model.free.place], axis=-1)
     base = np.array(model.base, dtype=int)

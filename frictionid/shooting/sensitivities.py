@@ -18,7 +18,7 @@ from frictionid.shooting.motor_torque import MotorTorque
 from frictionid.shooting.tangent import MotionModel, Tangent, initial_tangent, inverse_of_free
 from frictionid.shooting.variational_equation import advance_tangent
 
-_MANY = 500  # intervals: fewer are done before loops are compiled
+COMPILED = 500  # intervals: fewer are done before loops are compiled
 
 
 class EndStates(NamedTuple):
@@ -42,7 +42,7 @@ def end_states(
 
     fine : substeps of a piece in which a joint comes near rest; other pieces are one substep
     """
-    machine = tangent_machine_of(model) if len(dt) >= _MANY else None
+    machine = tangent_machine_of(model) if len(dt) >= COMPILED else None
     if machine is not None:
         q, w, T = advanced(machine, model, (start.q, start.w), motor, dt, fine)
         size = T.shape[1]

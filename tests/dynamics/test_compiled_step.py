@@ -71,7 +71,7 @@ def both(
     assert machine_of(plant, friction) is not None
     motions = []
     for many in (10**9, 0):
-        monkeypatch.setattr(prediction, "_MANY", many)
+        monkeypatch.setattr(prediction, "MANY", many)
         motions.append(prediction.rollout(plant, friction, state, u, dt))
     return motions[0], motions[1]
 

@@ -57,7 +57,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(
     dt = np.linspace(0.01, 1 / 60, COUNT)
     made = []
     for many in (10**9, 0):
-        monkeypatch.setattr(sensitivities, "_MANY", many)
+        monkeypatch.setattr(sensitivities, "COMPILED", many)
         made.append(sensitivities.end_states(model, State(q, w), torque, dt, FINE))
     arrays, fast = made
     for name in ("q", "w", "by_start", "by_parameters"):

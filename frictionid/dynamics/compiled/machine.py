@@ -80,7 +80,7 @@ def limit_program(law: Law, n: int) -> Program | None:
 def _law_program(
     law: Law, n: int, name: str, function: Callable[[Array, Inputs, tuple[()]], Array]
 ) -> Program | None:
-    if law.is_network or law.uses_load or law.uses_temperature or law.has_memory or law.is_sparse:
+    if law.is_network or law.uses_load or law.uses_temperature or law.has_memory:
         return None
     count = len(law.names)
 

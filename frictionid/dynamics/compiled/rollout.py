@@ -38,7 +38,7 @@ def rolled_out(
     count = math.prod(batch)
 
     def rows(x: Array, *own: int) -> Array:
-        wide = np.array(np.broadcast_to(x, (*batch, *own)))
+        wide = np.array(np.broadcast_to(x, (*batch, *own)), order="C")
         return wide.reshape(count, math.prod(own))
 
     q, w = (np.empty((T + 1, *shape)) for _ in start)

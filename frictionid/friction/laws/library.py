@@ -168,8 +168,15 @@ def _candidates(law: Library) -> tuple[Candidate, ...]:
 
 def _active(law: Library, theta: Array) -> list[tuple[int, Candidate]]:
     """Candidates that some entry of the batch has: the others cost nothing."""
-    pairs = enumerate(law.candidates)
-    return [(i, c) for i, c in pairs if bool((theta[..., i] != 0).any())]
+    return [(i, c) for i, c in enumerate(law.candidates) if _some(theta[..., i])]
+
+
+def _some(values: Array) -> bool:
+    """Whether some value is not zero, or is not known yet: where a program is written."""
+    try:
+        return bool((values != 0).any())
+    except NotImplementedError:
+        return True
 
 
 def _signs(law: Library) -> list[Candidate]:
