@@ -63,18 +63,19 @@ def estimate_initial_states(
 
     Where a model finds no motion that leads to the initial state, that of the filter stands.
     """
-    intervals, n = preceding.intervals, preceding.intervals.n
-    linearised, gap = solve_states(preceding, plant, friction)
+    intervals = preceding.intervals
+    end, gap = solve_states(preceding, plant, friction)
     known = preceding.windows[:, 0] >= 0
-    last = preceding.windows.max(axis=1)
-    end = linearised.end[last[known]]
-    near = np.abs(end[:, :n] - intervals.after[last[known]]).max(axis=-1) < _LOST
-    near &= (gap < 10.0 * preceding.sigma.max()) & np.isfinite(end).all(-1)
+    last = preceding.windows[known].max(axis=1)
+    near = np.abs(end.q - intervals.after[last]).max(axis=-1) < _LOST
+    near &= gap < 10.0 * preceding.sigma.max()
+    for entry in (end.q, end.w, *end.memory):
+        near &= np.isfinite(entry).all(-1)
     state = State(initial.q.copy(), initial.w.copy(), _memory(plant, friction, initial))
-    good, first = np.flatnonzero(known)[near], 0
-    for entry in (state.q, state.w, *state.memory):
-        entry[good] = end[near, first : first + entry.shape[-1]]
-        first += entry.shape[-1]
+    good = np.flatnonzero(known)[near]
+    pairs = zip((state.q, state.w, *state.memory), (end.q, end.w, *end.memory), strict=True)
+    for whole, entry in pairs:
+        whole[good] = entry[near]
     return state
 
 

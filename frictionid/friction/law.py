@@ -212,6 +212,13 @@ class Law(ABC):
         """
         return None
 
+    def while_held(self, theta: Array, memory: Memory) -> tuple[Law, Array] | None:
+        """A law without memory, and its theta, for `held`; None where the law knows no faster one.
+
+        Its torque and break-away level are those of this law with that memory.
+        """
+        return None
+
     def gradient(self, theta: Array, x: Inputs) -> Any:
         """Derivatives (..., n, P) of a static law's torque in each joint's theta, or None."""
         return None

@@ -10,8 +10,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
-from frictionid.friction import Friction, Inputs
+from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import at_places
+from frictionid.friction.held import held
 from frictionid.mechanics import Plant
 from frictionid.shooting.law_derivatives import FreeTheta, reads_of
 from frictionid.shooting.motor_torque import MotorTorque
@@ -75,12 +76,51 @@ class SampleWindows(NamedTuple):
 
 
 def _initial_nodes(samples: SampleWindows, friction: Friction) -> Array:
-    """Nodes (K, s): the smoothed states; memories begin anew in each."""
+    """Nodes (K, s): the smoothed states; memories begin anew in each, but those of samples."""
     q, w = samples.intervals.q, samples.intervals.w
-    mechanism = samples.intervals.dataset.mechanism
-    x = at_places(mechanism, Inputs(q, w, samples.u[0], 0.0 * q))
+    nodes = np.concatenate([q, w], axis=-1)
+    if friction.law.sample_time is not None:
+        return nodes
+    x = _inputs(samples, nodes, samples.u[0])
     memory = friction.law.start(friction.theta[samples.owner], x)
-    return np.concatenate([q, w, *(np.broadcast_to(z, x.q.shape) for z in memory)], axis=-1)
+    return np.concatenate([nodes, *(np.broadcast_to(z, x.q.shape) for z in memory)], axis=-1)
+
+
+def _inputs(samples: SampleWindows, nodes: Array, u: Array) -> Inputs:
+    """What friction sees of states (K, s) under motor torques (K, n)."""
+    q, w = np.split(nodes[:, : 2 * samples.intervals.n], 2, axis=-1)
+    return at_places(samples.intervals.dataset.mechanism, Inputs(q, w, u, 0.0 * q))
+
+
+def _between_samples(
+    samples: SampleWindows, friction: Friction, nodes: Array
+) -> tuple[Friction, Memory]:
+    """Friction without memory (K, m, P) in each interval, and memory (S, m) in windows' last ones.
+
+    A memory of samples stands still between them. It takes in the samples at the nodes (K, s), one
+    after the other, and so needs no node of its own.
+    """
+    law, windows, dt = friction.law, samples.windows, samples.intervals.dt
+    theta = memory = None
+    for k in range(windows.shape[1]):
+        rows = np.flatnonzero(windows[:, k] >= 0)
+        own = friction.theta if len(rows) == len(windows) else friction.theta[rows]
+        at, before = windows[rows, k], windows[rows, max(k - 1, 0)]
+        if theta is None or memory is None:
+            x = _inputs(samples, nodes[at], samples.u[0][at])
+            here = law.start(own, x)
+            memory = tuple(np.zeros((len(windows), x.w.shape[-1])) for _ in here)
+        else:
+            x = _inputs(samples, nodes[at], samples.u[-1][before])
+            here = law.advance(own, x, tuple(z[rows] for z in memory), dt[before, None])
+        for whole, entry in zip(memory, here, strict=True):
+            whole[rows] = entry
+        still, numbers = held(law, own, tuple(z[rows] for z in memory))
+        if theta is None:
+            theta = np.empty((len(nodes), *numbers.shape[1:]))
+        theta[at] = numbers
+    assert theta is not None and memory is not None
+    return replace(friction, law=still, theta=theta, calibration=None, constraints=None), memory
 
 
 def _linearised(
@@ -88,34 +128,31 @@ def _linearised(
 ) -> Linearisation:
     """End states of all intervals from nodes (K, s), and their derivatives by these."""
     intervals, u, n, K = samples.intervals, samples.u, samples.intervals.n, len(nodes)
-    owner, law, some = samples.owner, friction.law, slice(0, 64)
-    mechanism = plant.mechanism
-    q, w = intervals.q[some], intervals.w[some]
-    x = at_places(mechanism, Inputs(q, w, u[0][some], 0.0 * q))
-    reads = reads_of(law, friction.theta[owner[some]], x)
+    owner, mechanism, some = samples.owner, plant.mechanism, np.arange(min(64, K))
     part = float(intervals.dt.max()) / len(u)
     step_size_of(plant, friction, part)  # refuses laws that no step resolves
+    place = owner  # of each interval's own friction
+    if friction.law.sample_time is not None:
+        friction, place = _between_samples(samples, friction, nodes)[0], np.arange(K)
+    x = _inputs(samples, nodes[some], u[0][some])
+    reads = reads_of(friction.law, friction.theta[place[some]], x)
     fine = max(1, int(np.ceil(part / _FINE)))
     out = Linearisation.zeros(nodes, np.zeros((0, n)))
     for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
-        model = MotionModel(plant[owner[rows]], friction[owner[rows]], _NO_PARAMETER, (), reads)
+        model = MotionModel(plant[owner[rows]], friction[place[rows]], _NO_PARAMETER, (), reads)
         memory = memory_of(nodes[rows], mechanism)
         start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
         motor = MotorTorque(u[:, rows], np.empty((len(u), 0, len(rows), n)))
         with np.errstate(all="ignore"):
             end = end_states(model, start, motor, intervals.dt[rows], fine)
-        memory = end.memory
-        if law.sample_time is not None:
-            x = at_places(mechanism, Inputs(end.q, end.w, u[-1][rows], 0.0 * end.q))
-            memory = law.advance(model.friction.theta, x, memory, intervals.dt[rows, None])
-        out.end[rows] = np.concatenate([end.q, end.w, *memory], axis=-1)
+        out.end[rows] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
         out.by_start[rows] = end.by_start
     return out
 
 
 def solve_states(
     samples: SampleWindows, plant: Plant, friction: Friction
-) -> tuple[Linearisation, Array]:
+) -> tuple[State, Array]:
     """The motion over each window that comes closest to its angles, by Gauss-Newton.
 
     Parameters
@@ -124,10 +161,10 @@ def solve_states(
 
     Returns
     -------
-    the intervals linearised at the solution, and how far [rad] nodes are from the prediction of
-    their own window, for each window that has an interval
+    states (W, n) at the ends of the W windows that have an interval, and how far [rad] nodes are
+    from the prediction of their own window, (W,)
     """
-    rows = np.flatnonzero(samples.windows[:, 0] >= 0)
+    known = rows = np.flatnonzero(samples.windows[:, 0] >= 0)
     nodes = _initial_nodes(samples, friction)
     linearised = _linearised(samples, plant, friction, nodes)
     windows = moving = samples.windows[rows]
@@ -143,7 +180,23 @@ def solve_states(
         linearised.end[some], linearised.by_start[some] = own.end, own.by_start
     n = samples.intervals.n
     prediction = predict_windows(samples.intervals, linearised, nodes, windows, np.zeros(n))
-    return linearised, np.abs(prediction.moved[..., :n]).max(axis=(1, 2))
+    gap = np.abs(prediction.moved[..., :n]).max(axis=(1, 2))
+    return _last_states(samples, friction, nodes, linearised.end, known), gap
+
+
+def _last_states(
+    samples: SampleWindows, friction: Friction, nodes: Array, end: Array, known: Array
+) -> State:
+    """States at the ends of the windows `known` (W,), of the ends (K, s) of intervals from nodes."""
+    n, law = samples.intervals.n, friction.law
+    last = samples.windows[known].max(axis=1)
+    state = State(end[last, :n], end[last, n : 2 * n], memory_of(end[last], samples.intervals.dataset.mechanism))
+    if law.sample_time is None:
+        return state
+    memory = tuple(z[known] for z in _between_samples(samples, friction, nodes)[1])
+    x = _inputs(samples, end[last], samples.u[-1][last])
+    dt = samples.intervals.dt[last, None]
+    return state._replace(memory=law.advance(friction.theta[known], x, memory, dt))
 
 
 def _moved(

@@ -17,6 +17,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.laws.layers import Hidden, count, drawn, input_slopes, outputs
 from frictionid.friction.laws.levels import above_zero
+from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.network_law import (
     Features,
     NetworkLaw,
@@ -123,6 +124,27 @@ class LSTM(NetworkLaw):
             out += [of.by_y * sign * by_z[..., len(own) + i] for i in range(self.cells)]
             out += [0.0 * y] * self.cells
         return tuple(out)
+
+    def while_held(self, theta: Array, memory: Memory) -> tuple[MLP, Array] | None:
+        """What the cells give only shifts the offsets of the first units."""
+        if self.free or self.odd:
+            return None
+        xp, h = namespace(theta, memory[0]), stacked(memory[: self.cells])
+        row, units = self._layer_weights(theta), self.hidden[0]
+        first = [self.sizes[0] * units, (self.sizes[0] - self.cells) * units]
+        W = xp.reshape(row[..., first[1] : first[0]], (*row.shape[:-1], self.cells, units))
+        shift = xp.matmul(h[..., None, :], W)[..., 0, :]
+        offsets = row[..., first[0] : first[0] + units] + shift
+        parts = theta[..., :3], row[..., : first[1]], offsets, row[..., first[0] + units :]
+        whole = [xp.broadcast_to(p, (*shift.shape[:-1], p.shape[-1])) for p in parts]
+        law = MLP(
+            hidden=self.hidden,
+            dissipative=self.dissipative,
+            monotone_tail=self.monotone_tail,
+            width=self.width,
+            shape=self.shape,
+        )
+        return law, xp.concat(whole, axis=-1)
 
     def _layer_weights(self, theta: Array) -> Array:
         return theta[..., 3 + count(self.gate_sizes) :]
