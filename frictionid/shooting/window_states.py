@@ -150,9 +150,7 @@ def _linearised(
     return out
 
 
-def solve_states(
-    samples: SampleWindows, plant: Plant, friction: Friction
-) -> tuple[State, Array]:
+def solve_states(samples: SampleWindows, plant: Plant, friction: Friction) -> tuple[State, Array]:
     """The motion over each window that comes closest to its angles, by Gauss-Newton.
 
     Parameters
@@ -187,10 +185,10 @@ def solve_states(
 def _last_states(
     samples: SampleWindows, friction: Friction, nodes: Array, end: Array, known: Array
 ) -> State:
-    """States at the ends of the windows `known` (W,), of the ends (K, s) of intervals from nodes."""
-    n, law = samples.intervals.n, friction.law
+    """States at the ends of windows, `known` (W,), of the ends (K, s) of intervals from nodes."""
+    n, law, mechanism = samples.intervals.n, friction.law, samples.intervals.dataset.mechanism
     last = samples.windows[known].max(axis=1)
-    state = State(end[last, :n], end[last, n : 2 * n], memory_of(end[last], samples.intervals.dataset.mechanism))
+    state = State(end[last, :n], end[last, n : 2 * n], memory_of(end[last], mechanism))
     if law.sample_time is None:
         return state
     memory = tuple(z[known] for z in _between_samples(samples, friction, nodes)[1])
