@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.initial_state_estimator import estimate_initial_states
-from frictionid.friction import Friction
+from frictionid.friction import Friction, Law
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag
+from frictionid.friction.smooth_sign import smooth_sign
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
 CURVE = Curve((0.02,), (0.02,), (0.002,))
@@ -102,6 +103,39 @@ def test_starts_side_by_side_are_each_alone():
         alone = states(prepared, replace(TRUE, theta=TRUE.theta * (1 + 0.2 * factor)))
         own = np.arange(len(starts.index)) % 2 == factor
         np.testing.assert_allclose(together.w[own], alone.w[own], atol=1e-9)
+
+
+@dataclass(frozen=True)
+class SampledViscous(Law):
+    """Coulomb friction, and viscous friction of the velocity at the newest sample."""
+
+    names = ("coulomb", "viscous")
+    units = ("N m", "N m s/rad")
+    bounds = ((0.0, 1.0), (0.0, 1.0))
+    sample_time = 1 / 60
+    width: float = 0.02
+
+    def start(self, theta, x):
+        return (x.w + 0.0 * theta[..., 0],)
+
+    def torque(self, theta, x, memory):
+        return theta[..., 0] * smooth_sign(x.w, self.width, "tanh") + theta[..., 1] * memory[0]
+
+    def advance(self, theta, x, memory, dt):
+        return (x.w + 0.0 * memory[0],)
+
+    def limit(self, theta, x, memory):
+        return theta[..., 0] + 0.0 * x.w
+
+
+@pytest.mark.parametrize("drag", [0.002, 0.02])
+def test_a_memory_of_samples_is_that_of_the_motion_found(drag):
+    prepared = ready(data())
+    starts = prepared.initial_states
+    state = states(prepared, Friction(SampledViscous(), np.array([[0.02, drag]])))
+    own = np.abs(state.w - starts.w).max(axis=-1) > 0.0  # the others are the filter's
+    assert own.mean() > 0.9
+    np.testing.assert_array_equal(state.memory[0][own], state.w[own])
 
 
 @pytest.mark.parametrize(

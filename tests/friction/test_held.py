@@ -1,0 +1,35 @@
+"""Friction while its memory stands still is friction without memory."""
+
+import numpy as np
+import pytest
+
+from frictionid.friction import at_rest
+from frictionid.friction.held import held
+from frictionid.friction.laws import LSTM, LuGre, WindowMLP
+
+PLAIN = {"dissipative": False, "monotone_tail": False}
+LAWS = [
+    LSTM(),
+    LSTM(cells=3, hidden=(5, 4), **PLAIN),
+    LSTM(odd=True),
+    LSTM(free=True, **PLAIN),
+    WindowMLP(presliding=0.01),
+    LuGre(),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+@pytest.mark.parametrize("width", [0.02, 1e-7])
+def test_a_held_memory_gives_the_same_torque_and_break_away_level(law, width):
+    rng = np.random.default_rng(1)
+    theta = np.array(law.initial[0]) * rng.uniform(0.8, 1.2, (4, 2, len(law.names)))
+    memory = law.start(theta, at_rest(rng.normal(size=(4, 2))))
+    memory = law.advance(theta, at_rest(rng.normal(size=(4, 2))), memory, np.array([[1 / 60]]))
+    still, numbers = held(law, theta, memory)
+    law, still = law.with_width(width), still.with_width(width)
+    x = at_rest(rng.normal(size=(4, 2)))
+    assert not still.has_memory
+    for name in ("torque", "limit"):
+        found = getattr(still, name)(numbers, x, ())
+        known = getattr(law, name)(theta, x, memory)
+        np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-15)
