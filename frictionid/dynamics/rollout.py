@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -84,7 +85,7 @@ def rollout(
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
             if method == "rk4":
-                state = adaptive_step(plant, friction, state, u[k], dt[k][..., None], sizes[k])
+                state = _sample_ahead(plant, friction, state, u[k], dt[k][..., None], sizes[k])
             else:
                 state = _ONE_STEP[method](plant, friction, state, u[k], dt[k][..., None])
         wild = diverged(plant, state)
@@ -96,6 +97,21 @@ def rollout(
         q.append(_masked(state.q, alive))
         w.append(_masked(state.w, alive))
     return Rollout(xp.stack(q), xp.stack(w))
+
+
+def _sample_ahead(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, step_size: StepSize
+) -> State:
+    """State after a sample interval, in which a memory of samples stands still."""
+    law, memory = friction.law, state.memory
+    still = None
+    if memory and law.sample_time is not None:
+        still = law.while_held(friction.theta, memory)
+    if still is None:
+        return adaptive_step(plant, friction, state, u, dt, step_size)
+    friction = replace(friction, law=still[0], theta=still[1])
+    after = adaptive_step(plant, friction, state._replace(memory=()), u, dt, step_size)
+    return after._replace(memory=memory)
 
 
 def begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from frictionid.friction import at_rest
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.friction import Friction, at_rest
 from frictionid.friction.held import held
 from frictionid.friction.laws import LSTM, LuGre, WindowMLP
+from frictionid.mechanics import Plant, pendulum
 
 PLAIN = {"dissipative": False, "monotone_tail": False}
 LAWS = [
@@ -33,3 +36,16 @@ def test_a_held_memory_gives_the_same_torque_and_break_away_level(law, width):
         found = getattr(still, name)(numbers, x, ())
         known = getattr(law, name)(theta, x, memory)
         np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-15)
+
+
+def test_a_motion_is_the_same_whether_or_not_the_law_knows_a_faster_one(monkeypatch):
+    law, rng = LSTM(sample_time=0.01), np.random.default_rng(2)
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.3, "length": 0.2})
+    own = Friction(law, np.array(law.initial[0]) * rng.uniform(0.8, 1.2, (6, 1, len(law.names))))
+    begin = State(rng.normal(size=(6, 1)), rng.normal(size=(6, 1)))
+    u, dt = 0.2 * rng.normal(size=(60, 6, 1)), np.full((60, 6), 0.01)
+    fast = rollout(plant, own, begin, u, dt)
+    monkeypatch.setattr(LSTM, "while_held", lambda *_: None)
+    slow = rollout(plant, own, begin, u, dt)
+    np.testing.assert_allclose(fast.q, slow.q, rtol=0, atol=1e-11)
+    assert np.ptp(slow.q[:, 0]) > 0.1
