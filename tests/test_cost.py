@@ -11,6 +11,7 @@ from fixtures.paths import ROOT
 
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation import Split, make_folds
@@ -100,6 +101,7 @@ def test_fits_of_ten_folds_never_evaluate_the_physics(acrobot, identifier, monke
 def test_a_thousand_rollouts_call_the_physics_as_often_as_one(acrobot, monkeypatch):
     plant, friction = plant_of(acrobot)[0], Friction(CoulombViscous(), THETA)
     counted, calls = Counted(monkeypatch), []
+    monkeypatch.setattr(prediction, "MANY", 10**9)  # as arrays, which compiled loops do not need
     for count in (1, 1000):
         start = State(np.tile([0.3, -0.2], (count, 1)), np.tile([1.0, 2.0], (count, 1)))
         u, dt = np.zeros((20, count, 2)), np.full((20, count), 1 / 60)

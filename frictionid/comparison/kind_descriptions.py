@@ -171,7 +171,7 @@ def _first_default(kind: Kind, setting: str) -> Any:
     forms = [kind.parts, *(choice.parts for choice in kind.choices)]
     for part in (part for parts in forms for part in parts if is_dataclass(part)):
         own = next((f for f in fields(part) if f.name == setting), None)
-        if own is not None:
+        if own is not None and _default(own) is not MISSING:
             return _default(own)
     tables: list[Mapping[str, Any]] = [{}, *({c.key: c.value} for c in kind.choices)]
     return next((kind.defaults(t)[setting] for t in tables if setting in kind.defaults(t)), MISSING)

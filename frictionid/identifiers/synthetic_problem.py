@@ -19,6 +19,7 @@ _RATE = 50.0  # [Hz]
 _SAMPLES = 45
 _RECORDINGS = 3
 _NOISE = 1e-3  # [rad/s]
+_TEMPERATURES = (20.0, 40.0)  # [degC]
 _PENDULUM = {"mass": 0.5, "length": 0.3}  # [kg], [m]
 # coulomb, peak [N m], Stribeck velocity [rad/s], viscous [N m s/rad] of each joint
 _TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
@@ -50,10 +51,18 @@ def synthetic_problem(joints: int, noise: float = _NOISE) -> Problem:
         Recording(f"{i}", Signal(s.time, s.q), Signal(s.time, np.cos(3 * s.q)))
         for i, s in enumerate(states)
     ]
-    problem = integral_problem(plant, recordings, states, history=4)
+    problem = _warmed(integral_problem(plant, recordings, states, history=4))
     torque = along(true_friction(joints), problem.nodes)
     explained = times(problem.G, problem.mean(torque))
     return replace(problem, r=explained + noise * rng.standard_normal(problem.r.shape))
+
+
+def _warmed(problem: Problem) -> Problem:
+    """The problem with a temperature that rises, for laws that ask for one; the truth does not."""
+    inputs = problem.nodes.inputs
+    rising = np.linspace(*_TEMPERATURES, len(inputs.w))[:, None] + 0.0 * inputs.w
+    nodes = problem.nodes._replace(inputs=inputs._replace(temperature=rising))
+    return replace(problem, nodes=nodes)
 
 
 def _motion(rng: np.random.Generator, joints: int) -> States:

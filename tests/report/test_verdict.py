@@ -114,7 +114,7 @@ def test_the_document_says_every_question_with_its_answer(tmp_path, monkeypatch)
     ],
 )
 def test_scripts_require_a_verdict(tmp_path, monkeypatch, capsys, requirement, status, words):
-    monkeypatch.setattr(write, "_contents", lambda _: {})  # tables and figures are not the matter
+    monkeypatch.setattr(write, "_contents", lambda *_: {})  # tables and figures are not the matter
     made.typical(tmp_path / "made")
     code, _, err = run_command(
         monkeypatch, capsys, tmp_path, "report", "made", "--require", requirement

@@ -25,14 +25,15 @@ _DECAYS = (-0.05, 0.2)
 
 @dataclass(frozen=True)
 class Thermal(Law):
-    """The law `law` with levels times 1 + a (T - T0) and viscous terms times exp(-b (T - T0)).
+    """Tf = Fc (1 + a (T - T0)) sgn(w) + Fv exp(-b (T - T0)) w: friction of a joint that warms up.
 
     law : name of a static law, whose parameters keep their names, and are those at T0
     reference : T0 [degC]
 
-    `coulomb_slope` a [1/K] belongs to all parameters that are torques, `viscous_decay` b [1/K] to
-    those that are torques per velocity or its square; velocities and shares of a load stay. Levels
-    do not fall below zero. T [degC] is that of the joint; where none is known, that is T0.
+    Of any law, `coulomb_slope` a [1/K] belongs to all parameters that are torques,
+    `viscous_decay` b [1/K] to those that are torques per velocity or its square; velocities and
+    shares of a load stay. Levels do not fall below zero. T [degC] is that of the joint; where none
+    is known, that is T0.
 
     >>> Thermal().names
     ('coulomb', 'viscous', 'coulomb_slope', 'viscous_decay')
