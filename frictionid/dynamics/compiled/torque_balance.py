@@ -5,7 +5,7 @@ Vectors of the joints are lines of the row's table, given by their numbers.
 
 from __future__ import annotations
 
-from frictionid.compiled import Numbers, called
+from frictionid.compiled import Numbers, called, inlined
 from frictionid.dynamics.compiled import layout as at
 
 _SWEEPS = 50
@@ -88,7 +88,7 @@ def constrained(row: Numbers, n: int, f: int, held: int, out: int) -> None:
         row[out * n + i] = total
 
 
-@called
+@inlined
 def evaluate_dynamics(machine: at.Machine, row: Numbers, n: int, q: int, w: int) -> None:
     """Set M and f = h + B u at a state."""
     motion = at.motion_of(n)
@@ -100,7 +100,7 @@ def evaluate_dynamics(machine: at.Machine, row: Numbers, n: int, q: int, w: int)
         row[at.F * n + j] = row[(at.M + n) * n + j] + row[at.MOTORS * n + j] * row[at.U * n + j]
 
 
-@called
+@inlined
 def _read_law(machine: at.Machine, row: Numbers, n: int, q: int) -> int:
     """Set what a law reads besides velocities; the line of these."""
     law = at.law_of(n, machine)
@@ -110,7 +110,7 @@ def _read_law(machine: at.Machine, row: Numbers, n: int, q: int) -> int:
     return law
 
 
-@called
+@inlined
 def sliding_torque(
     machine: at.Machine, row: Numbers, n: int, q: int, w: int, direction: int, out: int
 ) -> None:
@@ -133,7 +133,7 @@ def smooth_torque(machine: at.Machine, row: Numbers, n: int, q: int, w: int, out
     machine.torque(row, law * n, out * n)
 
 
-@called
+@inlined
 def braked(row: Numbers, n: int) -> None:
     """Raise friction torques to the minimum braking torque."""
     for j in range(n):
