@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from frictionid.compiled import inlined
 from frictionid.dynamics.compiled import layout as at
@@ -11,16 +11,17 @@ from frictionid.dynamics.compiled import layout as at
 class TangentMachine(NamedTuple):
     """A machine, and what its torques change with.
 
-    slopes : of w, q, u, theta; Tf and its slopes by w, q, u and each of P parameters, n each
+    slopes : address of a function of w, q, u, theta; Tf and its slopes by w, q, u and each of P
+        parameters, n each
     limits : of the same; break-away levels and their slopes by each parameter, n each
     partials : of q, w, a, p; see `Partials`
     free : number of friction parameters of one joint, P
     """
 
     machine: at.Machine
-    slopes: Any
-    limits: Any
-    partials: Any
+    slopes: int
+    limits: int
+    partials: int
     free: int
 
 

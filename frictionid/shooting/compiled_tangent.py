@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.compiled import Numbers, called
+from frictionid.compiled import Numbers, called, run_at
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.torque_balance import (
     constrained,
@@ -116,7 +116,7 @@ def _evaluate_partials(
         row[(own + 2) * n + j] = row[a * n + j] if a >= 0 else 0.0
     for k in range(base):
         row[(own + 3) * n + k] = row[(motion + 2) * n + k]
-    tangent.partials(row, own * n, (extra + more.partials_of(tangent)) * n)
+    run_at(tangent.partials, row, own * n, (extra + more.partials_of(tangent)) * n)
 
 
 @called
@@ -131,7 +131,7 @@ def _set_friction_slopes(tangent: TangentMachine, row: Numbers, n: int, q: int, 
         row[law * n + j] = speed
         row[(law + 1) * n + j] = row[q * n + j]
         row[(law + 2) * n + j] = row[at.U * n + j]
-    tangent.slopes(row, law * n, slopes * n)
+    run_at(tangent.slopes, row, law * n, slopes * n)
     for j in range(n):
         if row[law * n + j] != row[w * n + j]:  # evaluated at the side of its smoothing
             row[(slopes + 1) * n + j] = 0.0
@@ -150,7 +150,7 @@ def _set_break_away_slopes(
     limits = more.extra_of(n, tangent.machine) + more.limits_of(tangent)
     for j in range(n):
         row[law * n + j] = row[at.BRAKING * n + j] if row[at.BRAKING * n + j] != 0.0 else 1.0
-    tangent.limits(row, law * n, limits * n)
+    run_at(tangent.limits, row, law * n, limits * n)
     for j in range(n):
         least, own = row[at.BRAKING * n + j], row[slopes * n + j]
         if (least > 0.0 and own < least) or (least < 0.0 and own > least):

@@ -6,7 +6,7 @@ ones and zeros. Functions of a machine read and write parts of the table as it l
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,9 +27,9 @@ class Machine(NamedTuple):
     base_lines, theta_lines : numbers of lines that hold them
     """
 
-    dynamics: Any
-    torque: Any
-    limit: Any
+    dynamics: int
+    torque: int
+    limit: int
     breaks: bool
     sharp: bool
     beyond: float

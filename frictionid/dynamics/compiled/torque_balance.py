@@ -5,7 +5,7 @@ Vectors of the joints are lines of the row's table, given by their numbers.
 
 from __future__ import annotations
 
-from frictionid.compiled import Numbers, called, inlined
+from frictionid.compiled import Numbers, called, inlined, run_at
 from frictionid.dynamics.compiled import layout as at
 
 _SWEEPS = 50
@@ -95,7 +95,7 @@ def evaluate_dynamics(machine: at.Machine, row: Numbers, n: int, q: int, w: int)
     for j in range(n):
         row[motion * n + j] = row[q * n + j]
         row[(motion + 1) * n + j] = row[w * n + j]
-    machine.dynamics(row, motion * n, at.M * n)
+    run_at(machine.dynamics, row, motion * n, at.M * n)
     for j in range(n):
         row[at.F * n + j] = row[(at.M + n) * n + j] + row[at.MOTORS * n + j] * row[at.U * n + j]
 
@@ -121,7 +121,7 @@ def sliding_torque(
         if machine.breaks and machine.beyond > 0.0 and side != 0.0:
             speed = side * max(side * speed, machine.beyond)
         row[law * n + j] = speed
-    machine.torque(row, law * n, out * n)
+    run_at(machine.torque, row, law * n, out * n)
 
 
 @called
@@ -130,7 +130,7 @@ def smooth_torque(machine: at.Machine, row: Numbers, n: int, q: int, w: int, out
     law = _read_law(machine, row, n, q)
     for j in range(n):
         row[law * n + j] = row[w * n + j]
-    machine.torque(row, law * n, out * n)
+    run_at(machine.torque, row, law * n, out * n)
 
 
 @inlined
@@ -150,10 +150,10 @@ def set_levels(machine: at.Machine, row: Numbers, n: int, q: int) -> None:
     law = _read_law(machine, row, n, q)
     for j in range(n):
         row[law * n + j] = -1.0
-    machine.limit(row, law * n, at.LOW * n)
+    run_at(machine.limit, row, law * n, at.LOW * n)
     for j in range(n):
         row[law * n + j] = 1.0
-    machine.limit(row, law * n, at.HIGH * n)
+    run_at(machine.limit, row, law * n, at.HIGH * n)
 
 
 @called
