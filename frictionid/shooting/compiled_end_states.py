@@ -36,13 +36,19 @@ def tangent_machine_of(model: MotionModel) -> TangentMachine | None:
     if machine is None:
         return None
     law, mechanism, n = model.friction.law, model.plant.mechanism, model.plant.n
-    slopes = _slopes(law.sharpened() if machine.breaks else law, n)
-    limits, partials = _limits(law, n), _partials(mechanism)
+    places = tuple(_places(model))
+    slopes = _slopes(law.sharpened() if machine.breaks else law, n, places)
+    limits, partials = _limits(law, n, places), _partials(mechanism)
     if slopes is None or limits is None or partials is None:
         return None
     return TangentMachine(
-        machine, machine_code(slopes), machine_code(limits), machine_code(partials), len(law.names)
+        machine, machine_code(slopes), machine_code(limits), machine_code(partials), len(places)
     )
+
+
+def _places(model: MotionModel) -> list[int]:
+    """Parameters of the law that are free in some joint."""
+    return [int(place) for place in np.unique(model.free.place)]
 
 
 @lru_cache(maxsize=64)
@@ -57,26 +63,26 @@ def _partials(mechanism: Mechanism) -> Program | None:
 
 
 @lru_cache(maxsize=64)
-def _slopes(law: Law, n: int) -> Program | None:
+def _slopes(law: Law, n: int, places: tuple[int, ...]) -> Program | None:
     program = torque_program(law, n)
     if program is None:
         return None
     own = {x: [f"{x}_{j + 1}" for j in range(n)] for x in ("w", "q", "u")}
-    return with_derivatives(program, {**own, **_parameters(law, n)}, ["Tf"])
+    return with_derivatives(program, {**own, **_parameters(law, n, places)}, ["Tf"])
 
 
 @lru_cache(maxsize=64)
-def _limits(law: Law, n: int) -> Program | None:
+def _limits(law: Law, n: int, places: tuple[int, ...]) -> Program | None:
     program = limit_program(law, n)
-    return None if program is None else with_derivatives(program, _parameters(law, n), ["limit"])
+    if program is None:
+        return None
+    return with_derivatives(program, _parameters(law, n, places), ["limit"])
 
 
-def _parameters(law: Law, n: int) -> dict[str, list[str]]:
-    """Each parameter of all joints: friction of a joint depends on its own alone."""
+def _parameters(law: Law, n: int, places: tuple[int, ...]) -> dict[str, list[str]]:
+    """Some parameters, each of all joints: friction of a joint depends on its own alone."""
     count = len(law.names)
-    return {
-        f"parameter {k}": [f"theta_{j * count + k + 1}" for j in range(n)] for k in range(count)
-    }
+    return {f"parameter {k}": [f"theta_{j * count + k + 1}" for j in range(n)] for k in places}
 
 
 def advanced(
@@ -95,7 +101,7 @@ def advanced(
     motors, slow = plant.mechanism.motors, plant.slow_like(w[0])
     p = np.array(plant.p.reshape(-1, plant.p.shape[-1]), order="C")
     fixed = motors, slow, p, flat
-    free = np.stack([model.free.joint, model.free.place], axis=-1)
+    free = np.stack([model.free.joint, np.searchsorted(_places(model), model.free.place)], axis=-1)
     base = np.array(model.base, dtype=int)
     T = np.zeros((len(q), 2 * n, 2 * n + model.directions + motor.by.shape[1]))
     T[:, range(2 * n), range(2 * n)] = 1.0

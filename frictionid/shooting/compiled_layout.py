@@ -11,11 +11,11 @@ from frictionid.dynamics.compiled import layout as at
 class TangentMachine(NamedTuple):
     """A machine, and what its torques change with.
 
-    slopes : address of a function of w, q, u, theta; Tf and its slopes by w, q, u and each of P
+    slopes : address of a function of w, q, u, theta; Tf and its slopes by w, q, u and each of F
         parameters, n each
     limits : of the same; break-away levels and their slopes by each parameter, n each
     partials : of q, w, a, p; see `Partials`
-    free : number of friction parameters of one joint, P
+    free : number of free friction parameters of a joint, F
     """
 
     machine: at.Machine

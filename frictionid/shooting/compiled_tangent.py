@@ -34,7 +34,8 @@ def advance_tangent(
 ) -> None:
     """Advance derivatives T (2n, D) over the substep of h [s] that the row has just made.
 
-    spare : (3n, D); free (F, 2): joint and place of free friction parameters; base: places of base
+    spare : (3n, D); free (F, 2): joint of free friction parameters, and which of
+    those with slopes they are; base: places of base
     parameters; by (E, n): derivatives of the motor torque
     """
     for j in range(n):

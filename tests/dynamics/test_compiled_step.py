@@ -36,6 +36,7 @@ def crane() -> Mechanism:
     return from_bodies([Body(m, a, 0), *swings], joints, parameters)
 
 
+NETWORK = known.MLP(hidden=(4, 4))
 LAWS: dict[str, tuple[Law, list[float]]] = {
     "none": (known.NoFriction(), []),
     "coulomb": (known.CoulombViscous(), [0.03, 0.01]),
@@ -43,6 +44,7 @@ LAWS: dict[str, tuple[Law, list[float]]] = {
     "a wide smoothing": (known.CoulombViscous(width=0.1), [0.03, 0.01]),
     "an arctangent": (known.CoulombViscous(shape="arctan"), [0.03, 0.01]),
     "motor load": (known.MotorLoad(), [0.02, 0.01, 0.1]),
+    "a network": (NETWORK, list(0.1 + np.arange(len(NETWORK.names)) / 100)),
 }
 MECHANISMS = {
     "pendulum": pendulum(mass=0.5, length=0.3),
@@ -109,7 +111,7 @@ def test_motions_that_diverge_are_no_numbers_from_then_on(monkeypatch: pytest.Mo
     assert np.array_equal(np.isnan(fast.q), np.isnan(arrays.q))
 
 
-@pytest.mark.parametrize("law", [known.LuGre(), known.MLP(), known.LoadDependent()])
+@pytest.mark.parametrize("law", [known.LuGre(), known.MLP((64, 64)), known.LoadDependent()])
 def test_laws_that_have_no_compiled_form_are_left_to_arrays(law: Law) -> None:
     theta = np.array(law.initial[:1])
     plant = Plant.from_parameters(pendulum(mass=0.5, length=0.3), {})

@@ -16,16 +16,18 @@ from frictionid.shooting.tangent import MotionModel
 
 COUNT, PIECES, FINE, TORQUES = 240, 2, 6, 2
 STRIBECK = [0.02, 0.03, 0.01, 0.01, 0.5, 0.01]
+NETWORK = known.MLP(hidden=(3,))
 CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
     "acrobot, stribeck": (
         acrobot(),
         known.AsymmetricStribeck(),
-        [0.02, 0.03, 0.01, 0.01, 0.5, 0.01],
+        STRIBECK,
     ),
     "pendulum, coulomb": (pendulum(mass=0.5, length=0.3), known.CoulombViscous(), [0.05, 0.01]),
     "double, wide": (double_pendulum(), known.CoulombViscous(width=0.1), [0.1, 0.02]),
     "double, motor load": (double_pendulum(), known.MotorLoad(), [0.1, 0.02, 0.1]),
     "acrobot, none": (acrobot(), known.NoFriction(), []),
+    "acrobot, network": (acrobot(), NETWORK, list(0.1 + np.arange(len(NETWORK.names)) / 40)),
 }
 
 
@@ -65,3 +67,26 @@ def test_end_states_and_derivatives_are_those_of_arrays(
         np.testing.assert_allclose(
             getattr(fast, name), getattr(arrays, name), rtol=1e-6, atol=1e-8, err_msg=name
         )
+
+
+def test_only_what_is_free_has_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a law's parameters one joint may free others than the next one."""
+    machine, law, n = double_pendulum(), known.AsymmetricStribeck(), 2
+    theta = np.tile(np.array(STRIBECK), (n, 1))
+    plant = Plant.from_parameters(machine, {})
+    plant = Plant(machine, {}, np.repeat(plant.p[None], COUNT, 0))
+    state = State(*np.random.default_rng(3).normal(size=(2, COUNT, n)))
+    reads = reads_of(law, theta, Inputs(*(state.q[:8],) * 4))
+    u = np.zeros((1, COUNT, n))
+    torque = MotorTorque(u, u[:, None][:, :0])
+    monkeypatch.setattr(sensitivities, "COMPILED", 0)
+
+    def derivatives(joint: list[int], place: list[int]) -> np.ndarray:
+        free = FreeTheta(np.array(joint, dtype=int), np.array(place, dtype=int))
+        model = MotionModel(plant, Friction(law, theta), free, (), reads)
+        dt = np.full(COUNT, 0.01)
+        return sensitivities.end_states(model, state, torque, dt, FINE).by_parameters
+
+    every = derivatives([0] * 6 + [1] * 6, [*range(6), *range(6)])
+    np.testing.assert_array_equal(derivatives([0, 1, 1], [4, 0, 5]), every[..., [4, 6, 11]])
+    assert derivatives([], []).shape == (COUNT, 2 * n, 0)

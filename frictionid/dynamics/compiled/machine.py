@@ -17,13 +17,15 @@ from frictionid.tracing.machine_code import machine_code
 from frictionid.tracing.program import Program
 from frictionid.tracing.trace import traced
 
+LINES = 6000  # of a law's program, which take a second to compile: two networks of 32 x 32
+
 
 def machine_of(plant: Plant, friction: Friction, *states: Array) -> Machine | None:
     """Functions of a plant and its friction; None where they cannot be compiled.
 
     Symbolic mechanisms are compiled, and laws of a joint's own motion and motor torque without
-    memory that do with arrays nothing but arithmetic. Networks stay what they are, products of
-    matrices. Parameters and `states` must be arrays of NumPy.
+    memory that do with arrays nothing but arithmetic, not too much of it: large networks stay what
+    they are, products of matrices. Parameters and `states` must be arrays of NumPy.
     """
     law, mechanism = friction.law, plant.mechanism
     arrays = (plant.p, friction.theta, *states)
@@ -80,7 +82,7 @@ def limit_program(law: Law, n: int) -> Program | None:
 def _law_program(
     law: Law, n: int, name: str, function: Callable[[Array, Inputs, tuple[()]], Array]
 ) -> Program | None:
-    if law.is_network or law.uses_load or law.uses_temperature or law.has_memory:
+    if law.uses_load or law.uses_temperature or law.has_memory:
         return None
     count = len(law.names)
 
@@ -88,7 +90,8 @@ def _law_program(
         theta, zero = x["theta"].reshape(n, count), 0.0 * x["w"]
         return {name: function(theta, Inputs(x["q"], x["w"], x["u"], zero), ()) + zero}
 
-    return program_of(computed, {"w": n, "q": n, "u": n, "theta": n * count})
+    program = program_of(computed, {"w": n, "q": n, "u": n, "theta": n * count})
+    return program if program is not None and len(program.lines) <= LINES else None
 
 
 def program_of(
