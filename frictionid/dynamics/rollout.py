@@ -85,7 +85,7 @@ def rollout(
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
             if method == "rk4":
-                state = _sample_ahead(plant, friction, state, u[k], dt[k][..., None], sizes[k])
+                state = _sample_ahead(plant, friction, state, u[k], dt[k], sizes[k], many)
             else:
                 state = _ONE_STEP[method](plant, friction, state, u[k], dt[k][..., None])
         wild = diverged(plant, state)
@@ -100,7 +100,13 @@ def rollout(
 
 
 def _sample_ahead(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, step_size: StepSize
+    plant: Plant,
+    friction: Friction,
+    state: State,
+    u: Array,
+    dt: Array,
+    size: StepSize,
+    many: bool,
 ) -> State:
     """State after a sample interval, in which a memory of samples stands still."""
     law, memory = friction.law, state.memory
@@ -108,9 +114,15 @@ def _sample_ahead(
     if memory and law.sample_time is not None:
         still = law.while_held(friction.theta, memory)
     if still is None:
-        return adaptive_step(plant, friction, state, u, dt, step_size)
+        return adaptive_step(plant, friction, state, u, dt[..., None], size)
     friction = replace(friction, law=still[0], theta=still[1])
-    after = adaptive_step(plant, friction, state._replace(memory=()), u, dt, step_size)
+    if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
+        motion, sizes = (state.q, state.w), np.array([size])
+        q, w = rolled_out(
+            machine, plant, friction.theta, motion, u[None], dt[None], sizes, _RUNAWAY
+        )
+        return State(q[1], w[1], memory)
+    after = adaptive_step(plant, friction, state._replace(memory=()), u, dt[..., None], size)
     return after._replace(memory=memory)
 
 
