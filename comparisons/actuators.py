@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -107,11 +108,18 @@ def tight(seed: int) -> dict[str, float]:
 
 
 def behind(seed: int) -> dict[str, float]:
-    """Errors of one case with friction behind a gap."""
+    """Errors of one case with friction behind a gap, the torque logged as its means, or as held."""
     rig = ServoPendulum(gap=np.radians(1.0), delay=0.0)
     data = dataset(rig, ["soft"], seed, torque=True)
     truth = {"coulomb": rig.coulomb, "viscous": rig.viscous, "gap": rig.gap}
     out: dict[str, float] = {}
+    held = fid.fit(
+        dataset(replace(rig, held=True), ["soft"], seed, torque=True), "play", method="shooting"
+    )
+    for name, row in held.frame.set_index("parameter").iterrows():
+        out[f"held torque: {name} [%]"] = 100 * abs(row["value"] / truth[name] - 1)
+        within = row["low_95"] <= truth[name] <= row["high_95"]
+        out[f"held torque: {name} not in its interval (share)"] = float(not within)
     for method in ("one_step", "shooting"):
         fit = fid.fit(data, "play", method=method)
         table = fit.frame.set_index("parameter")

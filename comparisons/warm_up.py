@@ -18,15 +18,16 @@ import frictionid as fid
 from frictionid.simulate.servo_log import ServoPendulum
 
 TRUTH = {"coulomb": 0.06, "viscous": 0.03, "coulomb_slope": -0.008, "viscous_decay": 0.03}
-WAYS = [("thermal", "one_step"), ("thermal", "shooting"), ("thermal", "inverse_dynamics")]
-WAYS += [("coulomb_viscous", "one_step")]
+WAYS = [("thermal", "one_step", False), ("thermal", "shooting", False)]
+WAYS += [("thermal", "inverse_dynamics", False), ("coulomb_viscous", "one_step", False)]
+WAYS += [("thermal", "shooting", True)]
 
 
-def warm_up(seed: int) -> fid.Dataset:
-    """Two recordings, which the seed draws."""
+def warm_up(seed: int, *, held: bool = False) -> fid.Dataset:
+    """Two recordings, which the seed draws, the torque logged as its means, or as it is held."""
     coulomb, viscous, slope, decay = TRUTH.values()
     servo = ServoPendulum(
-        *(0.5, 0.15, coulomb, viscous), delay=0.0, warming=35.0, slope=slope, decay=decay
+        *(0.5, 0.15, coulomb, viscous), delay=0.0, warming=35.0, slope=slope, decay=decay, held=held
     )
     logs = {
         f"run {i}": pd.DataFrame(servo.log(4.0, 0.05, seed=10 * seed + i, seconds=30.0))
@@ -47,13 +48,14 @@ def main(count: int) -> None:
     """Print errors in per cent, and how often intervals hold the truth, of each way to fit."""
     rows = []
     for seed in range(count):
-        data, unseen = warm_up(seed), warm_up(1000 + seed)
-        for law, method in WAYS:
+        for law, method, held_torque in WAYS:
+            data, unseen = (warm_up(s, held=held_torque) for s in (seed, 1000 + seed))
             fit = fid.fit(data, law, method=method)
             found = fit.frame[fit.frame.block == "friction"].set_index("parameter")
             true = np.array([TRUTH[name] for name in found.index])
             held = (found.low_95 <= true) & (true <= found.high_95)
-            own = {"law": law, "method": method, "after 1 s": after_a_second(fit, unseen)}
+            way = method + " (held torque)" * held_torque
+            own = {"law": law, "method": way, "after 1 s": after_a_second(fit, unseen)}
             own |= {f"{k} [%]": v for k, v in (100 * (found.value / true - 1).abs()).items()}
             rows.append(own | {f"{k} held": float(v) for k, v in held.items()})
     table = pd.DataFrame(rows).groupby(["law", "method"])

@@ -251,6 +251,10 @@ class Law(ABC):
         numerical = self.shape == "tanh" and 0.0 < self.width <= NUMERICAL_WIDTH
         return self._sharp if numerical else self
 
+    def finer(self) -> Law:
+        """The law with half of a smoothing that biases its parameters in proportion; or itself."""
+        return self
+
     @cached_property
     def _sharp(self) -> Law:
         return self.with_width(SHARP_WIDTH)

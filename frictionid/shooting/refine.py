@@ -43,7 +43,7 @@ from frictionid.shooting.servo_problem import has_actuator, servo_problem, with_
 from frictionid.shooting.settings import Settings
 from frictionid.shooting.significance import Dropped, least_significant
 from frictionid.shooting.torque_samples import torque_samples
-from frictionid.shooting.window_settings import settings_error
+from frictionid.shooting.window_settings import settings_error, smoothing_error
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 
@@ -267,6 +267,7 @@ def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) ->
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted = omitted_blocks(problem, solution)
     shared = model_error(omitted) + settings_error(problem, solution)
+    shared = shared + smoothing_error(problem, solution)
     covariance = covariance_of(problem, solution, shared)
     more = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
     return Refined(

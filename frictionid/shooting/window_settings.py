@@ -1,6 +1,8 @@
-"""Errors of the model that show between settings: what windows of other lengths would change."""
+"""Errors of the model that show between settings: other windows, and less smoothing of a law."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,3 +35,21 @@ def settings_error(problem: ShootingProblem, solution: Solution) -> Array | floa
             continue
     known = [move for move in moves if np.isfinite(move).all()]
     return np.mean([np.outer(m, m) for m in known], axis=0) if known else 0.0
+
+
+def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+    """Covariance (D, D) of what a law's own smoothing does to its parameters.
+
+    The bias is in proportion to the smoothing: with the move m of one Gauss-Newton step by the law
+    with half of it, the law without any would move the parameters by 2 m.
+
+        C = (2 m) (2 m)'
+    """
+    friction = solution.estimate.friction
+    finer = friction.law.finer()
+    if finer is friction.law or not problem.count:
+        return 0.0
+    estimate = solution.estimate._replace(friction=replace(friction, law=finer))
+    there = solution._replace(estimate=estimate)
+    move = 2.0 * move_with_windows(problem, there, problem.settings.windows[-1])
+    return np.outer(move, move) if np.isfinite(move).all() else 0.0

@@ -25,7 +25,8 @@ class ServoPendulum:
     joint moves without its friction, to the substep; limit [N m] of u; noise [rad]; rate [1/s] of
     the samples, and of the targets, which are held; warming [K] towards which it warms up from 15
     degC in a recording, with the time constant of a third of it; the level changes by `slope`
-    [1/K], and viscous friction decays by `decay` [1/K], from what they are at 25 degC
+    [1/K], and viscous friction decays by `decay` [1/K], from what they are at 25 degC; held: the
+    drive keeps u from a sample to the next, otherwise it follows the joint all the time
     """
 
     mass: float = 0.5
@@ -42,6 +43,7 @@ class ServoPendulum:
     warming: float = 0.0
     slope: float = 0.0
     decay: float = 0.0
+    held: bool = False
 
     def log(self, P: float, D: float, seed: int, seconds: float = 8.0) -> dict[str, Array]:
         """A recording: time "t" [s], angle "q" [rad], "target" [rad] and torque "u" [N m], (T,).
@@ -60,25 +62,29 @@ class ServoPendulum:
         parts = round(1 / self.rate / _FINE)
         inertia, gravity = self.mass * self.length**2, self.mass * 9.81 * self.length
         numbers = (P, D, inertia, gravity, self.coulomb, self.viscous, self.load)
+        every = parts if self.held else 1
         late = round(self.delay * self.rate * parts)
         rest = (self.backlash / 2, self.gap / 2, self.limit, 1 / self.rate / parts)
-        T = 15.0 + self.warming * (1.0 - np.exp(-3.0 * t / seconds))
-        share = np.stack([1.0 + self.slope * (T - 25.0), np.exp(-self.decay * (T - 25.0))])
-        q, u = _motion(target, parts, late, np.array([*numbers, *rest]), share)
+        middle = t + 0.5 / self.rate  # of each sample, whose friction is that at one temperature
+        T, own = (15.0 + self.warming * (1.0 - np.exp(-3.0 * x / seconds)) for x in (t, middle))
+        share = np.stack([1.0 + self.slope * (own - 25.0), np.exp(-self.decay * (own - 25.0))])
+        q, u = _motion(target, (parts, late, every), np.array([*numbers, *rest]), share)
         log = {"t": t, "q": q + self.noise * rng.normal(size=len(t)), "target": target, "u": u}
         return log | ({"T": T} if self.warming else {})
 
 
 @compiled
 def _motion(
-    target: Array, parts: int, late: int, numbers: Array, share: Array
+    target: Array, counts: tuple[int, int, int], numbers: Array, share: Array
 ) -> tuple[Array, Array]:
     """Angles and torques (T,) at the samples of a target (T,), from rest at its start.
 
+    counts : substeps in a sample, those by which targets are late, those for which u is held
     share : (2, T) of the level and of viscous friction
     """
+    parts, late, every = counts
     P, D, inertia, gravity, coulomb, viscous, load, half, reach, limit, h = numbers
-    q, w, z, y = target[0], 0.0, 0.0, 0.0
+    q, w, z, y, u = target[0], 0.0, 0.0, 0.0, 0.0
     angle, torque = np.empty(len(target)), np.empty(len(target))
     for k in range(len(target) * parts):
         aim = target[max(k - late, 0) // parts]
@@ -88,7 +94,8 @@ def _motion(
         q += h / 2 * w
         z = min(max(z + h / 2 * w, -half), half)
         y = min(max(y + h / 2 * w, -reach), reach)
-        u = min(max(P * (aim - q + z) - D * w, -limit), limit)
+        if k % every == 0:
+            u = min(max(P * (aim - q + z) - D * w, -limit), limit)
         torque[k // parts] += u / parts
         free = w + h / inertia * (u - gravity * np.sin(q))
         rubs = (y >= reach and free > 0) or (y <= -reach and free < 0)
