@@ -105,13 +105,14 @@ def advanced(
     base = np.array(model.base, dtype=int)
     T = np.zeros((len(q), 2 * n, 2 * n + model.directions + motor.by.shape[1]))
     T[:, range(2 * n), range(2 * n)] = 1.0
-    part = np.ascontiguousarray(dt / len(motor.u))
-    for piece, u in enumerate(motor.u):
-        near = _near_rest(tangent.machine, *fixed, q, w, np.ascontiguousarray(u), part)
-        for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
-            if len(rows):
-                torques = _torques(motor.of(rows, piece, count))
-                _advance(tangent, *fixed, free, base, q, w, T, rows, *torques, part[rows] / count)
+    state, part, every = (q, w, T), dt / len(motor.u), np.arange(len(q))
+    for piece in range(len(motor.u)):
+        torques = _torques(motor.of(every, piece, 1))
+        near = _advance(tangent, *fixed, free, base, *state, every, *torques, part, fine > 1)
+        rows = np.flatnonzero(near)
+        if len(rows):
+            torques = _torques(motor.of(rows, piece, fine))
+            _advance(tangent, *fixed, free, base, *state, rows, *torques, part[rows] / fine, False)
     return q, w, T
 
 
@@ -122,34 +123,6 @@ def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, Array]:
         return u, by, u, by, np.zeros(len(u), dtype=bool)
     some: Array = motor.moment.any(axis=(1, 2))  # type: ignore[assignment]
     return u, by, np.ascontiguousarray(motor.moment), np.ascontiguousarray(motor.moment_by), some
-
-
-@compiled
-def _near_rest(
-    machine: at.Machine,
-    motors: Array,
-    slow: Array,
-    p: Array,
-    theta: Array,
-    q: Array,
-    w: Array,
-    u: Array,
-    dt: Array,
-) -> Array:
-    """Rows (K,) near rest within dt (K,); states and motor torques (K, n)."""
-    n = len(slow)
-    numbers = at.new_row(machine, motors, slow, 0)
-    row = pointer(numbers)
-    near = np.zeros(len(q), np.bool_)
-    for k in range(len(q)):
-        at.set_parameters(
-            machine, row, n, p[k if len(p) > 1 else 0], theta[k if len(theta) > 1 else 0]
-        )
-        at.set_state(row, n, q[k], w[k], u[k])
-        begin_substep(machine, row, n)
-        near[k] = is_near_rest(row, n, dt[k])
-    numbers[0] = 0.0  # they live until here
-    return near
 
 
 @compiled
@@ -171,8 +144,11 @@ def _advance(
     moment_by: Array,
     varies: Array,
     dt: Array,
-) -> None:
+    coarse: bool,
+) -> Array:
     """Advance some rows of states q, w (K, n) and derivatives T (K, 2n, D), in place.
+
+    Where steps are coarse, those with a joint that comes near rest stay as they are: (k,), true.
 
     rows : (k,) of them; u (S, k, n), by (S, E, k, n), moment, moment_by: see `MotorTorque`, in S
     substeps; varies (S,): whether a moment counts; dt (k,): of a substep [s]
@@ -182,6 +158,7 @@ def _advance(
     numbers = at.new_row(machine, motors, slow, more.lines_of(n, tangent))
     kept, more_kept = np.zeros(2 * n * D), np.zeros(2 * n * D)
     row, own, spare = pointer(numbers), pointer(kept), pointer(more_kept)
+    near = np.zeros(len(rows), np.bool_)
     for i in range(len(rows)):
         k = rows[i]
         at.set_parameters(
@@ -195,6 +172,9 @@ def _advance(
             for j in range(n):
                 row[at.U * n + j] = u[s, i, j]
             begin_substep(machine, row, n)
+            if coarse and is_near_rest(row, n, dt[i]):
+                near[i] = True
+                break
             crossed = substep(machine, row, n, dt[i])
             advance_tangent(tangent, row, n, own, D, spare, free, base, by[s, :, i], dt[i], crossed)
             if varies[s]:
@@ -206,3 +186,4 @@ def _advance(
                 T[k, j, d] = own[j * D + d]
     numbers[0] = 0.0  # they live until here
     kept[0] = more_kept[0] = 0.0
+    return near

@@ -81,7 +81,8 @@ def predict_windows(
     g, T = np.zeros((W, s)), np.zeros((W, s, 2 * n + D))
     T[:, : 2 * n, : 2 * n] = np.eye(2 * n)
     for k in range(N):
-        i, use, end = index[:, k], on[:, k], last[:, k]
+        i, end = index[:, k], last[:, k]
+        use = on[:, k] if not on[:, k].all() else slice(None)  # views, no copies
         moved[use, k], carried[use, k] = g[use], T[use]
         error[use, k] = (intervals.before[i] - offset - nodes[i, :n] - g[:, :n])[use]
         slope[use, k] = T[use, :n]
@@ -93,12 +94,14 @@ def predict_windows(
         g = (P @ g[..., None])[..., 0] + gap
         T = P @ T
         T[..., 2 * n :] += linearised.by[i]
-        at = linearised.end[i, :n] + g[:, :n]
-        error[end, k + 1] = (intervals.after[i] - offset - at)[end]
-        slope[end, k + 1] = T[end, :n]
-        weight[end, k + 1] = intervals.weight_after[i][end]
-        share[end, k + 1] = 0.5
-    slope[..., 2 * n :] += linearised.angle.T * (share > 0)[..., None, None]
+        if end.any():
+            at = linearised.end[i, :n] + g[:, :n]
+            error[end, k + 1] = (intervals.after[i] - offset - at)[end]
+            slope[end, k + 1] = T[end, :n]
+            weight[end, k + 1] = intervals.weight_after[i][end]
+            share[end, k + 1] = 0.5
+    for d in np.flatnonzero(linearised.angle.any(axis=1)):
+        slope[..., 2 * n + d] += linearised.angle[d] * (share > 0)[..., None]
     if (weight != 1.0).any():
         error, slope = error * weight, slope * weight[..., None]
     prediction = WindowPrediction(error, slope, share, moved, carried)
@@ -110,9 +113,8 @@ def _without_explosions(prediction: WindowPrediction, size: Array) -> WindowPred
     n = prediction.error.shape[-1]
     by_start = prediction.slope[..., : 2 * n] * np.tile(size, 2) / size[:, None]
     steep = np.abs(by_start).max(axis=(1, 2, 3))
-    known = np.isfinite(prediction.slope).all(axis=(1, 2, 3)) & np.isfinite(prediction.carried).all(
-        (1, 2, 3)
-    )
+    sums = [x.sum(axis=(1, 2, 3)) for x in (prediction.slope, prediction.carried)]
+    known = np.isfinite(sums).all(axis=0)
     tame = known & (steep < _WILD) & (np.abs(prediction.error / size).max(axis=(1, 2)) < _FAR)
     if tame.all():
         return prediction
@@ -195,8 +197,9 @@ def _eliminated(
     rest = shared - own @ to_start
     H = np.swapaxes(rest, 1, 2) @ rest
     H += np.swapaxes(to_start, 1, 2) @ (precision[:, :, None] * to_start)
-    g = np.einsum("wkd,wk->wd", rest, b) - np.einsum("wsd,ws->wd", to_start, precision * wanted)
-    leverage = np.einsum("wks,wst,wkt->wk", own, inverse, own).reshape(root.shape)
+    kept = (precision * wanted)[:, None]
+    g = (b[:, None] @ rest - kept @ to_start)[:, 0]
+    leverage = ((own @ inverse) * own).sum(axis=-1).reshape(root.shape)
     if damping is not None:
         held = start + damping[:, :, None] * np.eye(size)
         to_start = np.linalg.solve(held, cross)
