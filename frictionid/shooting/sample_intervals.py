@@ -160,5 +160,7 @@ def cut_windows(intervals: Intervals, use: Array, seconds: float) -> Array:
         raise InputError(
             f"data set {intervals.dataset.name!r}: no three intervals in one piece are left to fit"
         )
-    longest = max(len(w) for w in windows)
-    return np.stack([np.pad(w, (0, longest - len(w)), constant_values=-1) for w in windows])
+    out = np.full((len(windows), max(map(len, windows))), -1)
+    for row, window in zip(out, windows, strict=True):
+        row[: len(window)] = window
+    return out

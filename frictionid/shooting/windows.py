@@ -202,6 +202,6 @@ def _eliminated(
     leverage = ((own @ inverse) * own).sum(axis=-1).reshape(root.shape)
     if damping is not None:
         held = start + damping[:, :, None] * np.eye(size)
-        to_start = np.linalg.solve(held, cross)
-        best = np.linalg.solve(held, start_right[..., None])[..., 0]
+        both = np.linalg.solve(held, np.concatenate([cross, start_right[..., None]], axis=-1))
+        to_start, best = both[..., :-1], both[..., -1]
     return NormalEquations(H, g, to_start, best, leverage)
