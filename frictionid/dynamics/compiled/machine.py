@@ -17,7 +17,7 @@ from frictionid.tracing.machine_code import machine_code
 from frictionid.tracing.program import Program
 from frictionid.tracing.trace import traced
 
-LINES = 6000  # of a law's program, which take a second to compile: two networks of 32 x 32
+LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 
 
 def machine_of(plant: Plant, friction: Friction, *states: Array) -> Machine | None:
