@@ -127,6 +127,33 @@ def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array)
 
 
 @compiled
+def robust_likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
+    """Log-likelihoods (G, S) at jerk ratios (G, S) with the median of the innovations for scale.
+
+    A few innovations that are far off change them little.
+    """
+    G, S, T = len(rho), len(dt), dt.shape[1]
+    whole, size = np.zeros((G, S)), np.empty(T)
+    for g, s in np.ndindex(G, S):
+        x, P = _initial(value[s, 0], dt[s, min(1, T - 1)])
+        count, logs = 0, 0.0
+        for t in range(T):
+            if t:
+                x, P = _predicted(x, P, dt[s, t], rho[g, s])
+            if valid[s, t]:
+                innovation, variance = value[s, t] - x[0], P[0] + noise[s, t]
+                x, P, _ = _updated(x, P, innovation, variance, noise[s, t])
+                if t >= _FIXED:
+                    size[count] = abs(innovation) / math.sqrt(variance)
+                    logs += math.log(variance)
+                    count += 1
+        if count:
+            usual = max(np.median(size[:count]) ** 2, _FLOOR)
+            whole[g, s] = -0.5 * (count * math.log(usual) + logs)
+    return whole
+
+
+@compiled
 def smoothed(
     dt: Array, valid: Array, means: Array, covariances: Array, gains: Array, scaled: Array
 ) -> Any:

@@ -11,7 +11,8 @@ over its standard deviation, is the deletion residual, which shows a single outl
 At a kink, an end stop or a rattling gear, the past or the future predicts the sample: it stays.
 
 Outliers hide each other, and disturb the jerk ratio. So candidates are collected first, the largest
-of each neighbourhood in each round; those that fit the others after all come back.
+of each neighbourhood in each round; those that fit the others after all come back. Where none is
+found, the search starts again from a jerk ratio that outliers do not disturb.
 """
 
 from __future__ import annotations
@@ -21,7 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.kalman import Series, kalman_filter, likeliest_jerk_ratio, smoothed_by
+from frictionid.data.kalman import (
+    Series,
+    kalman_filter,
+    likeliest_jerk_ratio,
+    robust_jerk_ratio,
+    smoothed_by,
+)
 from frictionid.data.prediction_residuals import JerkFit, Residuals, prediction_residuals
 
 _GATE, _CANDIDATE = 6.0, 4.0
@@ -32,6 +39,7 @@ _EXACT = 1e-7  # of the span of a series: what is off by less does not matter
 _ROUNDS = 10
 _SHARE = 0.6  # of the largest residual of a neighbourhood: candidates
 _MANY = 0.003  # of the samples: fewer that change leave the jerk ratio as it is
+_DECEIVED = 10.0  # times the likeliest jerk ratio: a robust one shows outliers
 _AT_ONCE = 400_000  # samples that are smoothed together
 _NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 
@@ -83,13 +91,30 @@ def _smoothed(series: Series) -> Smoothed:
     judged = _judged(series, left_out, fit)
     rough = np.asarray((judged.size > _GATE).any(axis=0))
     if rough.any():
-        left_out[:, rough] = _outliers(series.of(rough), judged.of(rough), fit.rho[rough])
-        changed = np.asarray(left_out.any(axis=0))
-        if changed.any():
-            series = series.without(left_out)
-            rho[changed] = likeliest_jerk_ratio(series.of(changed))
-            fit = JerkFit(rho, kalman_filter(series, rho))
+        left_out[:, rough] = _outliers(series.of(rough), judged.of(rough), rho[rough])
+    left_out |= _hidden(series, rho, np.asarray(left_out.any(axis=0)))
+    changed = np.asarray(left_out.any(axis=0))
+    if changed.any():
+        series = series.without(left_out)
+        rho[changed] = likeliest_jerk_ratio(series.of(changed))
+        fit = JerkFit(rho, kalman_filter(series, rho))
     return Smoothed(smoothed_by(series, fit.forward), rho, left_out)
+
+
+def _hidden(series: Series, rho: Array, found: Array) -> Array:
+    """Outliers (T, S) that pass for rough measurements at jerk ratios rho (S,).
+
+    Of series without outliers that were found before (S,).
+    """
+    out, robust = np.zeros(series.valid.shape, dtype=bool), rho.copy()
+    if not found.all():
+        robust[~found] = robust_jerk_ratio(series.of(~found), rho[~found])
+    deceived = robust > _DECEIVED * rho
+    if deceived.any():
+        some, ratio = series.of(deceived), robust[deceived]
+        fit = JerkFit(ratio, kalman_filter(some, ratio))
+        out[:, deceived] = _outliers(some, _judged(some, out[:, deceived], fit), ratio)
+    return out
 
 
 class _Judged(NamedTuple):
@@ -120,11 +145,21 @@ def _outliers(series: Series, judged: _Judged, rho: Array) -> Array:
         candidates, kept = new, series.without(new)
         many, some = changes > _MANY * series.valid.sum(axis=0), changes > 0
         rho[many] = likeliest_jerk_ratio(kept.of(many)) if many.any() else rho[many]
-        fit = JerkFit(rho[some], kalman_filter(kept.of(some), rho[some]))
-        own = _judged(series.of(some), new[:, some], fit)
-        judged.size[:, some], judged.kink[:, some] = own
+        _judge_again(judged, series, new, rho, some)
+        denied = some & new.any(axis=0) & ~(new & (judged.size > _CANDIDATE)).any(axis=0)
+        if denied.any():  # by a jerk ratio that explains everything without any noise
+            rho[denied] = robust_jerk_ratio(kept.of(denied))
+            _judge_again(judged, series, new, rho, denied)
     beside = _GATE * _roughness(np.where(candidates, np.nan, judged.size))
     return candidates & (judged.size > beside) & ~judged.kink
+
+
+def _judge_again(judged: _Judged, series: Series, left_out: Array, rho: Array, some: Array) -> None:
+    """Judge some series anew, without the samples that are left out (T, S)."""
+    kept = series.without(left_out).of(some)
+    fit = JerkFit(rho[some], kalman_filter(kept, rho[some]))
+    own = _judged(series.of(some), left_out[:, some], fit)
+    judged.size[:, some], judged.kink[:, some] = own
 
 
 def _roughness(size: Array) -> Array:

@@ -97,6 +97,20 @@ def test_outliers_at_the_ends_and_side_by_side_take_no_good_samples_along(places
     assert np.flatnonzero(found(time, value)).tolist() == places
 
 
+@pytest.mark.parametrize("size", [0.05, 1.0])
+def test_outliers_of_a_jerky_motion_do_not_hide_all_together(size) -> None:
+    """They pass for rough measurements, or the rest for a motion without noise."""
+    rng, time = np.random.default_rng(0), clock(121)
+    clean = np.stack([switched(time, rng) for _ in range(40)], axis=1)
+    wild = rng.random(clean.shape) < 0.05
+    wild[[0, 1, -2, -1]] = False
+    left_out = RTS()([Signal(time, clean + wild * rng.choice([-size, size], clean.shape))])[0]
+    missed = wild & ~left_out.left_out
+    assert not (missed.sum(axis=0) == wild.sum(axis=0))[wild.any(axis=0)].any()
+    assert missed.sum() <= 0.08 * wild.sum()
+    assert (left_out.left_out & ~wild).sum() <= 2
+
+
 def test_without_its_outliers_a_motion_is_the_same() -> None:
     time, rng = clock(), np.random.default_rng(4)
     clean = swing(time, rng)
