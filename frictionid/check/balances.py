@@ -26,6 +26,9 @@ SHAPE_NAMES = ("coulomb", "viscous", "offset", "slow", "slower")
 PART_SHAPES = ("coulomb", "viscous", "slow", "slower")
 # A window may hold a reversal of the joint, at rest for up to this share of it.
 REVERSAL = 0.3
+# Samples at the ends of a recording with outliers that no window has: an outlier among them would
+# look like motion.
+ENDS = 3
 _BLOCK = 20_000  # samples whose terms are evaluated together
 
 
@@ -101,28 +104,33 @@ class Windows(NamedTuple):
 class Samples(NamedTuple):
     """T samples of R recordings end to end: time (T,) [s], q and w (..., T, n), sizes (R,).
 
-    Leading axes of q and w: the same motion under several hypotheses.
+    Leading axes of q and w: the same motion under several hypotheses. ends (R,) : how many samples
+    at either end are in no window, because outliers do not show there
     """
 
     time: Array
     q: Array
     w: Array
     sizes: Array
+    ends: Array
 
     @staticmethod
     def of(states: Sequence[States]) -> Samples:
         """The samples of some recordings."""
         time, q, w = (np.concatenate(x) for x in zip(*(s.motion for s in states), strict=True))
-        return Samples(time, q, w, np.array([len(s.time) for s in states]))
+        wild = [s.left_out is not None and bool(s.left_out.any()) for s in states]
+        ends = np.where(wild, ENDS, 0)
+        return Samples(time, q, w, np.array([len(s.time) for s in states]), ends)
 
     def windows(self, width: float) -> Windows:
         """Windows of a width [s], two samples at least, each overlapping the next by half."""
         parts, first = [], 0
-        for i, count in enumerate(self.sizes.tolist()):
+        sizes = zip(self.sizes.tolist(), self.ends.tolist(), strict=True)
+        for i, (count, end) in enumerate(sizes):
             time = self.time[first : first + count]
             interval = float(np.median(np.diff(time)))
             half = max(round(width / 2 / interval), 1)
-            start = np.arange(0, count - 2 * half, half)
+            start = np.arange(end, count - end - 2 * half, half)
             # a gap makes a window longer: Simpson's rule would guess what happened there
             kept = time[start + 2 * half] - time[start] < 2 * width + 1e-9
             kept |= interval * 2 * half > width

@@ -202,7 +202,7 @@ def _rows(measured: Measured, maps: Sequence[tuple[Array, Array | float]]) -> It
         q, w = (given.q - zero[:, None]) @ turn + zero[:, None], given.w @ turn
         scatter = np.sqrt(noise**2 @ turn**2 @ acts.T**2)
         speeds = characteristic_speeds(w @ acts.T, scatter)
-        samples = Samples(given.time, q, w, given.sizes)
+        samples = given._replace(q=q, w=w)
         for balances in balances_of(mechanism, samples, measured.nominal, *speeds).each():
             yield balances.rows(windows).without(measured.dead)
 

@@ -139,7 +139,8 @@ class Measured:
     dataset : R recordings ; plant : the nominal mechanism with its parameters, one batch entry for
     each ; motions : R of them ; torque : integrals of the logged torques
 
-    `motions` and `torque` may be corrected by a linear map; `dataset` stays as recorded.
+    `motions` and `torque` may be corrected by a linear map; `dataset` stays as recorded, but for
+    outliers of the torque.
     dead : joints (from 0) whose torques show nothing, so that their balances do not count
     """
 
@@ -154,6 +155,11 @@ class Measured:
         """A data set with its motions, torques as logged."""
         torque = integrals_of([recording.torque for recording in dataset.recordings])
         return Measured(dataset, plant_of(dataset), tuple(motions), torque)
+
+    def with_torques_of(self, dataset: Dataset) -> Measured:
+        """The same motions with the torques of a data set."""
+        torque = integrals_of([recording.torque for recording in dataset.recordings])
+        return replace(self, dataset=dataset, torque=torque)
 
     @property
     def mechanism(self) -> Mechanism:

@@ -1,6 +1,7 @@
-"""Gross outliers of angles and torques, by recording and count.
+"""Gross outliers of angles and torques, by recording and count, and the data without them.
 
-Fits leave them out: the smoother shows which angles, the momentum balance which torques.
+Fits leave them out, and so do the other checks: the smoother shows which angles, the momentum
+balance which torques.
 """
 
 from __future__ import annotations
@@ -12,23 +13,25 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding
 from frictionid.check.motion import Measured
-from frictionid.identifiers.torque_outliers import torque_outliers
+from frictionid.identifiers.torque_outliers import torque_outliers, with_torques_replaced
 
 # Shares of a recording's samples: fewer are rough motion as likely as a glitch, more are doubtful.
 _SOME, _MANY = 2e-3, 0.01
 _NAMED = 4  # recordings at most
 
 
-def outlier_findings(measured: Measured) -> list[Finding]:
-    """A finding for each joint whose angles or torques have gross outliers.
+def without_outliers(measured: Measured) -> tuple[Measured, list[Finding]]:
+    """The data without outliers of the torque, and a finding for each joint that has outliers.
 
-    Of recordings in which no torque is frozen, before anything is corrected.
+    Of recordings in which no torque is frozen, before anything is corrected. The motions are
+    without outliers of the angle already.
     """
-    states = [motion.states for motion in measured.motions]
+    dataset, states = measured.dataset, [motion.states for motion in measured.motions]
     angles = [np.zeros(s.q.shape, bool) if s.left_out is None else s.left_out for s in states]
-    torques = torque_outliers(measured.dataset, measured.plant, states)
-    names = [recording.name for recording in measured.dataset.recordings]
-    return [*_findings("angle", angles, names), *_findings("torque", torques, names)]
+    torques = torque_outliers(dataset, measured.plant, states)
+    names = [recording.name for recording in dataset.recordings]
+    found = [*_findings("angle", angles, names), *_findings("torque", torques, names)]
+    return measured.with_torques_of(with_torques_replaced(dataset, torques)), found
 
 
 def _findings(quantity: str, masks: Sequence[Array], names: Sequence[str]) -> list[Finding]:

@@ -18,7 +18,7 @@ from frictionid.check.identifiable import Identifiable, identifiable
 from frictionid.check.log_faults import dead_torques, log_findings
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured, Motion, motions_of
-from frictionid.check.outliers import outlier_findings
+from frictionid.check.outliers import without_outliers
 from frictionid.check.passive import energy_findings, passive_time, rest_findings
 from frictionid.check.published import Compared, compared, incompatible
 from frictionid.check.questions import Question, questions
@@ -142,7 +142,8 @@ def judge(
     measured = Measured.of(dataset, motions)
     commanded = gravity_shares(dataset)
     screening = screened(measured, commanded)
-    tests = untested(screening.usable) if screening.command else run_tests(screening.usable)
+    usable, of_outliers = without_outliers(screening.usable)
+    tests = untested(usable) if screening.command else run_tests(usable)
     regression, estimate = _least_squares(tests)
     sources = torque_sources(dataset, commanded)
     model = _compared(regression, estimate, published) if published else None
@@ -150,8 +151,8 @@ def judge(
         [
             *findings,
             *screening.findings,
-            *outlier_findings(screening.usable),
-            *sampling_findings(screening.usable),
+            *of_outliers,
+            *sampling_findings(usable),
             *still_joints(tests, facts),
             *tests.findings,
             *_passivity_findings(tests, estimate),

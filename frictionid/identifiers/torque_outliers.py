@@ -51,16 +51,17 @@ def torque_outliers(dataset: Dataset, plant: Plant, states: Sequence[States]) ->
         if not any(mask.any() for mask in more):
             break
         out = [a | b for a, b in zip(out, more, strict=True)]
-        dataset = _without(dataset, out)
+        dataset = with_torques_replaced(dataset, out)
     return tuple(out)
 
 
 def without_torque_outliers(dataset: Dataset, plant: Plant, states: Sequence[States]) -> Dataset:
     """The data set with torques that are gross outliers replaced: by lines between the others."""
-    return _without(dataset, torque_outliers(dataset, plant, states))
+    return with_torques_replaced(dataset, torque_outliers(dataset, plant, states))
 
 
-def _without(dataset: Dataset, masks: Sequence[Array]) -> Dataset:
+def with_torques_replaced(dataset: Dataset, masks: Sequence[Array]) -> Dataset:
+    """The data set with lines between the other torques where masks (T, n) say so."""
     if not any(mask.any() for mask in masks):
         return dataset
     pairs = zip(dataset.recordings, masks, strict=True)
