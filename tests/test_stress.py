@@ -13,7 +13,7 @@ import frictionid as fid
 
 sys.path.append(str(ROOT / "comparisons"))
 
-from stress import LAW, METHODS, STRESSES, found_by, recorded
+from stress import LAW, METHODS, STRESSES, found_by, of_torques, recorded
 
 SEEDS = (1, 2)
 BOTH = pytest.mark.parametrize("method", METHODS)
@@ -84,3 +84,30 @@ def test_free_decays_are_no_torques_that_were_not_logged():
         [f.kind for f in fid.check(data).details.findings] for data, _ in pairs("free decays only")
     ]
     assert all("zero_torque" not in own for own in kinds)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("5 % of angles off by 1 rad", "angle_outliers"),
+        ("5 % of angles off by 0.05 rad", "angle_outliers"),
+        ("5 % of torques off by 1 N m", "torque_outliers"),
+        ("20 Hz", "slow_sampling"),
+        ("10 Hz", "slow_sampling"),
+        ("angle 1 constant", "constant_angle"),
+        ("angle 2 constant", "constant_angle"),
+    ],
+)
+def test_check_blames_nothing_else_for_what_it_names(name, kind):
+    false = {"unknown_cause", "commanded_torque", "delay", "base", "gain", "nominal_mechanism"}
+    for data, _ in pairs(name):
+        kinds = set(fid.check(data).findings.kind)
+        assert kind in kinds
+        assert not kinds & false
+
+
+def test_a_wrong_gain_is_named_beside_outliers():
+    stress = STRESSES["5 % of angles off by 0.05 rad"]
+    _, clean = pairs("nothing")[0]
+    wrong = stress.change(of_torques(lambda u, _: 2.0 * u)(clean, 1), 1)
+    assert "gain" in set(fid.check(wrong).findings.kind)

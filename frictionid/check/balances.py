@@ -130,7 +130,8 @@ class Samples(NamedTuple):
             time = self.time[first : first + count]
             interval = float(np.median(np.diff(time)))
             half = max(round(width / 2 / interval), 1)
-            start = np.arange(end, count - end - 2 * half, half)
+            start = np.arange(0, count - 2 * half, half)
+            start = start[(start >= end) & (start + 2 * half < count - end)]
             # a gap makes a window longer: Simpson's rule would guess what happened there
             kept = time[start + 2 * half] - time[start] < 2 * width + 1e-9
             kept |= interval * 2 * half > width

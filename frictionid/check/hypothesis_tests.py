@@ -18,7 +18,14 @@ from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured
-from frictionid.check.rivals import SINGLED_OUT, findings_of, misfit, unlogged_torque
+from frictionid.check.rivals import (
+    SINGLED_OUT,
+    constant_angle,
+    findings_of,
+    misfit,
+    unlogged_torque,
+)
+from frictionid.check.sampling import sampling_findings
 from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
 
 # A torque is called late where its delay exceeds this many standard errors and this time [s], and
@@ -84,11 +91,10 @@ def run_tests(measured: Measured) -> HypothesisTests:
     shift = delay.seconds if delay and late else 0.0  # a hold is corrected as well
     torque = rows.means(corrected.torque, shift)
     left = misfit(corrected, rows, torque)
-    findings = [
-        *_convention_findings(fitting, conventions[0]),
-        *late,
-        *(unlogged_torque(left, torque, measured.mechanism.driven) or findings_of(left)),
-    ]
+    fault = unlogged_torque(left, torque, measured.mechanism.driven)
+    fault = fault or constant_angle(left, measured)
+    fault = fault or findings_of(left, coarse=bool(sampling_findings(measured)))
+    findings = [*_convention_findings(fitting, conventions[0]), *late, *fault]
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)
     findings = findings or _unexplained_findings(rows, torque, nominal)

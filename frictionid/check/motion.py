@@ -23,7 +23,7 @@ from frictionid.mechanics import Mechanism, Plant
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.
 FINEST = 0.004
-# A joint moves where its fast speed is this many times the noise.
+# A joint moves where its fast speed is this many times the noise, and so is what it goes through.
 ABOVE = 6.0
 
 
@@ -100,7 +100,9 @@ class Speeds(NamedTuple):
 def speeds_of(motions: Sequence[Motion]) -> Speeds:
     """Characteristic speeds of the joints over all motions, (n,) each."""
     noise = np.array([m.velocity_noise for m in motions])
-    return characteristic_speeds(np.concatenate([m.states.w for m in motions]), noise)
+    found = characteristic_speeds(np.concatenate([m.states.w for m in motions]), noise)
+    moves = [np.ptp(m.states.q, axis=0) > ABOVE * m.angle_noise for m in motions]
+    return found._replace(threshold=np.where(np.any(moves, axis=0), found.threshold, np.inf))
 
 
 def characteristic_speeds(w: Array, noise: Array) -> Speeds:

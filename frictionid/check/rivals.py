@@ -131,8 +131,33 @@ def unlogged_torque(found: Misfit, torque: Array, driven: Sequence[bool]) -> lis
     ]
 
 
-def findings_of(found: Misfit) -> list[Finding]:
-    """The finding that the misfit deserves: a cause, causes that look the same, or none known."""
+def constant_angle(found: Misfit, measured: Measured) -> list[Finding]:
+    """A finding where an angle is constant throughout, and the other joints move as if it moved."""
+    span = [np.ptp(r.angle.value, axis=0) for r in measured.dataset.recordings]
+    still = np.flatnonzero(np.max(span, axis=0) == 0.0)
+    if not len(still) or found.share < max(NOISE * found.noise, MISFIT):
+        return []
+    j = int(still[0])
+    return [
+        Finding(
+            "constant_angle",
+            "doubtful",
+            f"angle {j + 1} changes in no recording, and {percent(found.share)} of the balance of "
+            "the other joints stays unexplained, whatever the friction: they move as if this joint "
+            "moved",
+            "check its sensor and its column; where the joint is locked, describe a mechanism "
+            "without it",
+            j + 1,
+            {"left": found.share, "noise": found.noise},
+        )
+    ]
+
+
+def findings_of(found: Misfit, coarse: bool = False) -> list[Finding]:
+    """The finding that the misfit deserves: a cause, causes that look the same, or none known.
+
+    coarse : whether samples are so far apart that they leave a misfit without any other cause
+    """
     named = singled_out(found) or _wrong_gain(found)
     if named:
         return [_cause(named)]
@@ -142,7 +167,7 @@ def findings_of(found: Misfit) -> list[Finding]:
     free = found.free <= 0.5
     if free and found.free <= SINGLED_OUT and found.free**0.5 * found.share < LOCAL:
         return [_mechanism(found)]
-    if suspect is not None or free or _beyond(found):
+    if not coarse and (suspect is not None or free or _beyond(found)):
         return [_unknown(found, suspect)]
     return []
 

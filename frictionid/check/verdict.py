@@ -157,7 +157,7 @@ def judge(
             *tests.findings,
             *_passivity_findings(tests, estimate),
             *place_findings(tests, estimate),
-            *(unmeasured(sources, regression, estimate, tests.delay) if tests.done else []),
+            *_torque_findings(sources, tests, regression, estimate),
             *(incompatible(model) if model else []),
         ]
     )
@@ -235,6 +235,19 @@ def _passivity_findings(tests: HypothesisTests, estimate: Estimate) -> list[Find
     if not tests.done or tests.findings:
         return []
     return [*energy_findings(tests.measured), *rest_findings(tests, estimate)]
+
+
+def _torque_findings(
+    sources: Sequence[TorqueSource],
+    tests: HypothesisTests,
+    regression: Regression,
+    estimate: Estimate,
+) -> list[Finding]:
+    """Findings of torques that are not measured, where the motion is known well enough."""
+    coarse = bool(sampling_findings(tests.measured))
+    if not tests.done or coarse or any(f.kind == "constant_angle" for f in tests.findings):
+        return []
+    return unmeasured(sources, regression, estimate, tests.delay)
 
 
 def _worst_first(findings: Iterable[Finding]) -> list[Finding]:

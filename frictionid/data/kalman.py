@@ -226,13 +226,13 @@ def innovation_likelihood(series: Series, rho: Array) -> Array:
     return np.asarray(whole.reshape(ratios.shape))
 
 
-def robust_jerk_ratio(series: Series, least: Array | None = None) -> Array:
+def robust_jerk_ratio(series: Series, least: Array) -> Array:
     """Jerk ratio (S,) that is likeliest by the median of the innovations, at least `least` (S,).
 
     Beside outliers everything passes for rough, so that the likeliest ratio is too small; this one
     is not deceived while most innovations are free of them.
     """
-    low = _slowest(series) if least is None else np.log10(least)
+    low = np.log10(least)
     steps = np.arange(0.0, np.max(20.0 - low, initial=0.0) + 1.5, 1.5)
     ratios = 10.0 ** np.minimum(low + steps[:, None], np.maximum(low, 20.0))
     score = kalman_loops.robust_likelihoods(*_by_series(series), ratios)

@@ -39,7 +39,7 @@ _EXACT = 1e-7  # of the span of a series: what is off by less does not matter
 _ROUNDS = 10
 _SHARE = 0.6  # of the largest residual of a neighbourhood: candidates
 _MANY = 0.003  # of the samples: fewer that change leave the jerk ratio as it is
-_DECEIVED = 10.0  # times the likeliest jerk ratio: a robust one shows outliers
+_DECEIVED = 10.0  # times the jerk ratio: a robust one shows outliers
 _AT_ONCE = 400_000  # samples that are smoothed together
 _NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 
@@ -91,7 +91,8 @@ def _smoothed(series: Series) -> Smoothed:
     judged = _judged(series, left_out, fit)
     rough = np.asarray((judged.size > _GATE).any(axis=0))
     if rough.any():
-        left_out[:, rough] = _outliers(series.of(rough), judged.of(rough), rho[rough])
+        first = rho[rough]
+        left_out[:, rough] = _outliers(series.of(rough), judged.of(rough), first, first)
     left_out |= _hidden(series, rho, np.asarray(left_out.any(axis=0)))
     changed = np.asarray(left_out.any(axis=0))
     if changed.any():
@@ -106,14 +107,21 @@ def _hidden(series: Series, rho: Array, found: Array) -> Array:
 
     Of series without outliers that were found before (S,).
     """
-    out, robust = np.zeros(series.valid.shape, dtype=bool), rho.copy()
-    if not found.all():
-        robust[~found] = robust_jerk_ratio(series.of(~found), rho[~found])
+    out, robust = np.zeros(series.valid.shape, dtype=bool), _robust(series, rho, ~found)
     deceived = robust > _DECEIVED * rho
     if deceived.any():
         some, ratio = series.of(deceived), robust[deceived]
         fit = JerkFit(ratio, kalman_filter(some, ratio))
-        out[:, deceived] = _outliers(some, _judged(some, out[:, deceived], fit), ratio)
+        judged = _judged(some, out[:, deceived], fit)
+        out[:, deceived] = _outliers(some, judged, ratio, rho[deceived])
+    return out
+
+
+def _robust(series: Series, rho: Array, some: Array) -> Array:
+    """Jerk ratios (S,), those of some series robust ones that are no smaller."""
+    out = rho.copy()
+    if some.any():
+        out[some] = robust_jerk_ratio(series.of(some), rho[some])
     return out
 
 
@@ -132,8 +140,11 @@ class _Judged(NamedTuple):
         return _Judged(self.size[:, which].copy(), self.kink[:, which].copy())
 
 
-def _outliers(series: Series, judged: _Judged, rho: Array) -> Array:
-    """Gross outliers (T, S) of series that were judged as they are, at jerk ratios rho (S,)."""
+def _outliers(series: Series, judged: _Judged, rho: Array, least: Array) -> Array:
+    """Gross outliers (T, S) of series that were judged as they are, at jerk ratios rho (S,).
+
+    least : (S,), the likeliest jerk ratios with all samples
+    """
     candidates, rho = np.zeros(series.valid.shape, dtype=bool), rho.copy()
     for _ in range(_ROUNDS):
         around = _around(np.where(candidates, np.nan, judged.size))
@@ -144,18 +155,24 @@ def _outliers(series: Series, judged: _Judged, rho: Array) -> Array:
             break
         candidates, kept = new, series.without(new)
         many, some = changes > _MANY * series.valid.sum(axis=0), changes > 0
-        rho[many] = likeliest_jerk_ratio(kept.of(many)) if many.any() else rho[many]
+        before = rho.copy()
+        if many.any():  # outliers only make it smaller
+            rho[many] = np.maximum(likeliest_jerk_ratio(kept.of(many)), least[many])
         _judge_again(judged, series, new, rho, some)
         denied = some & new.any(axis=0) & ~(new & (judged.size > _CANDIDATE)).any(axis=0)
-        if denied.any():  # by a jerk ratio that explains everything without any noise
-            rho[denied] = robust_jerk_ratio(kept.of(denied))
-            _judge_again(judged, series, new, rho, denied)
+        # by a jerk ratio that explains everything without any noise
+        robust = _robust(kept, before, denied)
+        denied &= robust > _DECEIVED * before
+        rho[denied] = robust[denied]
+        _judge_again(judged, series, new, rho, denied)
     beside = _GATE * _roughness(np.where(candidates, np.nan, judged.size))
     return candidates & (judged.size > beside) & ~judged.kink
 
 
 def _judge_again(judged: _Judged, series: Series, left_out: Array, rho: Array, some: Array) -> None:
     """Judge some series anew, without the samples that are left out (T, S)."""
+    if not some.any():
+        return
     kept = series.without(left_out).of(some)
     fit = JerkFit(rho[some], kalman_filter(kept, rho[some]))
     own = _judged(series.of(some), left_out[:, some], fit)

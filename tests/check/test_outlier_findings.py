@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from fixtures.paths import DATA
 
+from frictionid.check import check
 from frictionid.check.motion import Measured, motions_of
-from frictionid.check.outliers import outlier_findings
+from frictionid.check.outliers import without_outliers
 from frictionid.data.readers.dataset import load_dataset
 
 
@@ -19,7 +20,7 @@ def clean():
 
 
 def found(data):
-    return outlier_findings(Measured.of(data, motions_of(data.recordings)))
+    return without_outliers(Measured.of(data, motions_of(data.recordings)))[1]
 
 
 def with_wild(data, name, quantity, rows, column, size):
@@ -53,3 +54,13 @@ def test_many_torques_make_the_data_doubtful(clean):
     assert (finding.kind, finding.joint, finding.level) == ("torque_outliers", 2, "doubtful")
     assert finding.numbers["outliers"] == 16
     assert "16 in '04_sine'" in finding.text
+
+
+def test_other_checks_see_torques_without_their_outliers(clean):
+    """Else their misfit would pass for a late, a wrong or a commanded torque."""
+    wild = with_wild(clean, "04_sine", "torque", np.arange(10, 330, 20), 1, 1.0)
+    given, found = check(clean), check(wild)
+    assert {f.kind for f in found.findings} - {f.kind for f in given.findings} == {
+        "torque_outliers"
+    }
+    np.testing.assert_allclose(found.estimate.value, given.estimate.value, rtol=0.02, atol=2e-4)
