@@ -13,6 +13,7 @@ from frictionid.check.findings import percent
 from frictionid.check.hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
 from frictionid.check.motion import sliding_speeds
 from frictionid.check.regression import Estimate
+from frictionid.check.rivals import RIVALS
 
 # A number counts as identified where its standard error is below this share of it,
 PRECISE = 0.3
@@ -145,7 +146,7 @@ def _gain(tests: HypothesisTests) -> Identifiable:
     if not gains:
         return Identifiable("torque gain", False, "no torque acts")
     best = min(gains, key=lambda e: e.error)
-    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause", "zero_torque"}
+    rivals = {f.kind for f in tests.findings} & RIVALS
     if rivals:
         other = "friction that grows with the torque" if "load" in rivals else "what is unexplained"
         reason = f"{best.size:.3f} +- {best.error:.3f}, but {other} may look the same"

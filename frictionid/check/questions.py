@@ -12,6 +12,7 @@ from frictionid.check.conventions import ALIKE, EXPLAINS, MARGIN, Scored
 from frictionid.check.hypothesis_tests import HypothesisTests, percent_unexplained
 from frictionid.check.passive import Answered, energy_answer, rest_answers
 from frictionid.check.regression import Estimate
+from frictionid.check.rivals import RIVALS
 from frictionid.check.torque_source import TorqueSource
 
 
@@ -91,7 +92,7 @@ def _conventions(scored: Sequence[Scored]) -> Question:
 
 def _signs(tests: HypothesisTests) -> list[Question]:
     """Whether each torque pushes where the joint accelerates to."""
-    rivals = {f.kind for f in tests.findings} & {"load", "unknown_cause", "zero_torque"}
+    rivals = {f.kind for f in tests.findings} & RIVALS
     unless = ", if nothing else is wrong" if rivals else ""
     gains = [e for e in tests.model_errors if e.kind == "gain" and "all" not in e.words]
     return [

@@ -45,6 +45,9 @@ MISFIT = 0.1
 # The same in one recording, where it is more than twice that of the others.
 LOCAL = 0.05
 
+# Findings beside which an estimate is only right if nothing else is wrong.
+RIVALS = frozenset({"load", "unknown_cause", "zero_torque", "constant_angle"})
+
 
 class Misfit(NamedTuple):
     """What the nominal mechanism leaves, whatever the friction.
