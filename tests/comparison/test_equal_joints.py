@@ -109,6 +109,24 @@ def test_equal_joints_count_their_parameters_once():
         assert effective_parameters(fit, problem, weights[0]) == pytest.approx(count)
 
 
+def test_a_prior_as_wide_as_the_data_takes_half_of_its_parameter():
+    """Two routes: standard errors by ordinary least squares, and the trace of the hat matrix."""
+    problem, law = synthetic_problem(1, 1e-3), CoulombViscous()
+    weights = np.ones((1, len(problem.r)))
+    plain = Linear(law).fit(problem, weights, 0)[0]
+
+    def left_by(theta):
+        return problem.residual(along(replace(plain, theta=theta), problem.nodes)).ravel()
+
+    columns = np.stack([left_by(row[None]) - left_by(np.zeros((1, 2))) for row in np.eye(2)], -1)
+    left = left_by(plain.theta)
+    covariance = left @ left / (len(left) - 2) * np.linalg.inv(columns.T @ columns)
+    for i, name in enumerate(law.names):
+        prior = {name: (float(plain.theta[0, i]), float(np.sqrt(covariance[i, i])))}
+        fit = LeastSquares(law, prior=prior).fit(problem, weights, 0)[0]
+        assert effective_parameters(fit, problem, weights[0]) == pytest.approx(1.5, abs=0.02)
+
+
 def p_values(second, seed):
     """P-values of the test of twins whose second joint has another friction."""
     law = CoulombViscous()

@@ -12,6 +12,7 @@ from frictionid.data.calibration import Calibration, calibrated_dataset, stack_c
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, sample
+from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.prepared import with_calibration
@@ -220,6 +221,18 @@ def test_the_part_that_follows_velocity_changes_at_once_up_and_down(way):
     for at, share in ((edge - 1e-4, B[0, 0]), (edge, B[-1, 0])):
         own = sample(torque, [at]) - sample(beside, [at])
         np.testing.assert_allclose(own, share * sample(motion.w, [at]), rtol=1e-3)
+
+
+def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
+    """Angles and velocities of a cubic polynomial give back its angles at any time."""
+    time = np.linspace(0.0, 1.0, 11)
+    cubic = np.polynomial.Polynomial([0.3, -1.0, 2.0, 5.0])
+    q, w = cubic(time)[:, None], cubic.deriv()(time)[:, None]
+    recording = simulated(lambda t: t > -1)[0]
+    recording = replace(recording, angle=Signal(time, q, "linear"))
+    motion = ServoMotion.of(recording, States(time, q, w), recording.servo)
+    fine = np.linspace(0.0, 1.0, 201)
+    np.testing.assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
 
 
 def test_an_angle_offset_moves_the_goal_too():

@@ -176,10 +176,13 @@ def test_a_window_is_left_out_where_its_gap_stays_open_and_not_while_it_closes()
     )
     gaps = [np.array([9.0, 40.0 * 0.4**k, *(0.01,) * 6]) for k in range(4)]
     last = point._replace(gap=gaps[0])
+    damping = []
     for gap in gaps[1:]:
         last = with_windows_checked(
             point._replace(gap=gap), last, np.zeros(SHARED), SIGMA, 2.5, False
         )
+        damping.append(last.damping[0])
+    np.testing.assert_allclose(damping, [0.1, 1.0, 10.0])  # its steps become ten times as small
     assert last.gap[1] > 1.0
     np.testing.assert_array_equal(last.kinked, [True] + 7 * [False])
     np.testing.assert_array_equal(last.failures, [3.0] + 7 * [0.0])
