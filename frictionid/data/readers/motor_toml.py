@@ -89,7 +89,11 @@ class Motor(Strict):
 
     @property
     def torque_at_shaft(self) -> bool:
-        """Whether the columns of torque are of the motors."""
+        """Whether the columns of torque are of the motors.
+
+        >>> [Motor(gear=9.0, **more).torque_at_shaft for more in ({}, {"torque": "motor"})]
+        [False, True]
+        """
         return self.torque == "motor" or self.kt is not None or self.rated_torque is not None
 
     def unit(self, quantity: str) -> NDArray[np.float64]:
