@@ -30,8 +30,17 @@ def test_python_runs_nothing_of_a_name(own, tmp_path):
 
 
 def test_c_and_structured_text_are_read_as_before(own, tmp_path):
-    compiled(own, tmp_path)
-    StructuredText(written(own, "st", tmp_path)[".st"].read_text()).call(w={(1,): 1.0, (2,): 1.0})
+    """Compiled and parsed, they say what they say of plain names."""
+    friction = friction_by(LAWS["stribeck"], np.random.default_rng(15))
+    plain, torques = exported(friction, ("hip", "knee"), (2.0, 3.0)), []
+    for name, one in (("own", own), ("plain", plain)):
+        (tmp_path / name).mkdir()
+        assert hasattr(compiled(one, tmp_path / name), "friction_torque")
+        block = StructuredText(written(one, "st", tmp_path / name)[".st"].read_text())
+        block.call(w={(1,): 1.0, (2,): 1.0})
+        torques.append(block.variables["Tf"])
+    assert torques[0] == torques[1]
+    assert all(torque > 0.0 for torque in torques[0].values())
 
 
 def test_yaml_and_latex_have_it_on_one_line(own, tmp_path):
