@@ -109,7 +109,7 @@ $(CORE): pyproject.toml constraints.txt $(if $(BROKEN),ALWAYS)
 	$(if $(READY),,$(create))
 	$(call install,.)
 	@pwd -P >.venv/place
-	@$(ONE_THREAD) $(BIN)/python -m frictionid.shooting.compile_loops
+	@$(ONE_THREAD) $(BIN)/python -m frictionid.dynamics.tangent.compile_loops
 
 $(TEST): $(CORE)
 	@echo "Adding pytest, MuJoCo, Pinocchio, CasADi, ONNX to .venv: 0.3 GB to download, 0.8 GB on disk, a minute."

@@ -29,13 +29,13 @@ from frictionid.friction.laws import (
     LoadDependentStribeck,
     Stribeck,
 )
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, states_of
-from frictionid.inverse_dynamics import TorqueBalance, TorqueSettings, fit_torques, torque_balance
-from frictionid.inverse_dynamics.residual import left_to_friction
-from frictionid.shooting import Refined
-from frictionid.shooting.parameters import BiasBlock, FrictionBlock, InertiaBlock, ParameterBlock
-from frictionid.shooting.parameters.parameter_block import Estimate
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
+from frictionid.fitting.torque_balance import TorqueBalance, TorqueSettings, fit_torques, torque_balance
+from frictionid.fitting.torque_balance.residual import left_to_friction
+from frictionid.fitting.shooting import Refined
+from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, ParameterBlock
+from frictionid.fitting.parameters.parameter_block import Estimate
 
 DATA = Path(__file__).parent.parent / "data"
 LAWS = {

@@ -24,17 +24,17 @@ from rich.table import Table
 from scipy.interpolate import CubicHermiteSpline
 
 from frictionid import load_dataset
-from frictionid.acquire.camera.angles import Angles
-from frictionid.acquire.camera.marker_setup import Links, Marker, MarkerSetup
-from frictionid.acquire.camera.propose import propose
-from frictionid.acquire.camera.source import open_source
-from frictionid.acquire.camera.track import track
+from frictionid.rig.camera.angles import Angles
+from frictionid.rig.camera.marker_setup import Links, Marker, MarkerSetup
+from frictionid.rig.camera.propose import propose
+from frictionid.rig.camera.source import open_source
+from frictionid.rig.camera.track import track
 from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.simulate.film import Film, write_film
-from frictionid.simulate.scene import Look
-from frictionid.simulate.view import View
+from frictionid.rig.film.film import Film, write_film
+from frictionid.rig.film.scene import Look
+from frictionid.rig.film.view import View
 
 ROOT = Path(__file__).parents[1]
 LENGTHS = (0.153, 0.175)

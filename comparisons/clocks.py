@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 
-from frictionid.acquire.align import align
+from frictionid.rig.align import align
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 from frictionid.mechanics import acrobot

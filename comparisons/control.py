@@ -27,8 +27,8 @@ from rich.progress import track
 from rich.table import Table
 
 import frictionid as fid
-from frictionid.export.casadi_functions import casadi_functions
-from frictionid.export.exported import exported
+from frictionid.deploy.export.casadi_functions import casadi_functions
+from frictionid.deploy.export.exported import exported
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, NoFriction
 from frictionid.mechanics.lagrange import equations_of_motion
 from frictionid.mechanics.scalar_code import scalar_code

@@ -23,9 +23,9 @@ import frictionid as fid
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.rollouts import predict
-from frictionid.export.cost import at_horizon, reaching
-from frictionid.export.exported import exported
-from frictionid.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.cost import at_horizon, reaching
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings, writer_of
 from frictionid.friction import Friction
 
 STEP = 0.0005  # [s], at most, of MuJoCo's RK4

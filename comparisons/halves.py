@@ -22,8 +22,8 @@ from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task
 from frictionid.data.plants import plant_of
-from frictionid.identifiers.formulation import training_problem
-from frictionid.shooting import Refined, Shooting, refine
+from frictionid.fitting.one_step.formulation import training_problem
+from frictionid.fitting.shooting import Refined, Shooting, refine
 
 ERRORS = 2.0  # standard errors within which two halves agree
 

@@ -21,9 +21,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from fixtures.drive_ports import flood, logger, setup, until
 
-from frictionid.acquire.logfile import read_log
-from frictionid.acquire.protocol import parsed, written
-from frictionid.acquire.virtual_drive.terminal import Terminal
+from frictionid.rig.logfile import read_log
+from frictionid.rig.protocol import parsed, written
+from frictionid.rig.virtual_drive.terminal import Terminal
 
 LINES, DAMAGED, UNPLUGGED = 600_000, 0.01, 3
 KILLED, RATE = 50, 1000

@@ -23,10 +23,10 @@ from scipy.stats import beta
 from frictionid import fit
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
-from frictionid.monitor.baseline import Baseline, make_baseline
-from frictionid.monitor.changes import Changes, curve_changes, prepared_data, recording_changes
-from frictionid.monitor.judgement import judge
-from frictionid.monitor.martingale import log_evidence
+from frictionid.deploy.monitor.baseline import Baseline, make_baseline
+from frictionid.deploy.monitor.changes import Changes, curve_changes, prepared_data, recording_changes
+from frictionid.deploy.monitor.judgement import judge
+from frictionid.deploy.monitor.martingale import log_evidence
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
 
 CURVE = Curve(

@@ -18,9 +18,9 @@ from coverage_fits import BLOCKS, SETTINGS
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.shooting import refine
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.shooting import refine
 from frictionid.simulate import simulate
 from frictionid.simulate.torques import Command
 

@@ -26,8 +26,8 @@ from frictionid.evaluation import (
     velocity_grid,
 )
 from frictionid.friction.laws import LSTM, MLP, AsymmetricStribeck
-from frictionid.identifiers import CompressedNetwork, LeastSquares, Network, SINDy
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.identifiers import CompressedNetwork, LeastSquares, Network, SINDy
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.simulate import Curve, load_rig, noise_free, simulate
 from frictionid.simulate import Stribeck as SimulatedStribeck
 

@@ -21,9 +21,9 @@ from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck
-from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.identifiers.least_squares import LeastSquares
-from frictionid.shooting import Shooting
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.identifiers.least_squares import LeastSquares
+from frictionid.fitting.shooting import Shooting
 
 MOST = 1.5  # times the curve error of clean data
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.friction import Law
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 
 
 @dataclass(frozen=True)

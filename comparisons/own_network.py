@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 
 from frictionid.friction.laws import TorchModule
-from frictionid.identifiers import Network
+from frictionid.fitting.identifiers import Network
 
 
 class Bumps(torch.nn.Module):

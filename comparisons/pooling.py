@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 import frictionid as fid
-from frictionid.pooling.random_effects import random_effects
+from frictionid.deploy.pooling.random_effects import random_effects
 from frictionid.simulate.servo_log import ServoPendulum
 
 COUNT, SEED = 1000, 0

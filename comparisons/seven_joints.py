@@ -28,10 +28,10 @@ from fixtures.seven_joints import TRUE, arm_rig, curve_errors
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.friction.laws import Stribeck
-from frictionid.identifiers import LeastSquares
-from frictionid.inverse_dynamics import InverseDynamics
-from frictionid.shooting import Settings, Shooting
-from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.torque_balance import InverseDynamics
+from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.simulate import simulate
 
 METHODS = {

@@ -39,10 +39,10 @@ from frictionid.evaluation import (
     velocity_grid,
 )
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.shooting import Refined, Shooting, refine
-from frictionid.shooting.parameters import (
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.shooting import Refined, Shooting, refine
+from frictionid.fitting.parameters import (
     DelayBlock,
     FrictionBlock,
     GainBlock,

@@ -17,36 +17,36 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from frictionid import mechanics as mechanisms  # noqa: F401
-    from frictionid.api.align import Aligned as Aligned
-    from frictionid.api.align import align as align
+    from frictionid.rig.api.align import Aligned as Aligned
+    from frictionid.rig.api.align import align as align
     from frictionid.api.check import Verdict as Verdict
     from frictionid.api.check import check as check
     from frictionid.api.compare import compare as compare
     from frictionid.api.comparison import Comparison as Comparison
     from frictionid.api.comparison import load_comparison as load_comparison
-    from frictionid.api.covariate import OverCovariate as OverCovariate
-    from frictionid.api.covariate import over_covariate as over_covariate
+    from frictionid.deploy.api.covariate import OverCovariate as OverCovariate
+    from frictionid.deploy.api.covariate import over_covariate as over_covariate
     from frictionid.api.evaluate import evaluate as evaluate
     from frictionid.api.evaluate import predict as predict
-    from frictionid.api.export import export as export
+    from frictionid.deploy.api.export import export as export
     from frictionid.api.fit import fit as fit
     from frictionid.api.fit import load_model as load_model
     from frictionid.api.fitted import Fit as Fit
     from frictionid.api.listing import identifiers as identifiers
     from frictionid.api.listing import laws as laws
-    from frictionid.api.monitor import Monitored as Monitored
-    from frictionid.api.monitor import baseline as baseline
-    from frictionid.api.monitor import monitor as monitor
-    from frictionid.api.pool import Pooled as Pooled
-    from frictionid.api.pool import pool as pool
+    from frictionid.deploy.api.monitor import Monitored as Monitored
+    from frictionid.deploy.api.monitor import baseline as baseline
+    from frictionid.deploy.api.monitor import monitor as monitor
+    from frictionid.deploy.api.pool import Pooled as Pooled
+    from frictionid.deploy.api.pool import pool as pool
     from frictionid.api.quick import quick as quick
     from frictionid.api.sensitivity import sensitivity as sensitivity
     from frictionid.api.simulate import simulate as simulate
     from frictionid.api.suggest import suggest as suggest
     from frictionid.api.suggest_trajectories import suggest_trajectories as suggest_trajectories
     from frictionid.api.suites import run_suite as run_suite
-    from frictionid.api.track import Tracked as Tracked
-    from frictionid.api.track import track as track
+    from frictionid.rig.api.track import Tracked as Tracked
+    from frictionid.rig.api.track import track as track
     from frictionid.api.tune import Tuned as Tuned
     from frictionid.api.tune import tune as tune
     from frictionid.comparison.fit_model import fit_model as fit_model
@@ -90,28 +90,28 @@ if TYPE_CHECKING:
     from frictionid.friction.laws import Thermal as Thermal
     from frictionid.friction.laws import TorchModule as TorchModule
     from frictionid.friction.laws import WindowMLP as WindowMLP
-    from frictionid.identifiers import BlackBox as BlackBox
-    from frictionid.identifiers import CompressedNetwork as CompressedNetwork
-    from frictionid.identifiers import Frictionless as Frictionless
-    from frictionid.identifiers import Identifier as Identifier
-    from frictionid.identifiers import LeastSquares as LeastSquares
-    from frictionid.identifiers import Linear as Linear
-    from frictionid.identifiers import Network as Network
-    from frictionid.identifiers import Published as Published
-    from frictionid.identifiers import Regressor as Regressor
-    from frictionid.identifiers import SINDy as SINDy
-    from frictionid.use.compensation import Compensation as Compensation
-    from frictionid.use.compensation import compensating as compensating
-    from frictionid.use.compensation import compensation_table as compensation_table
-    from frictionid.use.compensation import feed_forward as feed_forward
-    from frictionid.use.gym_env import Episode as Episode
-    from frictionid.use.gym_env import FrictionEnv as FrictionEnv
-    from frictionid.use.gym_env import FrictionVectorEnv as FrictionVectorEnv
-    from frictionid.use.simulator import Simulator as Simulator
+    from frictionid.fitting.identifiers import BlackBox as BlackBox
+    from frictionid.fitting.identifiers import CompressedNetwork as CompressedNetwork
+    from frictionid.fitting.identifiers import Frictionless as Frictionless
+    from frictionid.fitting.identifiers import Identifier as Identifier
+    from frictionid.fitting.identifiers import LeastSquares as LeastSquares
+    from frictionid.fitting.identifiers import Linear as Linear
+    from frictionid.fitting.identifiers import Network as Network
+    from frictionid.fitting.identifiers import Published as Published
+    from frictionid.fitting.identifiers import Regressor as Regressor
+    from frictionid.fitting.identifiers import SINDy as SINDy
+    from frictionid.deploy.use.compensation import Compensation as Compensation
+    from frictionid.deploy.use.compensation import compensating as compensating
+    from frictionid.deploy.use.compensation import compensation_table as compensation_table
+    from frictionid.deploy.use.compensation import feed_forward as feed_forward
+    from frictionid.deploy.use.gym_env import Episode as Episode
+    from frictionid.deploy.use.gym_env import FrictionEnv as FrictionEnv
+    from frictionid.deploy.use.gym_env import FrictionVectorEnv as FrictionVectorEnv
+    from frictionid.deploy.use.simulator import Simulator as Simulator
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}
 _HOME = {
-    "Aligned": "frictionid.api.align",
+    "Aligned": "frictionid.rig.api.align",
     "AsymmetricCoulombViscous": "frictionid.friction.laws",
     "AsymmetricFilmLag": "frictionid.friction.laws",
     "AsymmetricLuGre": "frictionid.friction.laws",
@@ -119,18 +119,18 @@ _HOME = {
     "AsymmetricStribeck": "frictionid.friction.laws",
     "BlackBox": "frictionid.identifiers",
     "Comparison": "frictionid.api.comparison",
-    "Compensation": "frictionid.use.compensation",
+    "Compensation": "frictionid.deploy.use.compensation",
     "CompressedNetwork": "frictionid.identifiers",
     "CoulombViscous": "frictionid.friction.laws",
     "Dahl": "frictionid.friction.laws",
     "DahlMotorLoad": "frictionid.friction.laws",
     "Dataset": "frictionid.data.recordings",
     "FilmLag": "frictionid.friction.laws",
-    "Episode": "frictionid.use.gym_env",
+    "Episode": "frictionid.deploy.use.gym_env",
     "Fit": "frictionid.api.fitted",
     "Friction": "frictionid.friction",
-    "FrictionEnv": "frictionid.use.gym_env",
-    "FrictionVectorEnv": "frictionid.use.gym_env",
+    "FrictionEnv": "frictionid.deploy.use.gym_env",
+    "FrictionVectorEnv": "frictionid.deploy.use.gym_env",
     "Frictionless": "frictionid.identifiers",
     "GearLoad": "frictionid.friction.laws",
     "Identifier": "frictionid.identifiers",
@@ -144,13 +144,13 @@ _HOME = {
     "LoadDependentStribeck": "frictionid.friction.laws",
     "LuGre": "frictionid.friction.laws",
     "MLP": "frictionid.friction.laws",
-    "Monitored": "frictionid.api.monitor",
+    "Monitored": "frictionid.deploy.api.monitor",
     "MotorLoad": "frictionid.friction.laws",
     "MotorLoadQuadratic": "frictionid.friction.laws",
     "Network": "frictionid.identifiers",
     "NoFriction": "frictionid.friction.laws",
-    "OverCovariate": "frictionid.api.covariate",
-    "Pooled": "frictionid.api.pool",
+    "OverCovariate": "frictionid.deploy.api.covariate",
+    "Pooled": "frictionid.deploy.api.pool",
     "Protocol": "frictionid.evaluation.protocol",
     "Play": "frictionid.friction.laws",
     "Published": "frictionid.identifiers",
@@ -160,27 +160,27 @@ _HOME = {
     "Ripple": "frictionid.friction.laws",
     "SINDy": "frictionid.identifiers",
     "Signal": "frictionid.data.signals",
-    "Simulator": "frictionid.use.simulator",
+    "Simulator": "frictionid.deploy.use.simulator",
     "Spline": "frictionid.friction.laws",
     "Split": "frictionid.evaluation.folds",
     "Stribeck": "frictionid.friction.laws",
     "Sum": "frictionid.friction.laws",
     "Thermal": "frictionid.friction.laws",
     "TorchModule": "frictionid.friction.laws",
-    "Tracked": "frictionid.api.track",
+    "Tracked": "frictionid.rig.api.track",
     "TrueMotion": "frictionid.data.recordings",
     "Tuned": "frictionid.api.tune",
     "Verdict": "frictionid.api.check",
     "WindowMLP": "frictionid.friction.laws",
-    "align": "frictionid.api.align",
-    "baseline": "frictionid.api.monitor",
+    "align": "frictionid.rig.api.align",
+    "baseline": "frictionid.deploy.api.monitor",
     "check": "frictionid.api.check",
     "compare": "frictionid.api.compare",
-    "compensating": "frictionid.use.compensation",
-    "compensation_table": "frictionid.use.compensation",
+    "compensating": "frictionid.deploy.use.compensation",
+    "compensation_table": "frictionid.deploy.use.compensation",
     "evaluate": "frictionid.api.evaluate",
-    "export": "frictionid.api.export",
-    "feed_forward": "frictionid.use.compensation",
+    "export": "frictionid.deploy.api.export",
+    "feed_forward": "frictionid.deploy.use.compensation",
     "fit": "frictionid.api.fit",
     "fit_model": "frictionid.comparison.fit_model",
     "identifiers": "frictionid.api.listing",
@@ -189,9 +189,9 @@ _HOME = {
     "load_dataset": "frictionid.data.readers.dataset",
     "load_model": "frictionid.api.fit",
     "make_folds": "frictionid.evaluation.folds",
-    "monitor": "frictionid.api.monitor",
-    "over_covariate": "frictionid.api.covariate",
-    "pool": "frictionid.api.pool",
+    "monitor": "frictionid.deploy.api.monitor",
+    "over_covariate": "frictionid.deploy.api.covariate",
+    "pool": "frictionid.deploy.api.pool",
     "predict": "frictionid.api.evaluate",
     "predicted_motion": "frictionid.evaluation.predicted_motion",
     "quick": "frictionid.api.quick",
@@ -200,7 +200,7 @@ _HOME = {
     "simulate": "frictionid.api.simulate",
     "suggest": "frictionid.api.suggest",
     "suggest_trajectories": "frictionid.api.suggest_trajectories",
-    "track": "frictionid.api.track",
+    "track": "frictionid.rig.api.track",
     "tune": "frictionid.api.tune",
 }
 

@@ -18,35 +18,21 @@ from fixtures.paths import ROOT
 
 # From the bottom to the top: a module may import what stands before it, and its own package.
 LAYERS = (
-    *(
-        "errors",
-        "arrays",
-        "compiled",
-        "tracing",
-        "files",
-        "shipped",
-        "outputs",
-        "config",
-        "progress",
-    ),
+    *("errors", "arrays", "progress"),
+    *("files", "shipped", "outputs", "config"),
+    "programs",
     "mechanics",
     "data",
-    "simulate",
-    "friction",
+    *("simulate", "friction"),
     "dynamics",
-    "identifiers",
-    "shooting",
-    "inverse_dynamics",
-    *("check", "excitation"),
-    "evaluation",
+    "fitting",
+    *("check", "excitation", "evaluation"),
     "comparison",
-    "acquire",
-    "pooling",
-    *("export", "use", "monitor"),
     "report",
     "quickstart",
     "api",
     "cli",
+    *("rig", "deploy"),
 )
 # The simulator must not share the physics step or the laws with what is fitted: inverse crime.
 ONLY: dict[str, set[str]] = {}

@@ -11,7 +11,7 @@ import pytest
 from frictionid import compiled
 
 SOURCE = """
-from frictionid.compiled import compiled
+from frictionid.programs.loops import compiled
 
 @compiled
 def doubled(x):

@@ -17,8 +17,8 @@ from frictionid.dynamics.state import State
 from frictionid.evaluation import Split, make_folds
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
-from frictionid.identifiers import LeastSquares, Linear
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.identifiers import LeastSquares, Linear
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.mechanics.plant import Plant
 
 THETA = np.array([[0.16, 0.004], [0.05, 0.001]])

@@ -11,8 +11,8 @@ from fixtures.drive_ports import setup
 from fixtures.power_cut import Change, Recorder, torn, write_files
 from fixtures.tiny_pendulums import compare_into, write_dataset, write_suite
 
-from frictionid.acquire import logfile
-from frictionid.acquire.logfile import Appender, Layout, read_log
+from frictionid.rig import logfile
+from frictionid.rig.logfile import Appender, Layout, read_log
 from frictionid.comparison.results import load_results
 from frictionid.errors import InputError
 

@@ -26,9 +26,9 @@ from frictionid.evaluation import (
 )
 from frictionid.friction import Friction, Law, along
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
-from frictionid.identifiers import LeastSquares, Linear, SINDy, SparseDynamics
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of, training_problem
-from frictionid.identifiers.residual import Problem
+from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, SparseDynamics
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of, training_problem
+from frictionid.fitting.one_step.residual import Problem
 
 FOLDS = 10
 SCIPY = ("numpy", "scipy.optimize")

@@ -14,8 +14,8 @@ from frictionid.data.plants import plant_of
 from frictionid.evaluation import Split, make_folds
 from frictionid.friction import along
 from frictionid.friction.laws import LSTM, MLP
-from frictionid.identifiers import CompressedNetwork, Identifier, Network
-from frictionid.identifiers.formulation import STUDY, problem_of
+from frictionid.fitting.identifiers import CompressedNetwork, Identifier, Network
+from frictionid.fitting.one_step.formulation import STUDY, problem_of
 
 EPOCHS, BATCH, ROUNDS = 100, 32, 2
 HISTORY = 9 / 60  # [s]

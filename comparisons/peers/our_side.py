@@ -20,10 +20,10 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.shooting import refine
-from frictionid.shooting.parameters import FrictionBlock
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.shooting import refine
+from frictionid.fitting.parameters import FrictionBlock
 
 LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": AsymmetricStribeck()}
 

@@ -18,7 +18,7 @@ from frictionid.comparison.cross_validate import (
     Result,
     prepare_benchmark,
 )
-from frictionid.comparison.methods import Method
+from frictionid.fitting.method import Method
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import (
     results_in_memory,

@@ -16,7 +16,7 @@ from frictionid.api.arguments import numbers
 from frictionid.api.evaluate import evaluate, predict
 from frictionid.api.models import dataset_of
 from frictionid.arrays import Array
-from frictionid.comparison import methods
+from frictionid.fitting import method as methods
 from frictionid.comparison.fit_model import AS_LOGGED
 from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
@@ -26,9 +26,9 @@ from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, speeds, velocity_grid
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
-from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.report import show_fit
-from frictionid.report.console import printed
+from frictionid.report.terminal.console import printed
 from frictionid.report.estimates import Estimate
 from frictionid.report.figures.correlation import fit_correlation
 from frictionid.report.figures.fitted import fit_figure
@@ -300,7 +300,7 @@ class Fit:
         Exported
             See `frictionid.export`.
         """
-        from frictionid.api.export import export  # which knows fits
+        from frictionid.deploy.api.export import export  # which knows fits
 
         return export(self, to, out, settings=settings, replace=replace)
 

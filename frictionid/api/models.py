@@ -15,7 +15,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import load_model
-from frictionid.identifiers import Frictionless, Identifier, LeastSquares, Published
+from frictionid.fitting.identifiers import Frictionless, Identifier, LeastSquares, Published
 
 OneLaw = str | Law | type[Law]
 LawLike = OneLaw | Identifier | type[Identifier] | Friction | Sequence[OneLaw]
@@ -128,7 +128,7 @@ def _forms() -> Iterator[tuple[str, tuple[Part, ...]]]:
 def name_of(law: Any) -> str:
     """Name of an identifier or law in tables: that of its kind, or of its class.
 
-    >>> from frictionid.identifiers import SINDy
+    >>> from frictionid.fitting.identifiers import SINDy
     >>> name_of("stribeck"), name_of(SINDy())
     ('stribeck', 'sindy')
     """

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, LawLike, dataset_of, identifier_of
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.methods import Method
+from frictionid.fitting.method import Method
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
 from frictionid.comparison.sensitivity.settings import SensitivitySettings

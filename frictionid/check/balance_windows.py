@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.check.balances import Balances, Rows
+from frictionid.fitting.one_step.balances import Balances, Rows
 from frictionid.check.motion import Motion, unit_balances
 from frictionid.mechanics import Mechanism
 

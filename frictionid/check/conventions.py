@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import WIDTH
-from frictionid.check.balances import Rows, balances_of
+from frictionid.fitting.one_step.balances import Rows, balances_of
 from frictionid.check.motion import Measured, characteristic_speeds
 from frictionid.data.gears import Gears
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.partial_regression import Nuisance, PartialEstimate, nuisance_of
 from frictionid.data.integrals import SignalIntegrals
 

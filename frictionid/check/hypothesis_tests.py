@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, windows_of
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.conventions import MARGIN, Scored, better, log_unexplained, scored, scores
 from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent

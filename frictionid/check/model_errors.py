@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.partial_regression import PartialRegression
 from frictionid.mechanics import Plant
 

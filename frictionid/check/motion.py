@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balances import Balances, Samples, balances_of
+from frictionid.fitting.one_step.balances import Balances, Samples, balances_of
 from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import alike, padded_series

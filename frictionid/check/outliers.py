@@ -13,7 +13,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding
 from frictionid.check.motion import Measured
-from frictionid.identifiers.torque_outliers import torque_outliers, with_torques_replaced
+from frictionid.fitting.one_step.torque_outliers import torque_outliers, with_torques_replaced
 
 # Shares of a recording's samples: fewer are rough motion as likely as a glitch, more are doubtful.
 _SOME, _MANY = 2e-3, 0.01

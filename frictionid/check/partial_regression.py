@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.regression import block_numbers, friction_columns
 
 # Prior standard deviation of the mechanism's parameters where they are a nuisance, as a share.

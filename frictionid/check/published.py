@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.regression import Estimate
 from frictionid.friction import Friction

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balances import PART_SHAPES, SHAPE_NAMES, Rows
+from frictionid.fitting.one_step.balances import PART_SHAPES, SHAPE_NAMES, Rows
 from frictionid.check.motion import Measured
 from frictionid.mechanics import Mechanism
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import WIDTH
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError, model_errors
 from frictionid.check.motion import Measured

@@ -18,7 +18,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, windows_of
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.motion import Measured, Motion
 from frictionid.data.recordings import Dataset

@@ -15,7 +15,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, adapted
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding, percent
 from frictionid.check.motion import Measured, Motion
 from frictionid.check.partial_regression import (

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.check.balance_windows import windows_of
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.conventions import MARGIN, log_unexplained
 from frictionid.check.findings import Finding, percent
 from frictionid.check.motion import Measured, motions_of

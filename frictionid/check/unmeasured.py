@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balances import Rows
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.delay import Delay
 from frictionid.check.findings import Finding
 from frictionid.check.regression import Estimate, Regression

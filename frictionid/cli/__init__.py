@@ -8,33 +8,33 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.align import align
-from frictionid.cli.baseline import baseline
+from frictionid.rig.cli.align import align
+from frictionid.deploy.cli.baseline import baseline
 from frictionid.cli.check import check
 from frictionid.cli.compare import compare
-from frictionid.cli.compensate import compensate
+from frictionid.deploy.cli.compensate import compensate
 from frictionid.cli.data import data
 from frictionid.cli.evaluate import evaluate
-from frictionid.cli.excite import excite
-from frictionid.cli.export import export
+from frictionid.rig.cli.excite import excite
+from frictionid.deploy.cli.export import export
 from frictionid.cli.fit import fit
 from frictionid.cli.identifiers import identifiers
 from frictionid.cli.init import init
 from frictionid.cli.laws import laws
-from frictionid.cli.log import log
+from frictionid.rig.cli.log import log
 from frictionid.cli.mechanisms import mechanisms
-from frictionid.cli.monitor import monitor
-from frictionid.cli.pool import pool
+from frictionid.deploy.cli.monitor import monitor
+from frictionid.deploy.cli.pool import pool
 from frictionid.cli.predict import predict
 from frictionid.cli.quick import quick
 from frictionid.cli.quiet import QUIET, without_quiet
-from frictionid.cli.render import render
+from frictionid.rig.cli.render import render
 from frictionid.cli.report import report
 from frictionid.cli.sensitivity import sensitivity
 from frictionid.cli.simulate import simulate
-from frictionid.cli.simulate_drive import simulate_drive
+from frictionid.rig.cli.simulate_drive import simulate_drive
 from frictionid.cli.suggest import suggest
-from frictionid.cli.track import track
+from frictionid.rig.cli.track import track
 from frictionid.cli.tune import tune
 from frictionid.errors import InputError
 

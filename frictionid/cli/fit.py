@@ -26,7 +26,7 @@ from frictionid.cli.paths import DatasetPath
 from frictionid.cli.settings import settings
 
 if TYPE_CHECKING:
-    from frictionid.comparison.methods import Method
+    from frictionid.fitting.method import Method
     from frictionid.friction import Friction
 
 

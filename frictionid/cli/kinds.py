@@ -21,7 +21,7 @@ def list_kinds(
 
     from frictionid.comparison.kind_descriptions import described
     from frictionid.files import plain
-    from frictionid.report.kinds import show_kind, show_kinds
+    from frictionid.report.terminal.kinds import show_kind, show_kinds
 
     chosen = [described(kinds(), name)] if name else kinds()
     if json:

@@ -43,7 +43,7 @@ def sensitivity(
     from frictionid.files import json_text
     from frictionid.report.figures.sensitivity import summarised
     from frictionid.report.sensitivity import sensitivity_table, studies
-    from frictionid.report.terminal import show_table
+    from frictionid.report.terminal.terminal import show_table
 
     def bar(total: int) -> AbstractContextManager[Callable[[str], None]]:
         return counted(total, "sensitivity")

@@ -17,7 +17,7 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.comparison.complexity import complexity_score
 from frictionid.comparison.equations import with_equations, with_intervals
-from frictionid.comparison.methods import Method
+from frictionid.fitting.method import Method
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
@@ -41,9 +41,9 @@ from frictionid.evaluation import (
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
 from frictionid.evaluation.plausibility import Beyond, beyond_motion
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier
-from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.shooting import Refined
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.shooting import Refined
 
 
 class Result(NamedTuple):

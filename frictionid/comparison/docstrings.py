@@ -33,7 +33,7 @@ def meaning(documented: Any, name: str) -> str:
 
     Entries count first, then the sentence that has the name between backticks.
 
-    >>> from frictionid.identifiers import LeastSquares
+    >>> from frictionid.fitting.identifiers import LeastSquares
     >>> meaning(LeastSquares, "iterations")
     'steps at most'
     """

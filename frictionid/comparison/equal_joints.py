@@ -10,13 +10,13 @@ import numpy as np
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.comparison.methods import Fit
+from frictionid.fitting.method import Fit
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Groups
-from frictionid.identifiers import Identifier
-from frictionid.identifiers.ols_covariance import covariance_of_fit
-from frictionid.identifiers.one_step_fit import OneStepFit
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.covariance import covariance_of_fit
+from frictionid.fitting.one_step.one_step_fit import OneStepFit
 
 LEVEL = 0.01  # p-values below it say that joints are not equal
 
@@ -49,7 +49,7 @@ def with_equal(identifier: Identifier, equal: Groups) -> Identifier:
         For identifiers that hold none equal, such as networks.
 
     >>> from frictionid.friction.laws import CoulombViscous
-    >>> from frictionid.identifiers import LeastSquares
+    >>> from frictionid.fitting.identifiers import LeastSquares
     >>> with_equal(LeastSquares(CoulombViscous()), ((1, 2),)).equal
     ((1, 2),)
     """

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.comparison.methods import Fit
+from frictionid.fitting.method import Fit
 from frictionid.friction import Friction
 
 

@@ -15,7 +15,7 @@ from frictionid.comparison.equal_joints import (
     with_equal,
 )
 from frictionid.comparison.equations import with_equations, with_intervals
-from frictionid.comparison.methods import Fit, Method
+from frictionid.fitting.method import Fit, Method
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset
@@ -31,10 +31,10 @@ from frictionid.evaluation import (
     with_speeds,
 )
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier
-from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.identifiers.residual import Problem
-from frictionid.shooting import document_of
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.shooting import document_of
 
 
 @dataclass(frozen=True)

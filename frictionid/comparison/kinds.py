@@ -41,7 +41,7 @@ class Kind:
     Examples
     --------
     >>> from frictionid.friction.laws import AsymmetricStribeck, Stribeck
-    >>> from frictionid.identifiers import LeastSquares
+    >>> from frictionid.fitting.identifiers import LeastSquares
     >>> asymmetric = Choice("symmetric", False, (LeastSquares, AsymmetricStribeck))
     >>> kind = Kind((LeastSquares, Stribeck), (asymmetric,))
     >>> kind.build({"symmetric": False, "width": 0.1, "iterations": 9}, "identifier").law

@@ -44,7 +44,7 @@ from frictionid.friction.laws import (
     WindowMLP,
 )
 from frictionid.friction.model_files import load_model, own_law
-from frictionid.identifiers import (
+from frictionid.fitting.identifiers import (
     BlackBox,
     CompressedNetwork,
     Frictionless,
@@ -57,9 +57,9 @@ from frictionid.identifiers import (
     SparseDynamics,
     StateNetwork,
 )
-from frictionid.identifiers.estimators import estimator_named
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
-from frictionid.shooting.parameters import (
+from frictionid.fitting.identifiers.estimators import estimator_named
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.parameters import (
     ActuatorBlock,
     BacklashBlock,
     BiasBlock,

@@ -16,7 +16,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.motion import motions_of
 from frictionid.comparison.fit_model import fitted
-from frictionid.comparison.methods import Method
+from frictionid.fitting.method import Method
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
@@ -25,8 +25,8 @@ from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, Protocol
 from frictionid.evaluation.free_run import free_run, make_trajectory
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier
-from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL
 
 # Pieces of at most so long [s] are moved, so many at most, with noise drawn so often.
 LONGEST, MOST, DRAWS = 3.0, 100, 4

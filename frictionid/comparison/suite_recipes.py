@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, Field
 
 from frictionid.comparison.kinds import Kind, built
-from frictionid.comparison.methods import Method
+from frictionid.fitting.method import Method
 from frictionid.comparison.registry import (
     BLOCKS,
     ESTIMATORS,
@@ -20,13 +20,13 @@ from frictionid.comparison.registry import (
 )
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
-from frictionid.identifiers.formulation import INTEGRAL, Recipe
-from frictionid.inverse_dynamics import InverseDynamics, TorqueSettings
-from frictionid.shooting import CalibratedRecipe, DelayBlock, Settings, Shooting
-from frictionid.shooting.calibrated_recipe import PARTS
-from frictionid.shooting.default_blocks import DEFAULT_BLOCKS
-from frictionid.shooting.known_calibration import KnownCalibration, known_calibration
-from frictionid.shooting.parameters import ParameterBlock
+from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
+from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
+from frictionid.fitting.shooting import CalibratedRecipe, DelayBlock, Settings, Shooting
+from frictionid.fitting.shooting.calibrated_recipe import PARTS
+from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS
+from frictionid.fitting.shooting.known_calibration import KnownCalibration, known_calibration
+from frictionid.fitting.parameters import ParameterBlock
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 

@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from frictionid.compiled import compiled
+from frictionid.programs.loops import compiled
 from frictionid.data.signals import Array, Signal, holds, sample
 
 Output = Literal["duty", "voltage", "current", "torque"]

@@ -9,9 +9,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
-from frictionid.identifiers.linearised import Linearised
-from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.row_weights import normalised
+from frictionid.fitting.one_step.linearised import Linearised
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.one_step.row_weights import normalised
 
 _RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding
 
@@ -28,8 +28,8 @@ def effective_parameters(friction: Friction, problem: Problem, weights: Array) -
     priors this is how many of them the rows determine. A network has as many as weights: early
     stopping and weight decay leave fewer, which no linear theory counts.
 
-    >>> from frictionid.identifiers.least_squares import LeastSquares
-    >>> from frictionid.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.fitting.identifiers.least_squares import LeastSquares
+    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
     >>> from frictionid.friction.laws import Stribeck
     >>> problem = synthetic_problem(1)
     >>> weights = np.ones((1, len(problem.r)))

@@ -17,7 +17,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
 from frictionid.friction import Inputs, Nodes
 from frictionid.friction.coordinates import of_last_joints
-from frictionid.identifiers.residual import GAP
+from frictionid.fitting.one_step.residual import GAP
 from frictionid.mechanics import Plant
 
 

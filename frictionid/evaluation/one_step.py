@@ -10,7 +10,7 @@ from frictionid.arrays import Array
 from frictionid.data.joint_scales import norm_of
 from frictionid.evaluation.score_frame import Score, summarise
 from frictionid.friction import Friction, Law, along, along_own
-from frictionid.identifiers.residual import Problem
+from frictionid.fitting.one_step.residual import Problem
 
 
 def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:

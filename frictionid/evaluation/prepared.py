@@ -33,7 +33,7 @@ from frictionid.evaluation.initial_states import InitialStates, make_initial_sta
 from frictionid.evaluation.protocol import Protocol
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import of_parts, turns_of
-from frictionid.identifiers.formulation import (
+from frictionid.fitting.one_step.formulation import (
     INTEGRAL,
     STUDY,
     Recipe,
@@ -41,10 +41,10 @@ from frictionid.identifiers.formulation import (
     states_of,
     training_problem,
 )
-from frictionid.identifiers.residual import Problem
-from frictionid.identifiers.torque_outliers import without_torque_outliers
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
 from frictionid.mechanics import Plant
-from frictionid.shooting import SampleWindows
+from frictionid.fitting.shooting import SampleWindows
 
 
 @dataclass(frozen=True, eq=False)

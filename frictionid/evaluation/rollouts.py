@@ -15,7 +15,7 @@ from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.score_frame import Score, summarise_rollouts
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
-from frictionid.shooting import SampleWindows
+from frictionid.fitting.shooting import SampleWindows
 
 
 def predict(

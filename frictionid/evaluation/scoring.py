@@ -34,8 +34,8 @@ from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_
 from frictionid.evaluation.rollouts import predict, rollout_scores
 from frictionid.evaluation.score_frame import Score, score_frame
 from frictionid.friction import Friction
-from frictionid.identifiers.residual import Problem
-from frictionid.shooting import SampleWindows
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.shooting import SampleWindows
 
 
 class Evaluation(NamedTuple):

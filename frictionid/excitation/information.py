@@ -30,7 +30,7 @@ from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.motion import Motions
 from frictionid.excitation.smoothing import jerk_decades, smoothed_states, smoother_gains
 from frictionid.friction import Friction, along
-from frictionid.identifiers.residual import (
+from frictionid.fitting.one_step.residual import (
     Problem,
     integral_problem,
     stiction_mask,

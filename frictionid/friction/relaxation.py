@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.compiled import compiled
+from frictionid.programs.loops import compiled
 
 
 def relaxed(target: Array, keep: Array, start: Array, first: Array) -> Array:

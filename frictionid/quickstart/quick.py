@@ -28,8 +28,8 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.statistics import Choice, Standing, choose
 from frictionid.friction import Friction
-from frictionid.shooting import document_of
-from frictionid.shooting.default_blocks import torque_is_sampled
+from frictionid.fitting.shooting import document_of
+from frictionid.fitting.shooting.default_blocks import torque_is_sampled
 
 LAWS = ("none", "coulomb_viscous", "stribeck", "spline")  # by their number of parameters
 STEPS = ("check", *LAWS)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
-from frictionid.pooling.samples import pooled_document
+from frictionid.deploy.pooling.samples import pooled_document
 from frictionid.report.estimates import Estimate, digits, estimates, interval
 from frictionid.report.numbers import NOTHING
 from frictionid.report.tables import Column, Table, line, text_columns

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from frictionid.report.estimates import Estimate, correlation_of, names_of
-from frictionid.shooting.parameters.parameter_block import IDEAL
+from frictionid.fitting.parameters.parameter_block import IDEAL
 
 LATE = ("delay", "target_delay")
 LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like

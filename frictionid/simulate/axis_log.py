@@ -12,7 +12,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.compiled import compiled
+from frictionid.programs.loops import compiled
 
 _FINE = 1e-5  # [s], substeps
 _SIZES = np.array([1.0, 0.8, 0.6])  # of the sines of the torque

@@ -16,7 +16,7 @@ from frictionid.simulate.dataset_folder import ROBOT_FILES
 from frictionid.simulate.rig import Rig
 
 if TYPE_CHECKING:
-    from frictionid.simulate.film import Film
+    from frictionid.rig.film.film import Film
 
 Settings = TypeVar("Settings")
 
@@ -52,7 +52,7 @@ def load_film(path: str | Path) -> Film:
     InputError
         Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
     """
-    from frictionid.simulate.film import Film  # draws with OpenCV, which takes time to load
+    from frictionid.rig.film.film import Film  # draws with OpenCV, which takes time to load
 
     return _settings(Film, read_toml(Path(path), "name a camera.toml"), str(path))
 

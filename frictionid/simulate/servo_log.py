@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.compiled import compiled
+from frictionid.programs.loops import compiled
 
 _FINE = 1e-5  # [s], substeps
 

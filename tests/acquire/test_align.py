@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import frictionid as fid
-from frictionid.acquire.align import Clock, align
-from frictionid.acquire.align.angles_file import read_angles
-from frictionid.acquire.align.cross_correlation import check_spans
-from frictionid.acquire.align.drive_response import drive_response
-from frictionid.acquire.align.recording_folder import (
+from frictionid.rig.align import Clock, align
+from frictionid.rig.align.angles_file import read_angles
+from frictionid.rig.align.cross_correlation import check_spans
+from frictionid.rig.align.drive_response import drive_response
+from frictionid.rig.align.recording_folder import (
     add_recording,
     check_place,
     head_of,
 )
-from frictionid.acquire.align.sync_edges import clock_from_edges, edges_of
+from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError

@@ -25,17 +25,17 @@ from fixtures.simulated_films import (
 
 import frictionid as fid
 from frictionid import load_dataset
-from frictionid.acquire.camera.marker_setup import (
+from frictionid.rig.camera.marker_setup import (
     Links,
     Marker,
     load_marker_setup,
     marker_setup_text,
 )
-from frictionid.acquire.camera.overlay import contact_sheet
-from frictionid.acquire.camera.source import Source, open_source
-from frictionid.acquire.camera.track import track
+from frictionid.rig.camera.overlay import contact_sheet
+from frictionid.rig.camera.source import Source, open_source
+from frictionid.rig.camera.track import track
 from frictionid.errors import InputError
-from frictionid.simulate.film import shots, write_film
+from frictionid.rig.film.film import shots, write_film
 
 FILM = Film(LENGTHS, view=SMALL)
 MOTION = motion(60)
@@ -289,7 +289,7 @@ def test_a_film_that_broke_off_is_none(tmp_path, monkeypatch):
         yield from itertools.islice(shots(FILM, MOTION), 3)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(import_module("frictionid.simulate.film"), "shots", broken)
+    monkeypatch.setattr(import_module("frictionid.rig.film.film"), "shots", broken)
     with pytest.raises(KeyboardInterrupt):
         write_film(FILM, MOTION, tmp_path / "half")
     assert not list(tmp_path.iterdir())

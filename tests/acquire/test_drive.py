@@ -15,11 +15,11 @@ from fixtures.paths import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictionid.acquire.logfile import read_log
-from frictionid.acquire.playback import PlaySettings, excite, keys, load_signal
-from frictionid.acquire.protocol import framed, read
-from frictionid.acquire.rig_settings import rig_settings_of
-from frictionid.acquire.virtual_drive.controller import (
+from frictionid.rig.logfile import read_log
+from frictionid.rig.playback import PlaySettings, excite, keys, load_signal
+from frictionid.rig.protocol import framed, read
+from frictionid.rig.rig_settings import rig_settings_of
+from frictionid.rig.virtual_drive.controller import (
     RAMP,
     SILENCE,
     Controller,
@@ -28,8 +28,8 @@ from frictionid.acquire.virtual_drive.controller import (
     broken_line,
     torque_of,
 )
-from frictionid.acquire.virtual_drive.serve import play
-from frictionid.acquire.virtual_drive.terminal import Terminal
+from frictionid.rig.virtual_drive.serve import play
+from frictionid.rig.virtual_drive.terminal import Terminal
 from frictionid.cli import main
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, sample

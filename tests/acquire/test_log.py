@@ -16,11 +16,11 @@ from fixtures.paths import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from frictionid.acquire.logfile import Appender, Layout, Log, read_log
-from frictionid.acquire.monitor import ProgressLine, log_until, progress, stop_requests
-from frictionid.acquire.port import Port
-from frictionid.acquire.protocol import parsed, read, written
-from frictionid.acquire.virtual_drive.terminal import Terminal
+from frictionid.rig.logfile import Appender, Layout, Log, read_log
+from frictionid.rig.monitor import ProgressLine, log_until, progress, stop_requests
+from frictionid.rig.port import Port
+from frictionid.rig.protocol import parsed, read, written
+from frictionid.rig.virtual_drive.terminal import Terminal
 from frictionid.errors import InputError
 
 PORTS = ROOT / "tests" / "fixtures" / "drive_ports.py"
@@ -301,7 +301,7 @@ def test_a_request_to_stop_ends_the_log_with_all_rows_safe(protocol, tmp_path, n
 
 
 def test_what_is_shown_names_what_happens(capsys):
-    from frictionid.acquire.log import Counts
+    from frictionid.rig.log import Counts
 
     with ProgressLine(("time",)) as show:
         for connected in (True, False, True):

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from frictionid.acquire.controller_clock import clock_runs, unified_time
-from frictionid.acquire.logfile import seconds
-from frictionid.acquire.protocol import (
+from frictionid.rig.controller_clock import clock_runs, unified_time
+from frictionid.rig.logfile import seconds
+from frictionid.rig.protocol import (
     MAX_LINE,
     Format,
     diagnosis,
@@ -17,7 +17,7 @@ from frictionid.acquire.protocol import (
     unframed,
     written,
 )
-from frictionid.acquire.rig_settings import rig_settings_of
+from frictionid.rig.rig_settings import rig_settings_of
 from frictionid.errors import InputError
 
 SAFE = Format(checksum="crc16", mark="$")

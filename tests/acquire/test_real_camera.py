@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 
-from frictionid.acquire.camera.follow import Follower
-from frictionid.acquire.camera.marker_setup import Marker, MarkerSetup
-from frictionid.acquire.camera.source import Frame
+from frictionid.rig.camera.follow import Follower
+from frictionid.rig.camera.marker_setup import Marker, MarkerSetup
+from frictionid.rig.camera.source import Frame
 
 
 def test_the_marker_of_a_real_frame_is_found(real_data):

@@ -21,14 +21,14 @@ from fixtures.simulated_films import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictionid.acquire.align import align
-from frictionid.acquire.align.cross_correlation import coarse_offset
-from frictionid.acquire.align.sync_edges import clock_from_edges, edges_of
-from frictionid.acquire.camera.angles import angles_csv
-from frictionid.acquire.camera.marker_setup import SyncLed as TrackedLed
-from frictionid.acquire.camera.marker_setup import load_marker_setup, marker_setup_text
-from frictionid.acquire.camera.source import open_source
-from frictionid.acquire.camera.track import track
+from frictionid.rig.align import align
+from frictionid.rig.align.cross_correlation import coarse_offset
+from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
+from frictionid.rig.camera.angles import angles_csv
+from frictionid.rig.camera.marker_setup import SyncLed as TrackedLed
+from frictionid.rig.camera.marker_setup import load_marker_setup, marker_setup_text
+from frictionid.rig.camera.source import open_source
+from frictionid.rig.camera.track import track
 from frictionid.check.balance_windows import unit_rows
 from frictionid.check.motion import motions_of
 from frictionid.data.recordings import Recording
@@ -36,9 +36,9 @@ from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
-from frictionid.simulate.film import write_film
+from frictionid.rig.film.film import write_film
 from frictionid.simulate.rig_file import load_film
-from frictionid.simulate.scene import SyncLed
+from frictionid.rig.film.scene import SyncLed
 
 TABLE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
 FRICTION = Stribeck(Curve((0.1,), (0.1,), (0.012,), (0.03,), (0.03,), (0.8,)))

@@ -30,7 +30,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.report.diagnostics import as_json
 from frictionid.report.figures.diagnostics import write_pictures
 from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate

@@ -12,7 +12,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.mechanics import pendulum
 
 RIG = pendulum(mass=0.5, length=0.4)

@@ -18,7 +18,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.report import show_fit
 
 COUNT = 40

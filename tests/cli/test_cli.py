@@ -20,8 +20,8 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.files import read_json
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
-from frictionid.identifiers.one_step_fit import checked_fit
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.one_step.one_step_fit import checked_fit
 
 COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from signal import SIGKILL
 from time import sleep
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import Identifier, LeastSquares
+from frictionid.fitting.identifiers import Identifier, LeastSquares
 
 @dataclass(frozen=True)
 class Killer(Identifier):

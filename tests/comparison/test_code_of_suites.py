@@ -63,7 +63,7 @@ def test_estimators_are_classes_of_installed_packages(complaint, name, words):
 
 
 def test_a_module_beside_the_suite_is_its_own(tmp_path):
-    text = "from frictionid.identifiers import Frictionless as beside\n"
+    text = "from frictionid.fitting.identifiers import Frictionless as beside\n"
     (tmp_path / "beside_the_suite.py").write_text(text)
     file = write_suite(tmp_path, [("identifiers", [{"kind": "beside_the_suite:beside"}])])
     assert {task.name for task in tasks_of(load_suite(file), file)} == {"beside", "truth"}

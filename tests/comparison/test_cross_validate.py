@@ -17,9 +17,9 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true_friction
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
-from frictionid.identifiers import Frictionless, Identifier, LeastSquares, Published
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
-from frictionid.identifiers.one_step_fit import checked_fit
+from frictionid.fitting.identifiers import Frictionless, Identifier, LeastSquares, Published
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.one_step.one_step_fit import checked_fit
 
 PROTOCOL = Protocol(horizons=(0.1, 0.3))
 FIT = LeastSquares(CoulombViscous())
@@ -84,9 +84,9 @@ def test_the_held_out_are_the_same_for_all_identifiers_and_recipes():
 
 OWN = """
 from dataclasses import dataclass
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import Identifier
+from frictionid.fitting.identifiers import Identifier
 
 @dataclass(frozen=True)
 class Seeded(Identifier):

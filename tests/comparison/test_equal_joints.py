@@ -16,15 +16,15 @@ from frictionid.errors import InputError
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.friction import Friction, SpeedRange, along, constraints_of
 from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
-from frictionid.identifiers import LeastSquares, Linear, SINDy
-from frictionid.identifiers.ols_covariance import half_widths
-from frictionid.identifiers.one_step_fit import OneStepFit
-from frictionid.identifiers.synthetic_problem import synthetic_problem
-from frictionid.shooting import Settings
-from frictionid.shooting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
-from frictionid.shooting.parameters.parameter_block import values_of, with_values
-from frictionid.shooting.refine import prepare_fit
-from frictionid.shooting.sample_intervals import intervals_of
+from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
+from frictionid.fitting.one_step.covariance import half_widths
+from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.shooting import Settings
+from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
+from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset
 from frictionid.simulate import Stribeck as TrueStribeck
 

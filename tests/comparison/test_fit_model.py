@@ -14,9 +14,9 @@ from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import BlackBox, LeastSquares, Published, SparseDynamics
-from frictionid.identifiers.formulation import INTEGRAL, STUDY
-from frictionid.shooting import CalibratedRecipe, DelayBlock, FrictionBlock, Settings, Shooting
+from frictionid.fitting.identifiers import BlackBox, LeastSquares, Published, SparseDynamics
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.fitting.shooting import CalibratedRecipe, DelayBlock, FrictionBlock, Settings, Shooting
 
 DATA = dataset(recordings=recordings()[:4])
 FIT = LeastSquares(CoulombViscous())

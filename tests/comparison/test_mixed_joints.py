@@ -23,11 +23,11 @@ from frictionid.excitation import (
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import Frictionless, LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, problem_of, training_problem
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of, training_problem
 from frictionid.mechanics import Plant
 from frictionid.report.experiment_design import described
-from frictionid.shooting.result_document import own_base
+from frictionid.fitting.shooting.result_document import own_base
 
 FRICTION = Friction(CoulombViscous(), TRUE, position_units=("m", "rad"))
 PROTOCOL = Protocol(horizons=(0.25,), whole=True)

@@ -24,7 +24,7 @@ from frictionid.friction.laws import (
     check_law,
 )
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -22,7 +22,7 @@ from frictionid.errors import InputError
 from frictionid.report.exhibits import names_of
 from frictionid.report.sections import sections_of
 from frictionid.report.sensitivity_beside import beside
-from frictionid.shooting import Shooting
+from frictionid.fitting.shooting import Shooting
 
 NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", "recordings")}
 

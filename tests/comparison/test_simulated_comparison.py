@@ -12,8 +12,8 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.friction.laws import AsymmetricStribeck
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe, training_problem
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe, training_problem
 from frictionid.simulate import load_rig, noise_free, simulate
 
 

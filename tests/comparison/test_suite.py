@@ -20,8 +20,8 @@ from frictionid.evaluation import Protocol, Split
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model
-from frictionid.identifiers import Frictionless, LeastSquares, Published
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def place(tmp_path_factory):
 
 OWN = """
 from dataclasses import dataclass
-from frictionid.identifiers import Frictionless, Identifier
+from frictionid.fitting.identifiers import Frictionless, Identifier
 
 @dataclass(frozen=True)
 class Mine(Identifier):

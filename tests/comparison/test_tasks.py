@@ -26,9 +26,9 @@ SLOW = """
 import os
 from dataclasses import dataclass
 from time import sleep
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import Identifier
+from frictionid.fitting.identifiers import Identifier
 
 @dataclass(frozen=True)
 class Slow(Identifier):

@@ -24,13 +24,13 @@ from frictionid.comparison.tuning.nested_folds import training_benchmark
 from frictionid.comparison.tuning.tuning_task import TuningTask
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.report.tuning import score_table, settings_tables, write_outcome
 
 OWN = """
 from dataclasses import dataclass, replace
 from frictionid.errors import InputError
-from frictionid.identifiers import Identifier, LeastSquares
+from frictionid.fitting.identifiers import Identifier, LeastSquares
 from frictionid.friction.laws import CoulombViscous
 
 @dataclass(frozen=True)

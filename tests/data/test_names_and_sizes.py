@@ -12,7 +12,7 @@ from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.simulate import Steps
 from frictionid.simulate.torques import Multisine, Noise
-from frictionid.simulate.view import View
+from frictionid.rig.film.view import View
 
 
 def test_a_table_named_in_bytes_that_are_no_text_is_refused(tmp_path, monkeypatch, capsys):

@@ -10,8 +10,8 @@ from frictionid.data.signals import Signal, cut, relative_noise
 from frictionid.data.state_estimators import RTS
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.shooting import refine
-from frictionid.shooting.parameters import FrictionBlock
+from frictionid.fitting.shooting import refine
+from frictionid.fitting.parameters import FrictionBlock
 from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck, simulate
 
 RATE = 60.0

@@ -13,9 +13,9 @@ import pytest
 from fixtures.drive_ports import until
 from fixtures.paths import ROOT
 
-from frictionid.acquire.align.angles_file import AngleColumns
-from frictionid.acquire.protocol import written
-from frictionid.acquire.rig_settings import rig_settings_of
+from frictionid.rig.align.angles_file import AngleColumns
+from frictionid.rig.protocol import written
+from frictionid.rig.rig_settings import rig_settings_of
 from frictionid.cli import main
 from frictionid.config import checked
 from frictionid.data.readers.dataset import load_dataset

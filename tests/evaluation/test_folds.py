@@ -13,7 +13,7 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Split, make_folds
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of
 
 KINDS = ("recordings", "blocks", "shuffled")
 

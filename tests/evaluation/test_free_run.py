@@ -37,8 +37,8 @@ from frictionid.evaluation import (
 )
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
-from frictionid.identifiers import Frictionless, LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL
 
 MASS, LENGTH, KT, R = 0.5, 0.1, 0.37, 2.9
 TABLE = {"kind": "pendulum", "motor": True, "parameters": {"mass": MASS, "length": LENGTH}}

@@ -21,8 +21,8 @@ from frictionid.evaluation import (
     with_motor_torque,
 )
 from frictionid.friction.laws import MotorLoad
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 
 pytestmark = pytest.mark.real
 

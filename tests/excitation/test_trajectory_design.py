@@ -20,8 +20,8 @@ from frictionid.excitation import (
     prior_friction_of,
 )
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
-from frictionid.inverse_dynamics import InverseDynamics
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.torque_balance import InverseDynamics
 from frictionid.mechanics import Plant, acrobot, double_pendulum
 from frictionid.simulate import Camera, Controller, Curve, Drive, Rig, Run, Stribeck, simulate
 

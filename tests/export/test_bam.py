@@ -11,10 +11,10 @@ import pytest
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
-from frictionid.export.bam import held
-from frictionid.export.exported import exported
-from frictionid.export.formats import ExportSettings, writer_of
-from frictionid.export.nearest import nearest
+from frictionid.deploy.export.bam import held
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.nearest import nearest
 from frictionid.friction import Friction, Inputs, along
 from frictionid.friction.bam_files import GEAR, MODELS, read_bam
 from frictionid.friction.laws import (

@@ -12,7 +12,7 @@ import torch
 from targets import loaded, written
 from test_programs import LAWS, friction_by
 
-from frictionid.export.exported import exported
+from frictionid.deploy.export.exported import exported
 from frictionid.friction import Inputs
 from frictionid.friction import laws as known
 

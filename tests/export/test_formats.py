@@ -9,8 +9,8 @@ import pytest
 from test_programs import LAWS, friction_by
 
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
-from frictionid.export.formats import FORMATS, ExportSettings, writer_of
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import FORMATS, ExportSettings, writer_of
 
 CODE = ("c", "st", "python", "casadi", "onnx", "torchscript", "yaml", "latex")
 

@@ -9,7 +9,7 @@ from structured_text_runner import StructuredText
 from targets import compiled, written
 from test_programs import LAWS, friction_by
 
-from frictionid.export.exported import exported
+from frictionid.deploy.export.exported import exported
 
 HOSTILE = 'a"""\nplanted = 1\n#\\ */ planted /* *) planted (* ??/ {planted} %'
 

@@ -12,8 +12,8 @@ import pytest
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
-from frictionid.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings, writer_of
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import (
     CoulombViscous,

@@ -9,9 +9,9 @@ import pytest
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
-from frictionid.export.cost import cost_of, cost_sentence
-from frictionid.export.exported import exported
-from frictionid.export.nearest import break_away, differs, nearest
+from frictionid.deploy.export.cost import cost_of, cost_sentence
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.nearest import break_away, differs, nearest
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricCoulombViscous, CoulombViscous, Quadratic, Stribeck
 

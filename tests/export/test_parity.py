@@ -7,7 +7,7 @@ import pytest
 from targets import TARGETS, used
 from test_programs import LAWS, N, friction_by
 
-from frictionid.export.exported import exported
+from frictionid.deploy.export.exported import exported
 from frictionid.friction import Inputs
 from frictionid.friction import laws as known
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
+from frictionid.deploy.export.exported import exported
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction import laws as known
 from frictionid.friction.laws import LinearOutside
-from frictionid.tracing.program import Program
+from frictionid.programs.program import Program
 
 LAWS = {
     "coulomb_viscous": known.CoulombViscous(),

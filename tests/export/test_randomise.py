@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
-from frictionid.export.nearest import nearest
-from frictionid.export.randomise import drawn, randomised
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.nearest import nearest
+from frictionid.deploy.export.randomise import drawn, randomised
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 

@@ -12,9 +12,9 @@ from fixtures.paths import DATA, ROOT
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation.rollouts import predict
-from frictionid.export.cost import at_horizon
-from frictionid.export.exported import exported
-from frictionid.export.formats import ExportSettings
+from frictionid.deploy.export.cost import at_horizon
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings
 
 sys.path.append(str(ROOT / "comparisons"))
 from exported import halves, row, with_starts

@@ -11,8 +11,8 @@ from targets import written
 from test_programs import LAWS, friction_by
 
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
-from frictionid.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings, writer_of
 from frictionid.friction import Friction
 from frictionid.friction import laws as known
 

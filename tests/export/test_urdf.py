@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
-from frictionid.export.formats import ExportSettings, writer_of
-from frictionid.export.xml_text import elements
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.xml_text import elements
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 

@@ -8,11 +8,11 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, states_of, training_problem
-from frictionid.inverse_dynamics import TorqueSettings, fit_torques, torque_balance
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
+from frictionid.fitting.torque_balance import TorqueSettings, fit_torques, torque_balance
 from frictionid.mechanics import urdf
-from frictionid.shooting.parameters import BiasBlock, FrictionBlock
+from frictionid.fitting.parameters import BiasBlock, FrictionBlock
 
 LINK = '<inertial><origin xyz="0.1 0 0"/><mass value="{m}"/><inertia ixx="0.01" ixy="0" ixz="0" '
 LINK += 'iyy="0.02" iyz="0" izz="0.02"/></inertial>'

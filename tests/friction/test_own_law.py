@@ -13,11 +13,11 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import Quadratic as BuiltIn
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of
 from frictionid.mechanics import Plant, double_pendulum
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.parameters import FrictionBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.parameters import FrictionBlock
 
 sys.path.append(str(ROOT / "comparisons"))
 from own_friction import Quadratic as Own

@@ -8,8 +8,8 @@ from fixtures.exact_problems import everything, explained_by
 from pysindy import STLSQ
 
 from frictionid.friction.laws import CoulombViscous, Library, Stribeck
-from frictionid.identifiers import SINDy, active_sets
-from frictionid.identifiers.active_sets import (
+from frictionid.fitting.identifiers import SINDy, active_sets
+from frictionid.fitting.identifiers.active_sets import (
     Constraints,
     admissible,
     best_fits,
@@ -17,7 +17,7 @@ from frictionid.identifiers.active_sets import (
     best_sets_of_joint,
     held_out_costs,
 )
-from frictionid.identifiers.grams import clusters, columns, grams
+from frictionid.fitting.one_step.grams import clusters, columns, grams
 
 LAW = Library()
 COULOMB = np.array([[0.10, 0.02], [0.05, 0.01]])

@@ -17,10 +17,10 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import StateLSTM, StateMLP, check_law, members_of
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import BlackBox, Identifier, Network, StateNetwork, check_identifier
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.identifiers.residual import mask_stiction
-from frictionid.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers import BlackBox, Identifier, Network, StateNetwork, check_identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 
 KINDS = ["blackbox_mlp", "blackbox_lstm"]
 # Errors that each stays below: of acceleration, relative, and of the angle after 0.25 s [rad].

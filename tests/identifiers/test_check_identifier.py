@@ -19,7 +19,7 @@ from frictionid.friction.laws import (
     NoFriction,
     Stribeck,
 )
-from frictionid.identifiers import (
+from frictionid.fitting.identifiers import (
     CompressedNetwork,
     Frictionless,
     Identifier,
@@ -28,7 +28,7 @@ from frictionid.identifiers import (
     Published,
     check_identifier,
 )
-from frictionid.identifiers.synthetic_problem import (
+from frictionid.fitting.identifiers.synthetic_problem import (
     synthetic_problem,
     synthetic_weights,
     true_friction,

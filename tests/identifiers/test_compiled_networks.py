@@ -16,9 +16,9 @@ from frictionid.comparison.suite_identifiers import identifier_named, on_device
 from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import MLP
-from frictionid.identifiers import Network
-from frictionid.identifiers.networks.compiled import compiled, compiler
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import Network
+from frictionid.fitting.networks.compiled import compiled, compiler
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 TINY = Network(MLP((2,)), epochs=2, batch=64)
 NO_CUDA = pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")

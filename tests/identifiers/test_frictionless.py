@@ -10,8 +10,8 @@ from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, NoFriction
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import Frictionless, LeastSquares
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 
 @pytest.mark.parametrize("n", [1, 2])

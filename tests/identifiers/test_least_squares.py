@@ -19,12 +19,12 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
 from frictionid.friction import Friction, Law, along
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag, Stribeck
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.box_qp import bounded
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, training_problem
-from frictionid.identifiers.initial_guess import best_initial_guess
-from frictionid.identifiers.residual import mask_stiction
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.identifiers.initial_guess import best_initial_guess
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 CLEAN = DATA / "acrobot_clean"
 STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])

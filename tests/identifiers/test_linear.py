@@ -13,9 +13,9 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck, Table
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares, Linear, check_identifier
-from frictionid.identifiers.grams import FEW, clusters, columns, grams
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import LeastSquares, Linear, check_identifier
+from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 KNOTS = (0.5, 1.5, 3.0, 6.0)
 LAWS_ = (Spline(KNOTS), Spline(KNOTS, 1), AsymmetricSpline(KNOTS), Table((0.5, 1.5, 3.0)))
@@ -97,7 +97,7 @@ def test_rows_that_all_weigh_differently_come_to_the_same(monkeypatch):
     problem = synthetic_problem(2)
     A, weights = columns(Spline(KNOTS), problem), synthetic_weights(problem)
     together = grams(A, weights, clusters(problem))
-    monkeypatch.setattr(import_module("frictionid.identifiers.grams"), "_CELLS", 3)
+    monkeypatch.setattr(import_module("frictionid.fitting.one_step.grams"), "_CELLS", 3)
     np.testing.assert_allclose(grams(A, weights, clusters(problem)), together, atol=1e-12)
 
 

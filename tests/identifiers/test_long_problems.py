@@ -10,10 +10,10 @@ import pytest
 
 from frictionid.friction import Nodes, along
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
-from frictionid.identifiers import LeastSquares, least_squares, linearised
-from frictionid.identifiers.initial_guess import _grams
-from frictionid.identifiers.linearised import Given, Linearised
-from frictionid.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers import LeastSquares, least_squares, linearised
+from frictionid.fitting.identifiers.initial_guess import _grams
+from frictionid.fitting.one_step.linearised import Given, Linearised
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 
 
 def _repeated(problem, times):

@@ -13,12 +13,12 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares, Network, check_identifier
-from frictionid.identifiers.networks.fold_stack import FoldStack
-from frictionid.identifiers.networks.lstm_cells import Cells
-from frictionid.identifiers.networks.lstm_training_set import SequenceTrainingSet
-from frictionid.identifiers.networks.network import check_device
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import LeastSquares, Network, check_identifier
+from frictionid.fitting.networks.fold_stack import FoldStack
+from frictionid.fitting.networks.lstm_cells import Cells
+from frictionid.fitting.networks.lstm_training_set import SequenceTrainingSet
+from frictionid.fitting.networks.network import check_device
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)

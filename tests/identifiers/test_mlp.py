@@ -15,11 +15,11 @@ from frictionid.evaluation import curve_error
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import MLP, AsymmetricStribeck, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import CompressedNetwork, LeastSquares
-from frictionid.identifiers.networks.compressed import _torque
-from frictionid.identifiers.networks.compressed_problem import compressed, node_speeds
-from frictionid.identifiers.networks.early_stopping import held_out
-from frictionid.identifiers.synthetic_problem import (
+from frictionid.fitting.identifiers import CompressedNetwork, LeastSquares
+from frictionid.fitting.networks.compressed import _torque
+from frictionid.fitting.networks.compressed_problem import compressed, node_speeds
+from frictionid.fitting.networks.early_stopping import held_out
+from frictionid.fitting.identifiers.synthetic_problem import (
     synthetic_problem,
     synthetic_weights,
     true_friction,

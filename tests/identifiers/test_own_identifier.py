@@ -23,8 +23,8 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.files import read_json
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import check_law
-from frictionid.identifiers import Frictionless, Identifier, check_identifier
-from frictionid.identifiers.formulation import INTEGRAL, STUDY, problem_of
+from frictionid.fitting.identifiers import Frictionless, Identifier, check_identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of
 
 FILE = ROOT / "comparisons" / "own_friction.py"
 

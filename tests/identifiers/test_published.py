@@ -13,8 +13,8 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model
-from frictionid.identifiers import Published
-from frictionid.identifiers.synthetic_problem import (
+from frictionid.fitting.identifiers import Published
+from frictionid.fitting.identifiers.synthetic_problem import (
     synthetic_problem,
     synthetic_weights,
     true_friction,

@@ -16,11 +16,11 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import Regressor, check_identifier
-from frictionid.identifiers.estimators import NAMED, estimator_named
-from frictionid.identifiers.regressor import torques
-from frictionid.identifiers.residual import mask_stiction
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import Regressor, check_identifier
+from frictionid.fitting.identifiers.estimators import NAMED, estimator_named
+from frictionid.fitting.identifiers.regressor import torques
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 SPEEDS = np.array([0.6, 1.0, 2.0, 3.5])

@@ -15,7 +15,7 @@ from frictionid.dynamics.step import euler_step
 from frictionid.errors import InputError
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
-from frictionid.identifiers.residual import (
+from frictionid.fitting.one_step.residual import (
     euler_problem,
     integral_problem,
     mask_stiction,

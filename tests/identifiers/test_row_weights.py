@@ -9,9 +9,9 @@ from fixtures.exact_problems import everything, explained_by, standard_errors
 from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, Stribeck
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.row_weights import huber_factors
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.row_weights import huber_factors
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 

@@ -21,16 +21,16 @@ from frictionid.files import read_json
 from frictionid.friction import Friction, Inputs, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Library, Spline, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares, Linear, SINDy, check_identifier
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.identifiers.ols_covariance import half_widths
-from frictionid.identifiers.one_step_fit import OneStepFit
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.shooting import Settings, Shooting
-from frictionid.shooting.parameters import FrictionBlock
-from frictionid.shooting.parameters.friction import on_support
-from frictionid.shooting.recipe import ShootingFit, refine_folds
-from frictionid.shooting.sample_intervals import intervals_of
+from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, check_identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.covariance import half_widths
+from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.shooting.recipe import ShootingFit, refine_folds
+from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write_dataset
 from frictionid.simulate import Stribeck as SimulatedStribeck
 

@@ -20,11 +20,11 @@ from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import StateLibrary, check_law
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import BlackBox, SparseDynamics, check_identifier
-from frictionid.identifiers.residual import mask_stiction
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import BlackBox, SparseDynamics, check_identifier
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.mechanics import Plant, unit_inertia
-from frictionid.shooting import Shooting
+from frictionid.fitting.shooting import Shooting
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
 
 MASS, LENGTH, VISCOUS = 0.5, 0.4, 0.05

@@ -19,8 +19,8 @@ from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 SYMMETRIC, ASYMMETRIC = Stribeck(), AsymmetricStribeck()
 TRUTH = {

@@ -11,7 +11,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
-from frictionid.identifiers.torque_outliers import (
+from frictionid.fitting.one_step.torque_outliers import (
     _apart,
     torque_outliers,
     without_torque_outliers,

@@ -25,12 +25,12 @@ from frictionid.friction.laws import (
     members_of,
 )
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import CompressedNetwork, LeastSquares, Network, check_identifier
-from frictionid.identifiers.networks.adam import Adam
-from frictionid.identifiers.networks.batches import batches
-from frictionid.identifiers.networks.fold_stack import FoldStack
-from frictionid.identifiers.networks.mlp_training_set import RowTrainingSet, window
-from frictionid.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers import CompressedNetwork, LeastSquares, Network, check_identifier
+from frictionid.fitting.networks.adam import Adam
+from frictionid.fitting.networks.batches import batches
+from frictionid.fitting.networks.fold_stack import FoldStack
+from frictionid.fitting.networks.mlp_training_set import RowTrainingSet, window
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 
 sys.path.append(str(ROOT / "comparisons"))
 from own_network import OwnLaw, own_network

@@ -10,15 +10,15 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
-from frictionid.inverse_dynamics import InverseDynamics, TorqueSettings
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 from frictionid.mechanics import configurations, pendulum
 from frictionid.mechanics.rigid_body.consistent import (
     moments_of,
     nearest_consistent,
     pseudo_inertia,
 )
-from frictionid.shooting.parameters import FrictionBlock, InertiaBlock
+from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 
 
 @pytest.fixture(scope="module")

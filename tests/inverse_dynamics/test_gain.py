@@ -13,10 +13,10 @@ from frictionid.comparison.suite_recipes import blocks_of
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
-from frictionid.inverse_dynamics import InverseDynamics
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.torque_balance import InverseDynamics
 from frictionid.mechanics import urdf
-from frictionid.shooting.parameters import FrictionBlock, GainBlock, InertiaBlock
+from frictionid.fitting.parameters import FrictionBlock, GainBlock, InertiaBlock
 
 GAINS = np.array([1.3, 0.8, 1.15])
 FRICTION = np.stack([wrist.COULOMB, wrist.VISCOUS], axis=-1)[:3]

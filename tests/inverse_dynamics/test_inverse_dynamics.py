@@ -21,11 +21,11 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad, Stribeck
-from frictionid.identifiers import Frictionless, LeastSquares
-from frictionid.inverse_dynamics import InverseDynamics, TorqueSettings, torque_balance
-from frictionid.inverse_dynamics.residual import TorqueProblem
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings, torque_balance
+from frictionid.fitting.torque_balance.residual import TorqueProblem
 from frictionid.mechanics import double_pendulum
-from frictionid.shooting.parameters import (
+from frictionid.fitting.parameters import (
     BiasBlock,
     DelayBlock,
     FrictionBlock,
@@ -33,7 +33,7 @@ from frictionid.shooting.parameters import (
     InertiaBlock,
     OffsetBlock,
 )
-from frictionid.shooting.parameters.parameter_block import (
+from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     free_blocks,
     values_of,

@@ -10,12 +10,12 @@ from frictionid.data.signals import Signal
 from frictionid.friction import Friction
 from frictionid.friction.laws import LoadDependent, NoFriction, Stribeck
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, states_of
-from frictionid.inverse_dynamics import TorqueSettings, fit_torques, torque_balance
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
+from frictionid.fitting.torque_balance import TorqueSettings, fit_torques, torque_balance
 from frictionid.mechanics import configurations, pendulum, urdf
-from frictionid.shooting.parameters import FrictionBlock, InertiaBlock
-from frictionid.shooting.parameters.parameter_block import Estimate
+from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
+from frictionid.fitting.parameters.parameter_block import Estimate
 
 ARM = """<robot name="arm"><link name="base"/>
 <link name="a"><inertial><origin xyz="0.1 0 0.02"/><mass value="3"/>

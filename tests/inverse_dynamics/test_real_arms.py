@@ -16,8 +16,8 @@ sys.path.append(str(Path(__file__).parents[2] / "comparisons"))
 import arms
 
 from frictionid.friction.laws import CoulombViscous, LoadDependent
-from frictionid.identifiers import LeastSquares
-from frictionid.inverse_dynamics import TorqueSettings, fit_torques
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.torque_balance import TorqueSettings, fit_torques
 
 pytestmark = pytest.mark.real
 # friction of others on the whole recording: Coulomb [N m] and viscous [N m s/rad]

@@ -9,8 +9,8 @@ from fixtures.seven_joints import TRUE, arm_rig, curve_errors
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.friction.laws import Stribeck
-from frictionid.identifiers import LeastSquares
-from frictionid.inverse_dynamics import InverseDynamics
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.torque_balance import InverseDynamics
 from frictionid.simulate import simulate, write_dataset
 
 

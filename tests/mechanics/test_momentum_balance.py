@@ -8,7 +8,7 @@ from frictionid.check.motion import motions_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.identifiers.residual import integral_problem
+from frictionid.fitting.one_step.residual import integral_problem
 from frictionid.mechanics import Plant, double_pendulum, pendulum
 from frictionid.mechanics.momentum_balance import (
     interval_mean,

@@ -16,7 +16,7 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.mechanics import (
     Body,
     Joint,
@@ -26,8 +26,8 @@ from frictionid.mechanics import (
     double_pendulum,
     from_bodies,
 )
-from frictionid.shooting import Shooting
-from frictionid.shooting.parameters import FrictionBlock
+from frictionid.fitting.shooting import Shooting
+from frictionid.fitting.parameters import FrictionBlock
 from frictionid.simulate import write_dataset as write
 
 MJCF = """<mujoco><compiler angle="radian"/><option gravity="0 -{g} 0"><flag contact="disable"/>

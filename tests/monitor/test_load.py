@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import frictionid as fid
-from frictionid.monitor.changes import prepared_data, recording_changes
-from frictionid.monitor.judgement import judge
-from frictionid.monitor.state import arriving
+from frictionid.deploy.monitor.changes import prepared_data, recording_changes
+from frictionid.deploy.monitor.judgement import judge
+from frictionid.deploy.monitor.state import arriving
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
 
 LIGHT, HEAVY = 0.5, 0.7  # kg

@@ -12,7 +12,7 @@ from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import save_model
-from frictionid.pooling.meta_regression import meta_regression
+from frictionid.deploy.pooling.meta_regression import meta_regression
 from frictionid.simulate.servo_log import ServoPendulum
 
 WARM = np.array([20.0, 26.0, 32.0, 38.0, 44.0])

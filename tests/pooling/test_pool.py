@@ -9,11 +9,11 @@ from fixtures.one_joint_sets import Setup, sets
 
 import frictionid as fid
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
-from frictionid.export.randomise import randomised
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.randomise import randomised
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, NoFriction, Stribeck
-from frictionid.pooling.models import pooled
+from frictionid.deploy.pooling.models import pooled
 
 SPREAD, ERROR = 0.15, 0.03
 

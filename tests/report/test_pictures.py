@@ -12,7 +12,7 @@ from frictionid.data.plants import plant_of
 from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loops
 from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
-from frictionid.report.figures.alignment import least_squares_friction
+from frictionid.rig.align.alignment_figure import least_squares_friction
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.style import drawing, styles

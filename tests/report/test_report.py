@@ -24,8 +24,8 @@ from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import Frictionless, LeastSquares, Published
-from frictionid.identifiers.formulation import INTEGRAL, STUDY
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
 from frictionid.report import show
 from frictionid.report.exhibits import exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered

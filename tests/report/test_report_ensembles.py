@@ -13,8 +13,8 @@ from frictionid.comparison.registry import LAWS
 from frictionid.comparison.tasks import Task, document
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
-from frictionid.identifiers import BlackBox, CompressedNetwork, LeastSquares, Network, StateNetwork
-from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.fitting.identifiers import BlackBox, CompressedNetwork, LeastSquares, Network, StateNetwork
+from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.ensembles import spread_caption, spreads
 from frictionid.report.figures.style import drawing, styles

@@ -21,7 +21,7 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.mechanics import mechanism_of
 from frictionid.report import show_refined, write
 from frictionid.report.figures.bands import curve_bands
@@ -29,9 +29,9 @@ from frictionid.report.figures.correlation import STRONG, correlation
 from frictionid.report.figures.panels import measured
 from frictionid.report.figures.style import styles
 from frictionid.report.shooting_tables import interval_table
-from frictionid.shooting import Settings, Shooting, refine
-from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
-from frictionid.shooting.result_document import document_of
+from frictionid.fitting.shooting import Settings, Shooting, refine
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.shooting.result_document import document_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from frictionid.report.estimates import estimates
 from frictionid.report.render import render
 from frictionid.report.shooting_results import delay_explains, delay_fixed, shooting_results
-from frictionid.shooting.parameters.parameter_block import IDEAL
+from frictionid.fitting.parameters.parameter_block import IDEAL
 
 
 def results(refined, **data):

@@ -14,11 +14,11 @@ from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import Frictionless, LeastSquares, SINDy
-from frictionid.identifiers.formulation import INTEGRAL, STUDY
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, SINDy
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
 from frictionid.report.reliability import fold_settings
-from frictionid.shooting import CalibratedRecipe, Settings, Shooting
-from frictionid.shooting.parameters import BiasBlock, DelayBlock, FrictionBlock
+from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
+from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 
 LATE = 0.012  # [s]
 FEW = Settings(iterations=4)

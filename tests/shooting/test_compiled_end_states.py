@@ -9,10 +9,10 @@ from frictionid.dynamics.state import State
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction import laws as known
 from frictionid.mechanics import Mechanism, Plant, acrobot, double_pendulum, pendulum
-from frictionid.shooting import sensitivities
-from frictionid.shooting.law_derivatives import FreeTheta, reads_of
-from frictionid.shooting.motor_torque import MotorTorque
-from frictionid.shooting.tangent import MotionModel
+from frictionid.fitting.shooting import sensitivities
+from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
+from frictionid.fitting.shooting.motor_torque import MotorTorque
+from frictionid.dynamics.tangent.tangent import MotionModel
 
 COUNT, PIECES, FINE, TORQUES = 240, 2, 6, 2
 STRIBECK = [0.02, 0.03, 0.01, 0.01, 0.5, 0.01]

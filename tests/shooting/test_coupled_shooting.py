@@ -17,11 +17,11 @@ from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, LoadDependent
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.parameters import ActuatorBlock, DelayBlock, FrictionBlock, InertiaBlock
-from frictionid.shooting.parameters.parameter_block import values_of, with_values
-from frictionid.shooting.refine import prepare_fit
-from frictionid.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.parameters import ActuatorBlock, DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
 
 TRUE = np.array([[0.25, 0.05], [0.06, 0.02], [0.12, 0.03]])  # of bend, turn and motor
 BEGIN = Friction(CoulombViscous(), np.array([[0.15, 0.02], [0.1, 0.01], [0.2, 0.01]]))

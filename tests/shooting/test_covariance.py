@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from frictionid.shooting.gauss_newton import Solution
-from frictionid.shooting.sandwich import expected, sandwich, scatter, shown_once
-from frictionid.shooting.windows import NormalEquations
+from frictionid.fitting.shooting.gauss_newton import Solution
+from frictionid.fitting.shooting.sandwich import expected, sandwich, scatter, shown_once
+from frictionid.fitting.shooting.windows import NormalEquations
 
 SETS, RECORDINGS, WINDOWS, ROWS = 400, 8, 6, 12
 TRUE = np.array([1.0, -0.5, 0.2])

@@ -17,9 +17,9 @@ from frictionid.comparison.suite_recipes import recipes_of
 from frictionid.errors import InputError
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL
-from frictionid.shooting import (
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.shooting import (
     CalibratedRecipe,
     DelayBlock,
     FrictionBlock,
@@ -27,7 +27,7 @@ from frictionid.shooting import (
     Settings,
     Shooting,
 )
-from frictionid.shooting.known_calibration import known_calibration
+from frictionid.fitting.shooting.known_calibration import known_calibration
 
 LATE = 0.012  # [s]
 HEAVIER = 1.2  # nominal mass over the true one

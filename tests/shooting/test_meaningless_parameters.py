@@ -8,9 +8,9 @@ from frictionid.data.calibration import Calibration
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.mechanics import mechanism_of
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.meaningless_parameters import meaningless
-from frictionid.shooting.parameters import Estimate, FrictionBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.meaningless_parameters import meaningless
+from frictionid.fitting.parameters import Estimate, FrictionBlock
 from frictionid.simulate import Camera, Chirp, Curve, Run, simulate
 from frictionid.simulate import Rig as Machine
 from frictionid.simulate import Stribeck as Truth

@@ -18,12 +18,12 @@ from frictionid.evaluation.curves import curve_error, curves, velocity_grid
 from frictionid.evaluation.ground_truth import steady_state
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import AsymmetricStribeck, WindowMLP, check_law
-from frictionid.shooting import Settings, Shooting, document_of, refine, refine_folds
-from frictionid.shooting.combination_law import CombinationLaw
-from frictionid.shooting.parameters import DelayBlock, FrictionBlock
-from frictionid.shooting.refine import prepare_fit
-from frictionid.shooting.sample_intervals import intervals_of
-from frictionid.shooting.tensor_law import TensorLaw
+from frictionid.fitting.shooting import Settings, Shooting, document_of, refine, refine_folds
+from frictionid.fitting.shooting.combination_law import CombinationLaw
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.dynamics.tangent.tensor_law import TensorLaw
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
 from frictionid.simulate.true_friction import FilmLag
 

@@ -12,7 +12,7 @@ sys.path.append(str(Path(__file__).parents[2] / "comparisons"))
 
 from odd_runs import BAD, named, sets_with
 
-from frictionid.shooting.odd_recordings import odd_among
+from frictionid.fitting.shooting.odd_recordings import odd_among
 
 NAMES = tuple(map(str, range(8)))
 

@@ -13,8 +13,8 @@ from coverage_cases import case_of, sets_of
 from coverage_fits import SETTINGS
 
 from frictionid.friction import Friction
-from frictionid.shooting import refine
-from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.shooting import refine
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 
 CASE = case_of("coulomb_viscous", "joint")
 START = Friction(CASE.law, CASE.values)

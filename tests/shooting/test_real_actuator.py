@@ -15,10 +15,10 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.bam import XL330_GAIN
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.friction.laws import MotorLoad
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.parameters import ActuatorBlock, FrictionBlock
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock
 
 pytestmark = pytest.mark.real
 

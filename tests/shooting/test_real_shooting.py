@@ -17,9 +17,9 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model, score_value, with_parameters
 from frictionid.friction import Friction
-from frictionid.identifiers import Frictionless, Published
-from frictionid.identifiers.formulation import STUDY, training_problem
-from frictionid.shooting import Refined, Shooting, refine
+from frictionid.fitting.identifiers import Frictionless, Published
+from frictionid.fitting.one_step.formulation import STUDY, training_problem
+from frictionid.fitting.shooting import Refined, Shooting, refine
 
 pytestmark = pytest.mark.real
 

@@ -16,9 +16,9 @@ from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import Frictionless, LeastSquares
-from frictionid.shooting import Settings, Shooting
-from frictionid.shooting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.simulate import (
     Camera,
     Curve,
@@ -98,7 +98,7 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
 
 
 def test_all_data_are_fitted_as_refine_fits_them(result):
-    from frictionid.shooting import refine
+    from frictionid.fitting.shooting import refine
 
     shared = prepare_benchmark(BENCHMARK, [BOTH])
     start = LeastSquares(CoulombViscous()).fit(

@@ -6,8 +6,8 @@ from fixtures.tiny_pendulums import dataset
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.progress import listening
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.parameters import FrictionBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.parameters import FrictionBlock
 
 START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
 

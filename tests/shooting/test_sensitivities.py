@@ -11,8 +11,8 @@ from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.parameters import (
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.parameters import (
     BiasBlock,
     DelayBlock,
     FrictionBlock,
@@ -20,9 +20,9 @@ from frictionid.shooting.parameters import (
     InertiaBlock,
     OffsetBlock,
 )
-from frictionid.shooting.parameters.parameter_block import values_of, with_values
-from frictionid.shooting.refine import prepare_fit
-from frictionid.shooting.sample_intervals import intervals_of
+from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.simulate import Camera, Curve, Drive, Noise, Run, Sine, Stribeck, simulate
 from frictionid.simulate import Rig as Simulated
 

@@ -19,8 +19,8 @@ from frictionid.evaluation.prepared import with_calibration
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.parameters import (
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.parameters import (
     ActuatorBlock,
     BiasBlock,
     DelayBlock,
@@ -28,10 +28,10 @@ from frictionid.shooting.parameters import (
     GainBlock,
     InertiaBlock,
 )
-from frictionid.shooting.parameters.parameter_block import values_of, with_values
-from frictionid.shooting.refine import prepare_fit
-from frictionid.shooting.sample_intervals import intervals_of
-from frictionid.shooting.servo_signals import ServoMotion, torque_signal
+from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting.servo_signals import ServoMotion, torque_signal
 
 KT, R = 0.39, 4.0
 TRUE = np.array([[0.013, 0.0037]])

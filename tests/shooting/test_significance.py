@@ -13,11 +13,11 @@ from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.shooting import Covariance, Settings, Shooting, refine
-from frictionid.shooting.default_blocks import DEFAULT_BLOCKS, applicable
-from frictionid.shooting.parameters import BiasBlock, DelayBlock, FrictionBlock
-from frictionid.shooting.parameters.parameter_block import Parameter
-from frictionid.shooting.significance import least_significant
+from frictionid.fitting.shooting import Covariance, Settings, Shooting, refine
+from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS, applicable
+from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
+from frictionid.fitting.parameters.parameter_block import Parameter
+from frictionid.fitting.shooting.significance import least_significant
 
 START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
 OFFERED = (FrictionBlock(), BiasBlock(), DelayBlock())

@@ -15,9 +15,9 @@ from frictionid.evaluation.curves import curve_error
 from frictionid.evaluation.ground_truth import steady_state
 from frictionid.friction import SpeedRange, constraints_of
 from frictionid.friction.laws import CoulombViscous, Stribeck
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.shooting import refine
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.shooting import refine
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, simulate, write_dataset
 from frictionid.simulate import Stribeck as Truth
 

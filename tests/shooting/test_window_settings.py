@@ -13,10 +13,10 @@ from coverage_cases import case_of, sets_of
 
 from frictionid.data.plants import plant_of
 from frictionid.friction.laws import CoulombViscous
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
-from frictionid.shooting import Settings, refine
-from frictionid.shooting.parameters import FrictionBlock, InertiaBlock
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 
 
 def test_windows_of_other_lengths_give_intervals_that_overlap():

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 
-from frictionid.shooting.gauss_newton import _initial_noise
-from frictionid.shooting.problem import Linearisation
-from frictionid.shooting.sample_intervals import cut_windows, intervals_of
-from frictionid.shooting.window_steps import Point, cost_of, counts_of, with_windows_checked
-from frictionid.shooting.windows import WindowPrediction, eliminate_states, predict_windows
+from frictionid.fitting.shooting.gauss_newton import _initial_noise
+from frictionid.fitting.shooting.problem import Linearisation
+from frictionid.fitting.shooting.sample_intervals import cut_windows, intervals_of
+from frictionid.fitting.shooting.window_steps import Point, cost_of, counts_of, with_windows_checked
+from frictionid.fitting.shooting.windows import WindowPrediction, eliminate_states, predict_windows
 
 W, N, JOINTS, SHARED = 5, 7, 2, 3
 STATE = 2 * JOINTS

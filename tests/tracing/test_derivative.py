@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from frictionid.tracing.derivative import with_derivatives
-from frictionid.tracing.machine_code import machine_code, run
-from frictionid.tracing.trace import traced
+from frictionid.programs.derivative import with_derivatives
+from frictionid.programs.machine_code import machine_code, run
+from frictionid.programs.trace import traced
 
 FUNCTIONS = {
     "sums": lambda x, y: x - y + 3.0 * x,

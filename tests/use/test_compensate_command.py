@@ -10,7 +10,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.friction import Friction
 from frictionid.friction.laws import Stribeck
 from frictionid.friction.model_files import save_model
-from frictionid.use.compensation import Compensation, compensating
+from frictionid.deploy.use.compensation import Compensation, compensating
 
 FRICTION = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
 SETTINGS = ("--gain", 0.8, "--limit", 0.12, "--smooth", 0.1)

@@ -8,7 +8,7 @@ import pytest
 from fixtures.paths import ROOT
 
 from frictionid.errors import InputError
-from frictionid.export.exported import exported
+from frictionid.deploy.export.exported import exported
 from frictionid.friction import Friction
 from frictionid.friction.law import at_rest
 from frictionid.friction.laws import (
@@ -19,7 +19,7 @@ from frictionid.friction.laws import (
     Spline,
     Stribeck,
 )
-from frictionid.use.compensation import (
+from frictionid.deploy.use.compensation import (
     Compensation,
     compensating,
     compensation_table,

@@ -8,7 +8,7 @@ from fixtures.paths import ROOT
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.simulate.rig import nominal_mechanism
-from frictionid.use.simulator import Simulator
+from frictionid.deploy.use.simulator import Simulator
 
 sys.path.append(str(ROOT / "comparisons"))
 import control

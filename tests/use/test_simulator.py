@@ -12,7 +12,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, FilmLag, LuGre, Stribeck, WindowMLP
 from frictionid.mechanics import Plant, acrobot, linear_axis, mjcf_of, pendulum
-from frictionid.use.simulator import Simulator
+from frictionid.deploy.use.simulator import Simulator
 
 MACHINE, T, DT = acrobot(rotor=2e-6), 40, 0.01
 LAWS = {

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, run
-from frictionid.comparison.methods import Method
+from frictionid.fitting.method import Method
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space
 from frictionid.comparison.suite import IdentifierEntry, Suite

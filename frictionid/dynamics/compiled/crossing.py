@@ -5,7 +5,7 @@ See `dynamics.zero_crossing` and `dynamics.break_away`.
 
 from __future__ import annotations
 
-from frictionid.compiled import Numbers, called
+from frictionid.programs.loops import Numbers, called
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.torque_balance import (
     balance,

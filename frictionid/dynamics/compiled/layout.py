@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.compiled import Numbers, called, inlined
+from frictionid.programs.loops import Numbers, called, inlined
 
 
 class Machine(NamedTuple):

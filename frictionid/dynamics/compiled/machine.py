@@ -13,9 +13,9 @@ from frictionid.dynamics.sliding_friction import is_sharp, least_sliding_speed
 from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.mechanics import Mechanism, Plant
-from frictionid.tracing.machine_code import machine_code
-from frictionid.tracing.program import Program
-from frictionid.tracing.trace import traced
+from frictionid.programs.machine_code import machine_code
+from frictionid.programs.program import Program
+from frictionid.programs.trace import traced
 
 LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 

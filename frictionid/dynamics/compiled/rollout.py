@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.compiled import compiled, pointer
+from frictionid.programs.loops import compiled, pointer
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.step import adaptive_step
 from frictionid.mechanics import Plant

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from frictionid.compiled import Numbers, called, kept
+from frictionid.programs.loops import Numbers, called, kept
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.crossing import break_away, cross
 from frictionid.dynamics.compiled.stiction import set_stiction

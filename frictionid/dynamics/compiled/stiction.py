@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from frictionid.compiled import Numbers, called
+from frictionid.programs.loops import Numbers, called
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.torque_balance import (
     below_break_away,

@@ -5,7 +5,7 @@ Vectors of the joints are lines of the row's table, given by their numbers.
 
 from __future__ import annotations
 
-from frictionid.compiled import Numbers, called, inlined, run_at
+from frictionid.programs.loops import Numbers, called, inlined, run_at
 from frictionid.dynamics.compiled import layout as at
 
 _SWEEPS = 50

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from frictionid.compiled import inlined
+from frictionid.programs.loops import inlined
 
 
 @inlined

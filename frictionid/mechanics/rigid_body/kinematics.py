@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from frictionid.compiled import inlined
+from frictionid.programs.loops import inlined
 from frictionid.mechanics.rigid_body.spatial import cross_motion
 
 

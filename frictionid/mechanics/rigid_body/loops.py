@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.compiled import compiled, inlined
+from frictionid.programs.loops import compiled, inlined
 from frictionid.mechanics.rigid_body.crba import add_mass_matrix
 from frictionid.mechanics.rigid_body.inertia import add_to_parents, world_inertias
 from frictionid.mechanics.rigid_body.kinematics import motion, placements

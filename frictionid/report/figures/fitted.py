@@ -12,8 +12,8 @@ from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, curves, speeds, velocity_grid
 from frictionid.evaluation.ground_truth import steady_state
 from frictionid.friction import Friction
-from frictionid.identifiers import Identifier
-from frictionid.identifiers.formulation import INTEGRAL
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.report.figures.panels import panel_grid, velocity_axis
 from frictionid.report.figures.style import (
     COLOURS,

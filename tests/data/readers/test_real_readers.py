@@ -18,8 +18,8 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.formulation import INTEGRAL, training_problem
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 
 pytestmark = pytest.mark.real
 

@@ -6,8 +6,8 @@ from fixtures.exact_problems import everything, explained_by
 
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Dahl, DahlMotorLoad, LuGre, MotorLoad
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 
 THETA = np.array([[0.1, 0.02, 0.01]])
 

@@ -15,8 +15,8 @@ from frictionid.friction.laws import (
     Stribeck,
     check_law,
 )
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.residual import Problem
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.residual import Problem
 
 MOMENT = 0.5
 GEAR = GearLoad(MOMENT)

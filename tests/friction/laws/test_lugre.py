@@ -16,8 +16,8 @@ from frictionid.friction.laws import (
     LuGre,
     Stribeck,
 )
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.mechanics import Plant, pendulum
 
 # coulomb, peak, stribeck_velocity, viscous, presliding, damping, damping_velocity

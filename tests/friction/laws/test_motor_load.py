@@ -4,8 +4,8 @@ import numpy as np
 
 from frictionid.friction import Friction, Inputs, Nodes
 from frictionid.friction.laws import CoulombViscous, MotorLoad
-from frictionid.identifiers import LeastSquares
-from frictionid.identifiers.residual import Problem
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.residual import Problem
 
 THETA = np.array([[0.01, 0.005, 0.3]])
 

@@ -15,8 +15,8 @@ from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import CoulombViscous, PerJoint, Stribeck
 from frictionid.friction.laws.per_joint import PARTS
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.identifiers import LeastSquares
-from frictionid.shooting import Settings, Shooting
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 

@@ -11,7 +11,7 @@ from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, Play, Stribeck, check_law
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.mechanics import Plant, pendulum
 from frictionid.simulate.servo_log import ServoPendulum
 

@@ -16,7 +16,7 @@ from frictionid.friction.laws import (
     Stribeck,
     Sum,
 )
-from frictionid.identifiers import LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 
 X = Inputs(*np.random.default_rng(0).normal(size=(4, 60, 2)))._replace(
     load=np.random.default_rng(1).uniform(1.0, 5.0, (60, 2))

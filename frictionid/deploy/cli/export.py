@@ -1,0 +1,69 @@
+"""frictionid export: a fitted friction for simulators, controllers and drives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from frictionid.cli.options import Json, Replace, Trust
+from frictionid.cli.paths import ModelPath, present
+
+
+def export(
+    model: ModelPath,
+    to: Annotated[
+        str,
+        typer.Option(
+            help="Format, of code: c, st, python, casadi, onnx, torchscript, latex, yaml; of "
+            "engines: mujoco, urdf, bam, isaac. See docs/export.md."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="File to write; others stand beside it.")],
+    dataset: Annotated[
+        Path | None,
+        typer.Option(help="Data set that names the joints and shows what is lost."),
+    ] = None,
+    into: Annotated[
+        Path | None, typer.Option(help="File of a mechanism whose joints are given friction.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="Prefix of names in code.")] = "friction",
+    precision: Annotated[
+        Literal["double", "float"], typer.Option(help="Numbers in code: double, or float.")
+    ] = "double",
+    joints: Annotated[
+        str, typer.Option(help="Names of the joints in the file, in the model's order: hip,knee.")
+    ] = "",
+    temperature: Annotated[
+        float | None, typer.Option(help="Of friction that depends on it [degC].")
+    ] = None,
+    randomise: Annotated[
+        int, typer.Option(min=0, help="Also write so many samples of the parameters, and ranges.")
+    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the samples.")] = 0,
+    json: Json = False,
+    replace: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Write a fitted friction in the format of a simulator, a controller or a drive."""
+    from frictionid.deploy.api.export import export as write
+    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.deploy.export.formats import ExportSettings
+    from frictionid.files import json_text
+
+    named = tuple(name.strip() for name in joints.split(",") if name.strip())
+    chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
+    data = None if dataset is None else load_dataset(dataset, trust=trust)
+    done = write(
+        model, to, out, data=data, temperature=temperature, settings=chosen, replace=replace
+    )
+    if json:
+        cost = None if done.cost is None else done.cost._asdict()
+        document = {"lost": done.lost, "notes": done.notes, "cost": cost, "written": done.paths}
+        print(json_text(document), end="")
+        return
+    for sentence in (*done.lost, *done.notes):
+        print(sentence)
+    for path in done.paths:
+        print(f"written to {path}")

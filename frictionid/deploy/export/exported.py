@@ -1,0 +1,246 @@
+"""A friction as it is exported: its numbers, the speeds where they hold, and its programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError, printable
+from frictionid.evaluation import Protocol, known_speeds, prepare, prepared_for
+from frictionid.evaluation.prepared import Prepared, with_calibration
+from frictionid.friction import Friction, Inputs, Law
+from frictionid.friction.laws import LinearOutside
+from frictionid.friction.temperature import refuse_temperature
+from frictionid.programs.program import Program, Value
+from frictionid.programs.trace import chained, traced
+
+INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
+_HORIZON = 1.0  # [s], over which it is replayed what a target loses
+
+
+@dataclass(frozen=True)
+class Programs:
+    """What a friction computes, as programs of scalars.
+
+    torque : inputs of `inputs` and memory; output Tf, one for each joint
+    advance : the same and dt; outputs memory_1, memory_2 ..., one for each joint
+    start : inputs of `inputs`; outputs as of `advance`
+    inputs : which of q, w, u and load friction depends on
+    memory : number of memory entries of each joint, 0 for static laws
+    """
+
+    torque: Program
+    advance: Program
+    start: Program
+    inputs: tuple[str, ...]
+    memory: int
+
+
+@dataclass(frozen=True)
+class ExportedFriction:
+    """Friction (n, P) of one set of parameters, continued by a straight line beyond known speeds.
+
+    Attributes
+    ----------
+    friction : Friction, theta (n, P)
+        Its law is `LinearOutside` the model's own where speeds are known.
+    joints : names of the parts with friction
+    speeds : greatest speed of each part in the data [rad/s or m/s]; () where they are not known
+    data : data set whose motion shows what a target loses, where it is at hand
+    """
+
+    friction: Friction
+    joints: tuple[str, ...]
+    speeds: tuple[float, ...] = ()
+    data: Dataset | None = None
+
+    @property
+    def law(self) -> Law:
+        """The model's own law, without its continuation."""
+        law = self.friction.law
+        return law.law if isinstance(law, LinearOutside) else law
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of the position of each part: "rad" or "m"."""
+        return self.friction.position_units or ("rad",) * self.friction.n
+
+    @property
+    def horizon(self) -> float:
+        """Time [s] over which it is replayed what a target loses: 1 s, less in short recordings."""
+        runs = () if self.data is None else self.data.recordings
+        longest = max((float(np.ptp(r.angle.time)) for r in runs), default=np.inf)
+        return min(_HORIZON, float(f"{longest / 2:.1g}"))
+
+    @cached_property
+    def prepared(self) -> Prepared | None:
+        """The data as this friction sees them, with its parameters and its calibration."""
+        if self.data is None:
+            return None
+        own = prepare(self.data, Protocol(horizons=(self.horizon,)))
+        return with_calibration(prepared_for(own, self.friction), self.friction.calibration)
+
+    def with_theta(self, theta: Array) -> ExportedFriction:
+        """The same with other parameters (n, P), on the same data."""
+        other = replace(self, friction=replace(self.friction, theta=theta))
+        if "prepared" in vars(self):
+            vars(other)["prepared"] = self.prepared  # its calibration is the same
+        return other
+
+    @property
+    def facts(self) -> tuple[str, ...]:
+        """Lines on units, signs, range and origin, for the head of a file."""
+        return _facts(self)
+
+    @cached_property
+    def programs(self) -> Programs:
+        """The friction as programs.
+
+        Raises
+        ------
+        InputError
+            For laws that compute in other ways, such as a network of torch.
+        """
+        return _programs(self.friction)
+
+    @cached_property
+    def step(self) -> Program:
+        """Memory after dt and the torques with it, of laws with memory."""
+        return chained(self.programs.advance, self.programs.torque)
+
+    @cached_property
+    def first(self) -> Program:
+        """Memory at the start of a motion and the torques with it, of laws with memory."""
+        return chained(self.programs.start, self.programs.torque)
+
+
+def exported(
+    friction: Friction,
+    joints: Sequence[str] = (),
+    speeds: Sequence[float] = (),
+    data: Dataset | None = None,
+) -> ExportedFriction:
+    """Friction to be exported, from a model.
+
+    Parameters
+    ----------
+    friction : Friction, theta (n, P)
+    joints : names of the parts with friction; "joint 1", "joint 2" ... where they are missing
+    speeds : where known [rad/s or m/s]; by default those of the model's provenance
+    data : data set, optional
+
+    Raises
+    ------
+    InputError
+        For models without friction torques, and for several sets of parameters at once.
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> tf = exported(Friction(CoulombViscous(), np.array([[0.1, 0.02]])), speeds=(10.0,))
+    >>> tf.programs.inputs, round(tf.programs.torque.run({"w_1": 20.0})["Tf"][0], 6)
+    (('w',), 0.5)
+    """
+    if friction.mechanism:
+        raise InputError(
+            "a model without physics has no friction torque to export: fit one that has"
+        )
+    refuse_temperature(friction.law, "an export")
+    if friction.theta.ndim != 2:
+        raise InputError(
+            f"a model with parameters of shape {friction.theta.shape} holds several frictions: "
+            "export one of them, friction[0]"
+        )
+    known = tuple(float(v) for v in speeds) or known_speeds(friction)
+    if known and len(known) != friction.n:
+        raise InputError(f"{len(known)} speeds for {friction.n} parts with friction: give one each")
+    reach = tuple(max(v, 1e-9) for v in known)  # of a joint that does not move
+    law = LinearOutside(friction.law, reach) if known else friction.law
+    names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(friction.n))
+    if len(names) != friction.n:
+        raise InputError(f"{len(names)} names for {friction.n} parts with friction: give one each")
+    # names stand in comments of code: on one line, whatever a file said
+    names = tuple(" ".join(printable(name).split()) for name in names)
+    return ExportedFriction(replace(friction, law=law), names, known, data)
+
+
+def _facts(own: ExportedFriction) -> tuple[str, ...]:
+    source = own.friction.provenance
+    lines = [
+        f"Friction law: {own.law}",
+        "Tf opposes positive velocity: M(q) dw/dt = h(q, w) + B u - Tf.",
+        "SI units: "
+        + ", ".join(
+            f"{name} [{unit}, {unit}/s, {'N m' if unit == 'rad' else 'N'}]"
+            for name, unit in zip(own.joints, own.units, strict=True)
+        ),
+    ]
+    if own.speeds:
+        reach = ", ".join(f"{v:.4g}" for v in own.speeds)
+        lines.append(f"Measured up to |w| = {reach}; beyond, Tf goes on as a straight line.")
+    else:
+        lines.append("The measured speeds are not known: Tf is the law's at all speeds.")
+    if source.get("dataset"):
+        lines.append(f"Fitted to {source['dataset']}, seed {source.get('seed', 0)}.")
+    hashes: Mapping[str, Any] = source.get("data") or {}
+    lines += [f"  {name} {digest}" for name, digest in list(hashes.items())[:3]]
+    if len(hashes) > 3:
+        lines.append(f"  and {len(hashes) - 3} files more")
+    return tuple(" ".join(printable(line).split("\n")) for line in lines)
+
+
+def _programs(friction: Friction) -> Programs:
+    law, theta, n = friction.law, friction.theta, friction.n
+    zero = Inputs(*(np.zeros(n) for _ in INPUTS))
+    count = len(law.start(theta, zero))
+    sizes, kept = dict.fromkeys(INPUTS, n), {f"memory_{i + 1}": n for i in range(count)}
+
+    def given(arrays: Mapping[str, Array]) -> tuple[Inputs, tuple[Array, ...]]:
+        return Inputs(*(arrays[x] for x in INPUTS)), tuple(arrays[m] for m in kept)
+
+    def torque(arrays: Mapping[str, Array]) -> Mapping[str, Array]:
+        return {"Tf": law.torque(theta, *given(arrays))}
+
+    def advance(arrays: Mapping[str, Array]) -> Mapping[str, Array]:
+        x, memory = given(arrays)
+        return dict(zip(kept, law.advance(theta, x, memory, arrays["dt"]), strict=True))
+
+    def start(arrays: Mapping[str, Array]) -> Mapping[str, Array]:
+        x = Inputs(*(arrays[name] for name in INPUTS))
+        return dict(zip(kept, law.start(theta, x), strict=True))
+
+    try:
+        made = (
+            traced(torque, sizes | kept),
+            traced(advance, sizes | kept | {"dt": 1}),
+            traced(start, sizes),
+        )
+    except (NotImplementedError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{type(law).__name__}: its torque cannot be written as code ({error}); "
+            "export it to onnx or torchscript, or as a table"
+        ) from None
+    used = {name for program in made for name in _used(program)}
+    inputs = tuple(x for x in INPUTS if used & {f"{x}_{j + 1}" for j in range(n)})
+    first, second, third = (_without(program, inputs, n) for program in made)
+    return Programs(first, second, third, inputs, count)
+
+
+def _used(program: Program) -> set[str]:
+    """Names of the inputs that a line or an output reads."""
+    operands = [v for line in program.lines for v in line.operands]
+    operands += [v for own in program.outputs.values() for v in own]
+    numbers = {v.number for v in operands if isinstance(v, Value)}
+    return {name for k, name in enumerate(program.inputs) if k in numbers}
+
+
+def _without(program: Program, inputs: tuple[str, ...], n: int) -> Program:
+    """The program without inputs of the law that friction does not depend on."""
+    gone = {f"{x}_{j + 1}" for x in INPUTS if x not in inputs for j in range(n)}
+    return program.with_inputs(tuple(name for name in program.inputs if name not in gone))

@@ -1,0 +1,224 @@
+"""The baseline: how friction scatters between healthy recordings, as one JSON file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
+from frictionid.files import read_json, write_json
+from frictionid.friction import Friction, Law, along
+from frictionid.friction.model_files import model_document, read_model
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.deploy.monitor.changes import (
+    DELAY,
+    GAIN,
+    OFFSET,
+    PARTS,
+    Changes,
+    Reference,
+    recording_changes,
+    usual_level,
+)
+
+FORMAT = "frictionid baseline 1"
+_SLOW = 0.1  # of the fast speed
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """Healthy recordings of one machine.
+
+    Attributes
+    ----------
+    mechanism : its [mechanism] table; joints : names of the n parts with friction
+    reference : what changes are measured against
+    names, hashes : of the N recordings
+    changes : of the N recordings
+    covariates : names of what friction may depend on, such as a temperature or a payload
+    """
+
+    mechanism: Mapping[str, Any]
+    joints: tuple[str, ...]
+    reference: Reference
+    names: tuple[str, ...]
+    hashes: tuple[str, ...]
+    changes: Changes
+    covariates: tuple[str, ...] = ()
+
+    @property
+    def level(self) -> Array:
+        """Friction (n,) of each part at its usual speed [N m]."""
+        return usual_level(self.reference)
+
+
+def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
+    """Baseline of healthy recordings about a fitted friction.
+
+    Raises
+    ------
+    InputError
+        Where there are fewer than two recordings.
+    """
+    dataset = prepared.dataset
+    if len(dataset.recordings) < 2:
+        raise InputError(
+            f"data set {dataset.name!r}: a baseline needs two or more recordings, to see how "
+            "friction scatters between them"
+        )
+    reference = _reference(prepared, friction)
+    names = _covariates(dataset)
+    return Baseline(
+        mechanism=dict(dataset.mechanism.table),
+        joints=tuple(dataset.mechanism.friction_names),
+        reference=reference,
+        names=tuple(r.name for r in dataset.recordings),
+        hashes=hashes_of(dataset),
+        changes=recording_changes(prepared, reference, names),
+        covariates=names,
+    )
+
+
+def _reference(prepared: Prepared, friction: Friction) -> Reference:
+    """The reference with the speeds and the noise of the data."""
+    fast = np.quantile(np.abs(speeds(prepared.dataset, prepared.smoothed)), [0.5, 0.95], axis=0)
+    fast = np.maximum(fast, 1e-9)
+    own = replace(friction, calibration=None)
+    view = with_calibration(prepared, friction.calibration)
+    problem = training_of(view, INTEGRAL)
+    e = np.abs(problem.residual(along(own, problem.nodes)))
+    noise = np.array([1.4826 * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
+    grid = np.stack([_SLOW * fast[1], np.maximum(fast[0], _SLOW * fast[1]), fast[1]], axis=1)
+    return Reference(own, friction.calibration, grid, noise)
+
+
+def _covariates(dataset: Dataset) -> tuple[str, ...]:
+    """Columns that every recording has, and parameters (a payload) that one of them gives."""
+    columns = [set(r.covariates) for r in dataset.recordings]
+    parameters = [set(r.parameters) for r in dataset.recordings]
+    return tuple(sorted(set.intersection(*columns) | set.union(*parameters)))
+
+
+def hashes_of(dataset: Dataset) -> tuple[str, ...]:
+    """A digest of each recording's samples."""
+    from hashlib import sha256
+
+    def digest(r: Any) -> str:
+        parts = (r.angle.time, r.angle.value, r.torque.time, r.torque.value)
+        return sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest()
+
+    return tuple(digest(r) for r in dataset.recordings)
+
+
+def save_baseline(
+    baseline: Baseline, path: Path, laws: Mapping[str, type[Law]], settings: Mapping[str, Any]
+) -> None:
+    """Write a baseline as a JSON file, as a whole or not at all; `settings` say how it was made."""
+    b, reference = baseline, baseline.reference
+    friction = replace(reference.friction, calibration=reference.calibration)
+    document = {
+        "format": FORMAT,
+        "settings": {**settings, "parts": PARTS, "priors": [DELAY, GAIN, OFFSET]},
+        "mechanism": dict(b.mechanism),
+        "joints": b.joints,
+        "model": model_document(friction, laws),
+        "speeds": reference.speeds,
+        "noise": reference.noise,
+        "covariates": b.covariates,
+        "recordings": [
+            {"name": name, "sha256": digest, **numbers_of(b.changes, i)}
+            for i, (name, digest) in enumerate(zip(b.names, b.hashes, strict=True))
+        ],
+    }
+    write_json(path, document)
+
+
+def numbers_of(changes: Changes, i: int) -> dict[str, Any]:
+    """Numbers of one recording, by their names."""
+    return {name: values[i] for name, values in changes._asdict().items()}
+
+
+def changes_of(rows: list[Mapping[str, Any]]) -> Changes:
+    """Changes of recordings from their numbers by name."""
+    columns = ([row[name] for row in rows] for name in Changes._fields)
+    return Changes(*(np.array(column, dtype=float) for column in columns))
+
+
+def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
+    """Baseline of a JSON file.
+
+    Raises
+    ------
+    InputError
+        Where it is no baseline, is damaged, or was made by another version.
+    """
+    document = read_json(path)
+    if document.get("format") != FORMAT:
+        raise InputError(
+            f'{path}: "format" is {document.get("format")!r}, not "{FORMAT}": '
+            "make the baseline again by frictionid baseline"
+        )
+    try:
+        settings = document["settings"]
+        if (settings["parts"], settings["priors"]) != ([*PARTS], [DELAY, GAIN, OFFSET]):
+            raise InputError(
+                f"{path}: was made with other settings ({settings['parts']}, "
+                f"{settings['priors']}): make the baseline again"
+            )
+        friction = read_model(document["model"], laws, str(path))
+        rows = document["recordings"]
+        numbers = (np.array(document[name], dtype=float) for name in ("speeds", "noise"))
+        found = Baseline(
+            document["mechanism"],
+            tuple(document["joints"]),
+            Reference(replace(friction, calibration=None), friction.calibration, *numbers),
+            tuple(row["name"] for row in rows),
+            tuple(row["sha256"] for row in rows),
+            changes_of(rows),
+            tuple(document["covariates"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: is damaged ({error!r}): make the baseline again") from None
+    shape = (len(found.names), len(found.joints), len(PARTS))
+    if found.changes.parts.shape != shape or len(found.names) < 2:
+        raise InputError(f"{path}: is damaged: it needs numbers of {shape}: make it again")
+    return found
+
+
+def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None:
+    """Check that recordings are of the machine of the baseline.
+
+    Raises
+    ------
+    InputError
+        Where joints or a parameter of the mechanism differ, or a recording has a payload of which
+        the baseline knows nothing.
+    """
+    table, own = dict(dataset.mechanism.table), dict(baseline.mechanism)
+    if tuple(dataset.mechanism.friction_names) != baseline.joints or table["kind"] != own["kind"]:
+        raise InputError(
+            f"{where}: the baseline is of {own['kind']!r} with the joints "
+            f"{', '.join(baseline.joints)}, this is {dataset.mechanism}: make a baseline of its own"
+        )
+    if table != own:
+        differ = sorted(k for k in {*table, *own} if table.get(k) != own.get(k))
+        raise InputError(
+            f"{where}: the mechanism of the baseline differs in {', '.join(differ)}: make a "
+            "baseline of this machine"
+        )
+    nominal = dataset.mechanism.defaults
+    for recording in dataset.recordings:
+        for name, value in recording.parameters.items():
+            if value != nominal[name] and name not in baseline.covariates:
+                raise InputError(
+                    f"{where}, recording {recording.name!r}: {name} = {value:g} is not the "
+                    f"baseline's {nominal[name]:g}, and how friction depends on it is not known: "
+                    f"make a baseline with healthy recordings of different {name}"
+                )

@@ -1,0 +1,190 @@
+"""The judgement on new recordings: has friction changed, where, by how much, at which rate."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.deploy.monitor.baseline import Baseline
+from frictionid.deploy.monitor.changes import PARTS, Changes, curve_changes
+from frictionid.deploy.monitor.two_samples import (
+    Difference,
+    hotelling_test,
+    least_rate,
+    needed_recordings,
+    permutation_test,
+)
+
+Test = Literal["permutation", "normal"]
+Answer = Literal["changed", "unchanged", "cannot_tell"]
+_OTHERWISE = 0.9985  # one-sided share of healthy choices whose mean speed differs less
+_LONGER = 1.5  # times the longest healthy recording, whose changes scatter less
+
+
+class PartChange(NamedTuple):
+    """Change of one part of a joint's friction with its 95 % interval [N m], and in per cent.
+
+    joint : from 0; part : "coulomb", "viscous", "stribeck", "asymmetry", or "total"
+    per_cent : of the reference friction at the usual speed
+    """
+
+    joint: int
+    part: str
+    value: float
+    low: float
+    high: float
+    per_cent: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the interval leaves out zero."""
+        return self.low > 0 or self.high < 0
+
+
+class Judgement(NamedTuple):
+    """What new recordings say.
+
+    answer : "changed", "unchanged" or "cannot_tell"
+    rate : of false alarms that was asked for; promised : the least that these recordings allow
+    test : how the rate follows
+    p, p_of_joint : see `Difference`
+    joints : those that changed, from 0
+    parts : of all joints
+    notes : sentences on what limits the judgement
+    """
+
+    answer: Answer
+    rate: float
+    promised: float
+    test: Test
+    p: float
+    p_of_joint: Array
+    joints: tuple[int, ...]
+    parts: tuple[PartChange, ...]
+    notes: tuple[str, ...]
+
+
+def judge(
+    baseline: Baseline, new: Changes, rate: float = 0.01, test: Test = "permutation"
+) -> Judgement:
+    """Judgement on new recordings (k) against the healthy ones (N) of a baseline.
+
+    Linear effects of covariates, such as a temperature, are removed from both first. Changes of
+    recordings that are shorter than the healthy ones scatter more: no rate holds for their alarms.
+    """
+    before, after = without_covariates(baseline.changes, new)
+    speeds = baseline.reference.speeds
+    healthy, own = curve_changes(before, speeds), curve_changes(after, speeds)
+    if test == "normal":
+        found, promised = hotelling_test(healthy, own), 0.0
+    else:
+        found, promised = permutation_test(healthy, own), least_rate(len(healthy), len(own))
+    changed = tuple(int(j) for j in np.flatnonzero(found.p_of_joint <= rate * (1 + 1e-9)))
+    shorter = new.seconds.min() * _LONGER < baseline.changes.seconds.min()
+    able = np.isfinite(found.p) and promised <= rate * (1 + 1e-9) and not (changed and shorter)
+    answer: Answer = "cannot_tell" if not able else "changed" if changed else "unchanged"
+    return Judgement(
+        answer,
+        rate,
+        promised,
+        test,
+        found.p,
+        found.p_of_joint,
+        changed if able else (),
+        tuple(_parts(baseline, before, after)),
+        tuple(_notes(baseline, new, found, rate, promised, test)),
+    )
+
+
+def without_covariates(healthy: Changes, new: Changes) -> tuple[Array, Array]:
+    """Parts (N, n, 4) and (k, n, 4) without what is linear in the covariates of all recordings.
+
+    A covariate that is the same in all healthy ones stays: it would take any change with it.
+    """
+    parts = np.concatenate([healthy.parts, new.parts])
+    beside = np.concatenate([healthy.covariates, new.covariates])
+    differs = np.ptp(healthy.covariates, axis=0) > 0
+    usable = np.isfinite(beside).all(axis=0) & differs if beside.size else []
+    if not np.any(usable):
+        return healthy.parts, new.parts
+    x = beside[:, usable] - beside[:, usable].mean(axis=0)
+    flat = parts.reshape(len(parts), -1)
+    slope, *_ = np.linalg.lstsq(x, flat - flat.mean(axis=0), rcond=None)
+    left = (flat - x @ slope).reshape(parts.shape)
+    return left[: len(healthy.parts)], left[len(healthy.parts) :]
+
+
+def _parts(baseline: Baseline, healthy: Array, new: Array) -> list[PartChange]:
+    """Change of each part of each joint, its interval from the scatter between recordings."""
+    from scipy.stats import t
+
+    N, k = len(healthy), len(new)
+    reach = float(t.ppf(0.975, N - 1)) * np.sqrt(1 / N + 1 / k)
+    rows = []
+    for j in range(len(baseline.joints)):
+        columns = {part: (healthy[:, j, i], new[:, j, i]) for i, part in enumerate(PARTS)}
+        columns["total"] = tuple(own[:, j, :2].sum(axis=1) for own in (healthy, new))
+        for part, (before, after) in columns.items():
+            off = float(after.mean() - before.mean())
+            half = reach * float(before.std(ddof=1))
+            per_cent = 100.0 * off / float(baseline.level[j])
+            rows.append(PartChange(j, part, off, off - half, off + half, per_cent))
+    return rows
+
+
+def _other_speed(healthy: Array, new: Array) -> Array:
+    """1 for joints (n,) that are faster on average than healthy ones (N, n) scatter, -1 slower."""
+    from scipy.stats import t
+
+    N, k = len(healthy), len(new)
+    if N < 2:
+        return np.zeros(healthy.shape[1])
+    scatter = healthy.std(axis=0, ddof=1) * np.sqrt(1 / N + 1 / k)
+    off = new.mean(axis=0) - healthy.mean(axis=0)
+    return np.sign(off) * (np.abs(off) > float(t.ppf(_OTHERWISE, N - 1)) * scatter)
+
+
+def _notes(
+    baseline: Baseline, new: Changes, found: Difference, rate: float, promised: float, test: Test
+) -> list[str]:
+    """What limits the judgement."""
+    N, k = len(baseline.names), len(new.parts)
+    out = []
+    if test == "permutation" and promised > rate * (1 + 1e-9):
+        out.append(
+            f"{N} healthy and {k} new recordings allow no rate of false alarms below "
+            f"{promised:.2g}; {rate:g} needs {needed_recordings(rate, k)} healthy ones"
+        )
+    if test == "normal":
+        out.append(
+            "the rate assumes that changes scatter normally between recordings"
+            if np.isfinite(found.p)
+            else f"{N} healthy recordings are too few for the normal distribution: "
+            f"{len(PARTS) + 2} are needed"
+        )
+    for j, side in enumerate(_other_speed(baseline.changes.speeds, new.speeds)):
+        if side:
+            known, mean = baseline.changes.speeds[:, j], new.speeds[:, j].mean()
+            how, cause = ("faster", "less") if side > 0 else ("slower", "more")
+            out.append(
+                f"{baseline.joints[j]} moves {how} than in the baseline ({mean:.3g} against "
+                f"{known.min():.3g} to {known.max():.3g}), as {cause} friction makes it, or other "
+                "motion, for which the rate of false alarms does not hold"
+            )
+    length, usual = new.seconds, baseline.changes.seconds
+    if length.max() > _LONGER * usual.max() or length.min() * _LONGER < usual.min():
+        out.append(
+            f"recordings of {length.min():.3g} to {length.max():.3g} s are not exchangeable with "
+            f"healthy ones of {usual.min():.3g} to {usual.max():.3g} s: take parts as long as those"
+        )
+    for i, name in enumerate(baseline.covariates):
+        low, high = (f(baseline.changes.covariates[:, i]) for f in (np.min, np.max))
+        mean = float(new.covariates[:, i].mean())
+        if not low <= mean <= high:
+            out.append(
+                f"{name} = {mean:.4g} lies outside the baseline's {low:.4g} to {high:.4g}: "
+                "a change of friction may be its effect"
+            )
+    return out

@@ -1,0 +1,197 @@
+"""Friction compensation: a torque that cancels friction along a reference, without chatter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from frictionid.arrays import Array, namespace
+from frictionid.config import NotNegative, Positive, check_settings
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.friction import Nodes, along
+from frictionid.friction.laws import LinearOutside
+from frictionid.friction.laws.wrapped_law import WrappedLaw
+from frictionid.deploy.use.given_friction import given_friction
+
+_MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """Settings of a feed-forward compensation.
+
+        u = gain (F(|v|) (1 + s) + F(-|v|) (1 - s)) / 2,   s = tanh(v / smooth),
+        v = w_reference + ahead a_reference
+
+    F is the friction law, without its own smoothing of sgn(w). u follows the reference, never the
+    measured velocity: it closes no loop, and noise cannot make it chatter. While the reference
+    rests, v = 0, friction holds the joint, and u is zero (or half of what two directions differ
+    by); with the reference's acceleration, u grows to the break-away level in the direction to
+    come. gain <= 1: friction that is compensated too much drives a joint.
+
+    Attributes
+    ----------
+    gain : share of friction that is compensated, above 0, at most 1
+    smooth : reference speed [rad/s, or m/s] over which u changes sides; one, or one for each joint
+    ahead : time [s] by which the reference is read ahead, such as the delay of the drive
+    torque_limit : largest u [N m], one, or one for each joint; None: no limit
+
+    Examples
+    --------
+    >>> Compensation(gain=1.2)
+    Traceback (most recent call last):
+        ...
+    frictionid.errors.InputError: gain: it should be less than or equal to 1, not 1.2
+    """
+
+    gain: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9
+    smooth: Positive | tuple[Positive, ...] = 0.05
+    ahead: NotNegative = 0.0
+    torque_limit: Positive | tuple[Positive, ...] | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True)
+class CompensationLaw(WrappedLaw):
+    """What compensates a law, as a law of the reference velocity; see `Compensation`.
+
+    What works on laws works on it: curves, memory along a motion, export as code.
+    """
+
+    settings: Compensation
+    cannot_be_saved = "a compensation: save the friction itself, and give the settings again"
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        xp, own, law = namespace(x.w), self.settings, self.law.sharpened()
+        side = xp.tanh(x.w / np.asarray(own.smooth))
+        speed = xp.abs(x.w) + _MOVING
+        forth = law.torque(theta, x._replace(w=speed), memory)
+        back = law.torque(theta, x._replace(w=-speed), memory)
+        u = 0.5 * own.gain * ((1.0 + side) * forth + (1.0 - side) * back)
+        if own.torque_limit is None:
+            return u
+        most = np.asarray(own.torque_limit) + 0.0 * u
+        return xp.minimum(xp.maximum(u, -most), most)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return 0.0 * self.torque(theta, x, memory)
+
+
+def compensating(friction: Any, settings: Compensation | None = None) -> Friction:
+    """The compensation of a Friction or Fit, as a friction of the reference velocity.
+
+    Beyond the speeds of the data, where the friction knows them, it goes on as a straight line.
+
+    Raises
+    ------
+    InputError
+        For models without friction torques, and settings of another number of joints.
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> friction = Friction(CoulombViscous(), np.array([[0.1, 0.02]]))
+    >>> own = compensating(friction, Compensation(gain=0.9, smooth=0.05, torque_limit=0.12))
+    >>> own.curve(np.array([-2.0, 0.0, 1.0, 5.0])).ravel().round(3)
+    array([-0.12 ,  0.   ,  0.108,  0.12 ])
+    """
+    own, friction = settings or Compensation(), given_friction(friction)
+    if friction.mechanism:
+        raise InputError("a model without physics has no friction torque to compensate")
+    for name in ("smooth", "torque_limit"):
+        given = getattr(own, name)
+        if isinstance(given, tuple) and len(given) != friction.n:
+            raise InputError(
+                f"compensation: {name} has {len(given)} numbers, the friction {friction.n} joints"
+            )
+    source = dict(friction.provenance)
+    speeds = tuple(max(float(v), _MOVING) for v in source.pop("speeds", ()))
+    if len(speeds) not in (0, friction.n):
+        raise InputError(f"{len(speeds)} speeds for {friction.n} joints: give one each")
+    law = LinearOutside(friction.law, speeds) if speeds else friction.law
+    return replace(friction, law=CompensationLaw(law, own), provenance=source)
+
+
+def feed_forward(
+    friction: Any,
+    settings: Compensation,
+    dt: float,
+    w: Array,
+    a: Array | None = None,
+    *,
+    q: Array | None = None,
+    u: Array | None = None,
+    load: Array | None = None,
+) -> Array:
+    """Compensation (T, n) [N m] along a reference.
+
+    Parameters
+    ----------
+    friction : Friction, theta (n, P), or Fit
+    settings : Compensation
+    dt : float
+        Time [s] between two samples of the reference; memory of friction follows it.
+    w, a : arrays, shape (T, n)
+        Velocities [rad/s] and accelerations [rad/s^2] of the reference.
+    q, u, load : arrays, shape (T, n), optional
+        Positions, motor torques and loads of the reference, for laws that depend on them.
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> friction = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
+    >>> w = np.array([[0.0], [0.0], [1.0]])
+    >>> a = np.array([[0.0], [50.0], [50.0]])                          # it is about to move
+    >>> feed_forward(friction, Compensation(gain=1.0, ahead=0.005), 0.01, w, a).ravel().round(3)
+    array([0. , 0.1, 0.1])
+    """
+    v = w if a is None else w + settings.ahead * a
+    x = Inputs(*(0.0 * v if given is None else given for given in (q, v, u, load)))
+    own = compensating(friction, settings)
+    return along(own, Nodes(x, dt * np.arange(len(v)), np.array([0, len(v)])))
+
+
+def compensation_table(
+    friction: Any,
+    settings: Compensation,
+    speeds: Sequence[float],
+    joints: Sequence[str] = (),
+    points: int = 201,
+) -> pd.DataFrame:
+    """Compensation over reference velocity, for drives that interpolate tables.
+
+    Parameters
+    ----------
+    friction : Friction, theta (n, P), or Fit
+        Of laws with memory the steady state.
+    settings : Compensation
+    speeds : of each joint [rad/s or m/s], the table's last one
+    joints : names; "joint 1", "joint 2" ... where they are missing
+    points : of each joint; half of them stand where the torque changes sides
+
+    Returns
+    -------
+    DataFrame
+        Columns joint, velocity and torque, SI.
+    """
+    own, parts = compensating(friction, settings), []
+    widths: Any = np.broadcast_to(np.asarray(settings.smooth, dtype=float), own.n)
+    names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(own.n))
+    if len(speeds) != own.n or not all(v > 0 for v in speeds):
+        raise InputError(f"speeds = {tuple(speeds)}: give one above 0 for each of {own.n} joints")
+    half = max(points // 2, 4)
+    for j, name in enumerate(names):
+        near = np.linspace(0.0, min(4.0 * widths[j], speeds[j]), half // 2 + 1)
+        far = np.linspace(near[-1], speeds[j], half - half // 2 + 1)[1:]
+        w = np.unique(np.concatenate([-far, -near, near, far]))
+        torque = own.curve(w)[:, j]
+        parts.append(pd.DataFrame({"joint": name, "velocity": w, "torque": torque}))
+    return pd.concat(parts, ignore_index=True)

@@ -1,0 +1,217 @@
+"""Environments of Gymnasium: a simulated mechanism, with a reward of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.dynamics.state import State
+from frictionid.errors import InputError
+from frictionid.deploy.use.simulator import Simulator
+
+try:
+    import gymnasium
+except ImportError:
+    raise InputError(
+        "environments are those of Gymnasium, which is not installed: pip install frictionid[gym]"
+    ) from None
+
+# reward of the positions and velocities that a torque has led to, (..., n) each: (...)
+Reward = Callable[[Array, Array, Array], Any]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What an episode is.
+
+    Attributes
+    ----------
+    reward : function of q, w, u
+        The positions and velocities that torques u have led to, (..., n) each, to numbers (...).
+    torque_limit : float, or one for each motor [N m]
+    steps : int
+        After so many the episode is truncated.
+    start : function of a generator to q and w (n,), optional
+        Drawn at each reset; at rest at zero, if not given.
+    terminated : function of q and w to truth (...), optional
+    """
+
+    reward: Reward
+    torque_limit: float | Sequence[float]
+    steps: int = 1000
+    start: Callable[[np.random.Generator], tuple[Any, Any]] | None = None
+    terminated: Callable[[Array, Array], Any] | None = None
+
+
+class FrictionEnv(gymnasium.Env[Array, Array]):
+    """One machine; an observation has the positions, then the velocities, (2 n,) in SI units.
+
+    An action has the torque of each motor [N m]. An episode ends, too, where the motion diverges;
+    its observation then is the last one that is finite.
+
+    Raises
+    ------
+    InputError
+        Where the simulator has batches, or a limit is impossible.
+
+    Examples
+    --------
+    >>> from frictionid.friction import Friction
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> from frictionid.mechanics import pendulum
+    >>> friction = Friction(CoulombViscous(), np.array([[0.05, 0.01]]))
+    >>> simulator = Simulator(pendulum(mass=0.4, length=0.25), friction, dt=0.02)
+    >>> env = FrictionEnv(simulator, Episode(lambda q, w, u: -np.cos(q[..., 0]), torque_limit=0.5))
+    >>> observation, _ = env.reset(seed=1)
+    >>> observation, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+    >>> observation.shape, terminated, truncated
+    ((2,), False, False)
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(self, simulator: Simulator, episode: Episode) -> None:
+        self.simulator, self.episode = simulator, episode
+        self.observation_space, self.action_space = _spaces(simulator, episode)
+        self._state = simulator.reset()
+        self._count = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        super().reset(seed=seed, options=options)
+        self._state = self.simulator.reset(*_start(self.episode, self.np_random))
+        self._count = 0
+        return _observed(self._state), {}
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        u = _torques(self.simulator, action)
+        after = self.simulator.step(self._state, u)
+        lost = bool(np.isnan(after.q).any())
+        self._state = self._state if lost else after
+        self._count += 1
+        q, w, *_ = self._state
+        ended = self.episode.terminated
+        over = lost or (ended is not None and bool(ended(q, w)))
+        late = self._count >= self.episode.steps
+        return _observed(self._state), float(self.episode.reward(q, w, u)), over, late, {}
+
+
+class FrictionVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
+    """Many machines side by side, each as `FrictionEnv`; an ended one is reset by the next step.
+
+    Machines may differ: where the simulator's theta or parameters have a batch, it is that of the
+    environments.
+
+    Raises
+    ------
+    InputError
+        Where the simulator's batch is another one.
+    """
+
+    metadata = {"autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
+
+    def __init__(self, simulator: Simulator, episode: Episode, count: int) -> None:
+        self.simulator, self.episode, self.num_envs = simulator, episode, count
+        spaces = _spaces(simulator, episode, count)
+        self.single_observation_space, self.single_action_space = spaces
+        batched = (gymnasium.vector.utils.batch_space(space, count) for space in spaces)
+        self.observation_space, self.action_space = batched
+        self._state = simulator.reset(np.zeros((count, simulator.n)))
+        self._ended = np.ones(count, dtype=bool)
+        self._fresh = self._ended
+        self._count = np.zeros(count, dtype=int)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        super().reset(seed=None, options=options)
+        own: list[int | None] = [None] * self.num_envs
+        if isinstance(seed, list):
+            own = seed
+        elif seed is not None:
+            own = [seed + i for i in range(self.num_envs)]
+        if seed is not None or not hasattr(self, "_random"):
+            self._random = [gymnasium.utils.seeding.np_random(one)[0] for one in own]
+        self._state = self.simulator.reset(np.zeros((self.num_envs, self.simulator.n)))
+        self._begin(np.ones(self.num_envs, dtype=bool))
+        return _observed(self._state), {}
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        u, new, before = _torques(self.simulator, actions), self._ended, self._state
+        after = self.simulator.step(before, u, self._fresh)
+        self._fresh = np.zeros(self.num_envs, dtype=bool)
+        lost = np.asarray(np.isnan(after.q).any(axis=-1))
+        self._state = _rows(lost, before, after) if lost.any() else after
+        self._count = self._count + 1
+        q, w, *_ = self._state
+        ended, late = self.episode.terminated, self._count >= self.episode.steps
+        over = lost if ended is None else lost | np.asarray(ended(q, w), dtype=bool)
+        reward = np.asarray(self.episode.reward(q, w, u), dtype=float)
+        if new.any():
+            self._begin(new)
+        over, late = over & ~new, late & ~new
+        self._ended = over | late
+        return _observed(self._state), np.where(new, 0.0, reward), over, late, {}
+
+    def _begin(self, which: Array) -> None:
+        """New episodes of the machines which (count,) are chosen."""
+        drawn = [_start(self.episode, self._random[i]) for i in np.flatnonzero(which)]
+        q, w = self._state.q.copy(), self._state.w.copy()
+        for x, values in zip((q, w), zip(*drawn, strict=True), strict=True):
+            x[which] = [np.zeros(self.simulator.n) if v is None else v for v in values]
+        self._state = self._state._replace(q=q, w=w)
+        self._count = np.where(which, 0, self._count)
+        self._fresh = self._fresh | which
+        self._ended = self._ended & ~which
+
+
+def _spaces(simulator: Simulator, episode: Episode, count: int = 1) -> Any:
+    """Spaces of observations and actions of one machine, both of float64."""
+    if not isinstance(simulator.friction.theta, np.ndarray):
+        raise InputError("environments are made of NumPy: give a friction whose theta is an array")
+    own = np.broadcast_shapes(simulator.friction.theta.shape[:-2], simulator.plant.p.shape[:-1])
+    if own not in ((), (count,)):
+        raise InputError(
+            f"the simulator has a batch of shape {own}, the environment one of {count}: pick a "
+            "friction by friction[i], or give a FrictionVectorEnv of as many"
+        )
+    motors = int(simulator.plant.mechanism.motors.sum())
+    given = np.asarray(episode.torque_limit, dtype=float)
+    if given.shape not in ((), (motors,)) or not (np.isfinite(given) & (given > 0)).all():
+        raise InputError(
+            f"torque_limit = {episode.torque_limit!r} must be a positive number of N m, or one for "
+            f"each of {motors} motors"
+        )
+    most = np.broadcast_to(given, motors).copy()
+    box = gymnasium.spaces.Box
+    far = np.full(2 * simulator.n, np.inf)
+    return box(-far, far, dtype=np.float64), box(-most, most, dtype=np.float64)
+
+
+def _torques(simulator: Simulator, action: Array) -> Array:
+    """Torques (..., n) of all joints from those of the motors."""
+    motors = simulator.plant.mechanism.motors > 0
+    u = np.zeros((*np.shape(action)[:-1], simulator.n))
+    u[..., motors] = action
+    return u
+
+
+def _start(episode: Episode, random: np.random.Generator) -> tuple[Any, Any]:
+    return (None, None) if episode.start is None else episode.start(random)
+
+
+def _rows(which: Array, yes: State, no: State) -> State:
+    """The state with the rows which (...) of one and else of another."""
+    one = which[:, None]
+    pairs = zip(yes.memory or no.memory, no.memory, strict=True)
+    memory = tuple(np.where(one, *pair) for pair in pairs)
+    return State(np.where(one, yes.q, no.q), np.where(one, yes.w, no.w), memory)
+
+
+def _observed(state: State) -> Array:
+    return np.concatenate([state.q, state.w], axis=-1)

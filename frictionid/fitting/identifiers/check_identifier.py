@@ -1,0 +1,185 @@
+"""The protocol of `Identifier` as a check, for one's own and for the built-in ones."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction, along
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+
+
+def check_identifier(
+    identifier: Identifier, *, joints: Sequence[int] = (1, 2), tolerance: float = 1e-6
+) -> None:
+    """Raises AssertionError if the identifier violates the protocol on small synthetic problems.
+
+    Parameters
+    ----------
+    identifier : Identifier
+    joints : sequence of 1 or 2
+        Numbers of joints to check; published friction fits only its own.
+    tolerance : float
+        Largest difference of torques that should be equal, relative to their root mean square,
+        where the order of summation may differ. The same seed must give exactly the same.
+
+    Raises
+    ------
+    AssertionError
+        With one sentence that names the broken rule.
+
+    Examples
+    --------
+    >>> from frictionid.fitting.identifiers import LeastSquares
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> check_identifier(LeastSquares(CoulombViscous()))
+    """
+    for n in joints:
+        problem = synthetic_problem(n)
+        check = _Check(identifier, problem, synthetic_weights(problem), tolerance)
+        check.settings()
+        friction = check.fit()
+        for rule in (check.friction, check.weights, check.folds, check.repetition, check.seeds):
+            rule(friction)
+
+
+class _Check(NamedTuple):
+    """The rules of the protocol, one method each, on a problem with training weights (F, K)."""
+
+    identifier: Identifier
+    problem: Problem
+    training: Array
+    tolerance: float
+
+    def require(self, holds: Any, rule: str) -> None:
+        if not holds:
+            n = self.problem.r.shape[-1]
+            raise AssertionError(f"{self.identifier}, on {n} joint{'s' * (n > 1)}: {rule}")
+
+    def copy(self, thing: Any, name: str) -> Any:
+        try:
+            return pickle.loads(pickle.dumps(thing))
+        except Exception as error:
+            message = (
+                f"{self.identifier}: {name} must pickle ({error}): define its class in a module"
+            )
+            raise AssertionError(message) from None
+
+    def settings(self) -> None:
+        """It is an identifier whose settings are in its repr."""
+        self.require(isinstance(self.identifier, Identifier), "it must derive from Identifier")
+        same = repr(self.copy(self.identifier, "it")) == repr(self.identifier)
+        self.require(same, "its repr must say its settings, because results are known by it")
+
+    def fit(self) -> Friction:
+        """Friction of all folds; fitting changes neither its arguments nor the identifier."""
+        problem, weights = self.copy(self.problem, "the problem"), self.training.copy()
+        before = repr(self.identifier)
+        friction = self.identifier.fit(problem, weights, 0)
+        self.require(_same(problem, self.problem), "fit must not change the problem")
+        self.require(np.array_equal(weights, self.training), "fit must not change the weights")
+        self.require(repr(self.identifier) == before, "fit must not change the settings")
+        return friction
+
+    def friction(self, friction: Friction) -> None:
+        """The result is a Friction of the right shape that predicts and pickles."""
+        self.require(isinstance(friction, Friction), "fit must give a Friction")
+        F, n = len(self.training), self.problem.r.shape[-1]
+        shape, theta = (F, n, len(friction.law.names)), np.asarray(friction.theta)
+        self.require(theta.shape == shape, f"theta must have shape {shape}, not {theta.shape}")
+        self.require(np.isfinite(theta).all(), "theta must be finite; a failed fit raises")
+        x, torque = self.problem.nodes.inputs, self.torque(friction)
+        shape = (F, *x.w.shape)
+        self.require(
+            torque.shape == shape, f"torque must be {shape} along the nodes, not {torque.shape}"
+        )
+        self.require(np.isfinite(torque).all(), "torque must be finite along the nodes")
+        memory = friction.law.start(theta[:, None], x)
+        for sign in (1.0, -1.0):
+            limit = friction.law.limit(theta[:, None], x._replace(w=sign + 0.0 * x.w), memory)
+            fills = _fills(np.shape(limit), shape)
+            self.require(fills, f"limit must be {shape} at the nodes, not {np.shape(limit)}")
+            self.require((np.asarray(limit) >= 0).all(), "limit must not be negative")
+        copy = self.torque(self.copy(friction, "its friction"))
+        self.require(np.array_equal(copy, torque), "pickled friction must give the same torque")
+
+    def folds(self, friction: Friction) -> None:
+        """Each fold is the same when it is fitted alone, whatever the recordings it holds out."""
+        torque = self.torque(friction)
+        for f, weights in enumerate(self.training):
+            alone = self.identifier.fit(self.problem, weights[None], 0)
+            self.equal(self.torque(alone)[0], torque[f], f"fold {f} must be the same alone")
+            blind = self.identifier.fit(_others_changed(self.problem, weights), weights[None], 0)
+            rule = f"fold {f} must be blind to the recordings that it holds out"
+            self.equal(self.torque(blind)[0], torque[f], rule)
+
+    def weights(self, friction: Friction) -> None:
+        """Only ratios of weights count; rows without weight have no influence."""
+        torque, seen = self.torque(friction), np.asarray(self.training.any(axis=0))
+        twice = self.identifier.fit(self.problem, 2.0 * self.training, 0)
+        self.equal(self.torque(twice), torque, "doubling all weights must change nothing")
+        r = np.where(seen[:, None], self.problem.r, self.problem.r + 10.0)
+        G = np.where(seen[:, None, None], self.problem.G, 3.0 * self.problem.G)
+        other = self.identifier.fit(replace(self.problem, r=r, G=G), self.training, 0)
+        self.equal(self.torque(other), torque, "rows whose weight is zero must have no influence")
+
+    def seeds(self, friction: Friction) -> None:
+        """What declares `seeded = False` does not depend on the seed."""
+        if not self.identifier.seeded:
+            other = self.identifier.fit(self.problem, self.training, 1)
+            same = np.array_equal(self.torque(other), self.torque(friction))
+            self.require(same, "with seeded = False another seed must give the same numbers")
+
+    def repetition(self, friction: Friction) -> None:
+        """The same seed gives the same numbers."""
+        again = self.copy(self.identifier, "it").fit(self.problem, self.training, 0)
+        same = np.array_equal(again.theta, friction.theta)
+        self.require(same, "the same seed must give the same numbers")
+
+    def torque(self, friction: Friction) -> Array:
+        return np.asarray(along(friction, self.problem.nodes))
+
+    def equal(self, actual: Array, expected: Array, rule: str) -> None:
+        size = float(np.sqrt(np.mean(expected**2)))
+        off = float(np.abs(actual - expected).max()) / max(size, 1e-12)
+        self.require(
+            off <= self.tolerance, f"{rule}, but torques differ by {off:.1g} of their size"
+        )
+
+
+def _others_changed(problem: Problem, weights: Array) -> Problem:
+    """The problem with other numbers in recordings without weight: r, G, motion, torque, load."""
+    held = ~np.isin(np.arange(len(problem.nodes.first) - 1), problem.recording[weights > 0])
+    rows, nodes = held[problem.recording], np.repeat(held, np.diff(problem.nodes.first))
+    inputs = problem.nodes.inputs.each(lambda x: np.where(nodes[:, None], 1.7 * x, x))
+    return replace(
+        problem,
+        r=np.where(rows[:, None], problem.r + 10.0, problem.r),
+        G=np.where(rows[:, None, None], 3.0 * problem.G, problem.G),
+        nodes=problem.nodes._replace(inputs=inputs),
+        slowest=np.where(held[:, None], 2.0 * np.asarray(problem.slowest), problem.slowest),
+    )
+
+
+def _fills(given: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """Whether an array of the given shape broadcasts to a shape."""
+    try:
+        return np.broadcast_shapes(given, shape) == shape
+    except ValueError:
+        return False
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two problems, or parts of them, hold the same numbers."""
+    if isinstance(a, Problem):
+        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    if isinstance(a, tuple):
+        return all(_same(x, y) for x, y in zip(a, b, strict=True))
+    return np.array_equal(a, b)

@@ -1,0 +1,176 @@
+"""Initial guesses of fits: for each joint the best of the initial values that its law suggests."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import along
+from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.one_step.linearised import Linearised
+
+_RIDGE = 1e-12
+_SWEEPS = 2
+
+
+class _Candidates(NamedTuple):
+    """Initial values (S, n, P) of each joint, and the residual near them in one fold.
+
+    With the values theta_j of some choice for each joint j, and steps d_j from there,
+
+        e = r - sum_j G_j Tf_j(theta_j) - sum_j J_j d_j
+
+    so that the rows matter by one Gram matrix (M, M) of the columns [J_j, -G_j Tf_j] of all values
+    and joints, and r as the last one; M = S n (P + 1) + 1.
+
+    low, high : bounds (N,) of the parameters
+    """
+
+    values: Array
+    gram: Array
+    low: Array
+    high: Array
+
+
+def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
+    """Initial values (F, N) with the lowest cost one linear step away, and the values there (F, N).
+
+    Each fold first takes the best values that are the same for all joints, then changes those of
+    one joint after the other.
+
+    Raises
+    ------
+    InputError
+        Where a joint slides in fewer rows of a fold than it has parameters.
+    """
+    if not fit.problem.nodes.inputs.w.any():  # no speed that bounds the law's velocities either
+        check_rows(fit, weights, np.zeros(fit.problem.r.shape, dtype=bool))
+    values = _values(fit)
+    grams = _grams(fit, values, weights)
+    found = [
+        _best_of_fold(_Candidates(values, *own)) for own in zip(grams, *fit.bounds, strict=True)
+    ]
+    initial, stepped = (np.reshape(each, (len(weights), -1)) for each in zip(*found, strict=True))
+    return np.clip(initial, *fit.bounds), stepped
+
+
+def _values(fit: Linearised) -> Array:
+    """Initial values (S, n, P) that the law suggests, within the bounds of any fold."""
+    P = len(fit.law.names)
+    starts = np.array(fit.law.initial, dtype=float)
+    if P:  # values far outside the bounds are all the same one
+        low, high = (x.reshape(-1, P) for x in fit.bounds)
+        starts = np.unique(np.clip(starts, low.min(axis=0), high.max(axis=0)), axis=0)
+    return np.repeat(starts[:, None], fit.joints, axis=1)
+
+
+def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
+    """Gram matrix (F, M, M) of each fold, see `_Candidates`.
+
+    The columns of joint j are G_kj b_kj with b = [dTf_j/dtheta, -Tf_j] of all values, so that the
+    rows matter by
+
+        sum_k w_k (G_kj' G_ki) b_kj b_ki'    and    sum_k w_k (G_kj' r_k) b_kj
+    """
+    S, n, P = values.shape
+    B, F = S * (P + 1), len(weights)
+    blocks, right = np.zeros((F, n, B, n, B)), np.zeros((F, n, B))
+    size, slides = np.zeros(F), np.zeros(fit.problem.r.shape, dtype=bool)
+    for rows, own in fit.stretches(S):
+        b, G, r = _torques(own, values), own.problem.G, own.problem.r
+        own.check_finite(b, G, r)
+        slides[rows] = (G != 0).any(axis=1) & b.reshape(n, -1, S, P + 1)[..., :P].any((2, 3)).T
+        pairs = np.einsum("kij,kil->jlk", G, G)
+        onto = np.einsum("kij,ki->jk", G, r)
+        for f, weight in enumerate(weights[:, rows]):
+            size[f] += weight @ (r**2).sum(axis=1)
+            for j in range(n):
+                right[f, j] += (weight * onto[j]) @ b[j]
+                for i in range(j + 1):
+                    blocks[f, j, :, i] += (b[j].T * (weight * pairs[j, i])) @ b[i]
+    check_rows(fit, weights, slides)
+    return _in_order(blocks, right, size, S)
+
+
+def _torques(fit: Linearised, values: Array) -> Array:
+    """Columns b (n, K, S (P + 1)) of the mean torques in the rows by values (S, n, P)."""
+    S, n, P = values.shape
+    slopes = fit.slopes(values.reshape(S, n * P))
+    torque = fit.problem.mean(along(fit.friction(values), fit.problem.nodes))
+    both = np.concatenate([slopes, -torque[..., None]], axis=-1)  # (S, K, n, P + 1)
+    return np.moveaxis(both, 0, 2).transpose(1, 0, 2, 3).reshape(n, -1, S * (P + 1))
+
+
+def _in_order(blocks: Array, right: Array, size: Array, S: int) -> Array:
+    """Gram matrices (F, M, M) of blocks (F, n, B, n, B) of joints i <= j, with r as the last."""
+    F, n, B = right.shape
+    for j in range(n):
+        for i in range(j):
+            blocks[:, i, :, j] = np.swapaxes(blocks[:, j, :, i], 1, 2)
+    inner = blocks.reshape(F, n, S, -1, n, S, B // S).transpose(0, 2, 1, 3, 5, 4, 6)
+    grams = np.zeros((F, n * B + 1, n * B + 1))
+    grams[:, :-1, :-1] = inner.reshape(F, n * B, n * B)
+    ends = right.reshape(F, n, S, -1).transpose(0, 2, 1, 3).reshape(F, n * B)
+    grams[:, -1, :-1], grams[:, :-1, -1], grams[:, -1, -1] = ends, ends, size
+    return grams
+
+
+def _best_of_fold(candidates: _Candidates) -> tuple[Array, Array]:
+    """Initial values (N,) of one fold, and the values (N,) after its step."""
+    S, n, _ = candidates.values.shape
+    alike = np.repeat(np.arange(S)[:, None], n, axis=1)
+    choice, stepped = _best_choice(candidates, alike)
+    for j in list(range(n)) * (_SWEEPS if n > 1 else 0):
+        choices = np.repeat(choice[None], S, axis=0)
+        choices[:, j] = np.arange(S)
+        choice, stepped = _best_choice(candidates, choices)
+    return candidates.values[choice, np.arange(n)].ravel(), stepped
+
+
+def _best_choice(candidates: _Candidates, choices: Array) -> tuple[Array, Array]:
+    """The choice (n,) of initial values with the lowest cost after one step, and the values there.
+
+    The cost after a step d within the bounds, from the values of one of the choices (C, n), is
+
+        |e0|^2 - 2 g'd + d'H d,   H = J'J,  g = J'e0
+    """
+    C, n = choices.shape
+    S, _, P = candidates.values.shape
+    gram = candidates.gram
+    columns = np.arange(S * n * (P + 1)).reshape(S, n, P + 1)[choices, np.arange(n)]
+    J = columns[..., :-1].reshape(C, n * P)
+    e0 = np.insert(columns[..., -1], 0, len(gram) - 1, axis=1)  # these columns add up to e0
+    H = gram[J[:, :, None], J[:, None, :]]
+    g = gram[J[:, :, None], e0[:, None, :]].sum(-1)
+    cost = gram[e0[:, :, None], e0[:, None, :]].sum((-1, -2))
+    start = candidates.values[choices, np.arange(n)].reshape(C, n * P)
+    damped = H * (1 + _RIDGE * np.eye(n * P))
+    d = bounded(damped, g, candidates.low - start, candidates.high - start)
+    cost = cost - 2 * (g * d).sum(-1) + np.einsum("ci,cij,cj->c", d, H, d)
+    best = int(np.argmin(cost))
+    return choices[best], np.clip(start[best] + d[best], candidates.low, candidates.high)
+
+
+def check_rows(fit: Linearised, weights: Array, slides: Array) -> None:
+    """Refuse folds in which a joint slides in too few rows; slides (K, n) says where it does.
+
+    Raises
+    ------
+    InputError
+        Naming the fold and the joint.
+    """
+    counts = (weights > 0).astype(float) @ slides
+    if fit.constraints is not None:  # equal joints determine their parameters together
+        owner = fit.constraints.owner
+        counts = counts @ (owner[:, None] == owner)
+    needed = fit.law.has_parameters(slides.shape[1]).sum(axis=1)
+    if (counts < needed).any():
+        f, j = np.argwhere(counts < needed)[0]
+        raise InputError(
+            f"joint {j + 1} slides in {counts[f, j]:.0f} rows of fold {f}, too few for the "
+            f"{needed[j]} parameters of {fit.law}: give recordings in which it moves, or use fewer "
+            "folds"
+        )

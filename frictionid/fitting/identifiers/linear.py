@@ -1,0 +1,96 @@
+"""Least squares of laws that are linear in their parameters: one solution for each fold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.config import check_settings
+from frictionid.friction import Friction, Groups, Law
+from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.one_step.grams import check_linear, columns, grams
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers.initial_guess import check_rows
+from frictionid.fitting.identifiers.least_squares import LeastSquares
+from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.one_step.row_weights import normalised
+
+_RIDGE = 1e-13
+_CHECKED = 200  # nodes of each joint
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Linear(Identifier):
+    """Fits a linear law within its bounds, as `LeastSquares` does, from one Gram matrix per fold.
+
+    A fold whose solution leaves the range in which the law is linear (a level below zero counts as
+    zero) is fitted by `LeastSquares`.
+
+    Raises
+    ------
+    InputError
+        Where rows or weights do not determine the parameters, and for laws that are not linear.
+
+    Examples
+    --------
+    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.friction.laws import Spline
+    >>> problem = synthetic_problem(joints=1)
+    >>> friction = Linear(Spline((1.0, 4.0))).fit(problem, np.ones((1, len(problem.r))), seed=0)
+    >>> friction.curve(np.array([0.5, 2.0, 8.0])).round(2)[0].T
+    array([[0.14, 0.15, 0.26]])
+    """
+
+    law: Law
+    bounds: Ranges = field(default_factory=dict)
+    prior: Ranges = field(default_factory=dict)
+    equal: Groups = ()
+    seeded = False
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        check_linear(self.law)
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        weights = normalised(weights, problem)
+        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior, self.equal))
+        A = columns(law.law, problem)
+        size = np.abs(A[..., :-1]).reshape(*problem.r.shape, problem.r.shape[-1], -1)
+        check_rows(law, weights, size.max(axis=(1, 3)) > 0)
+        if law.tie is not None:
+            A = np.concatenate([A[..., :-1] @ law.tie, A[..., -1:]], axis=-1)
+        theta = solutions(grams(A, weights)[:, 0], *law.bounds)
+        beyond = ~_in_linear_range(law.friction(theta), problem)
+        beyond |= bool(self.prior)
+        if beyond.any():
+            by_steps = LeastSquares(
+                self.law, self.bounds, self.prior, robust=None, equal=self.equal
+            )
+            theta[beyond] = law.once(by_steps.fit(problem, weights[beyond], seed).theta)
+        return replace(law.friction(theta), law=self.law)
+
+
+def solutions(T: Array, low: Array, high: Array) -> Array:
+    """Parameters (F, N) within bounds (F, N), of Gram matrices T (F, N + 1, N + 1)."""
+    length = np.sqrt(np.einsum("fii->fi", T)[:, :-1])
+    scale = np.where(length > 0, length, 1.0)
+    H = T[:, :-1, :-1] / scale[:, :, None] / scale[:, None, :]
+    damped = H * (1.0 + _RIDGE * np.eye(H.shape[-1]))
+    return np.asarray(bounded(damped, T[:, :-1, -1] / scale, low * scale, high * scale) / scale)
+
+
+def _in_linear_range(friction: Friction, problem: Problem) -> Array:
+    """Whether (F,) the law is linear at theta, checked at nodes from slow to fast."""
+    inputs, law = problem.nodes.inputs, friction.law
+    S = len(inputs.w)
+    places = np.linspace(0, S - 1, min(_CHECKED, S)).astype(int)
+    order = np.argsort(np.abs(inputs.w), axis=0)[places]
+    x = inputs.each(lambda part: np.take_along_axis(part, order, axis=0))
+    theta = friction.theta[:, None]
+    linear = (law.gradient(0.0 * theta[:1], x) * theta).sum(-1)
+    error = np.abs(law.torque(theta, x, ()) - linear).max(axis=(1, 2))
+    return np.asarray(error <= _ROUNDING * np.abs(linear).max(axis=(1, 2)))

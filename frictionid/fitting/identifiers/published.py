@@ -1,0 +1,47 @@
+"""Published friction: given numbers, compared with fitted ones in the same tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import stack_calibrations
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.one_step.residual import Problem
+
+
+@dataclass(frozen=True)
+class Published(Identifier):
+    """Identifier `published`: a given friction, the same in every fold.
+
+    Its own mechanism parameters and calibration replace those of the data set.
+
+    Raises
+    ------
+    InputError
+        In a fit, where the data have another number of joints.
+    """
+
+    friction: Friction
+    seeded = False
+    fixed = True
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        theta = self.friction.theta
+        if theta.ndim != 2 or theta.shape[0] != problem.r.shape[-1]:
+            raise InputError(
+                f"the published friction has theta of shape {tuple(theta.shape)}, the data "
+                f"{problem.r.shape[-1]} joints: give one friction with as many joints as the data"
+            )
+        own, count = self.friction.calibration, len(weights)
+        calibration = None if own is None else stack_calibrations([own] * count)
+        return replace(
+            self.friction,
+            theta=np.repeat(theta[None], count, axis=0),
+            calibration=calibration,
+            constraints=None,
+        )

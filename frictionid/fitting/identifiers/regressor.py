@@ -1,0 +1,217 @@
+"""Any regressor of scikit-learn, trained on the friction torques that the rows of a problem imply.
+
+The torque of a row is the one whose residual is zero, G Tf = r. Its weight is its inverse variance:
+the variance of Tf_j is that of the residuals times [(G'G)^-1]_jj.
+"""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from frictionid.arrays import Array, times
+from frictionid.config import check_settings
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction.laws.sklearn_law import Predicted, features
+from frictionid.friction.laws.table import Table
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.one_step.row_weights import normalised
+
+_FIRST, _PER_DECADE = 0.01, 12  # [rad/s], speeds of a table
+_WIDTH = 0.02  # [rad/s]
+_SMALL = 1e-9
+
+
+class TrainingSet(NamedTuple):
+    """What the regressor of one joint is trained on: inputs, torque (B,) [N m], weight (B,)."""
+
+    x: Inputs
+    torque: Array
+    weight: Array
+
+
+class _Trained(NamedTuple):
+    """A trained regressor of scaled features and torques."""
+
+    estimator: Any
+    centre: Array
+    size: Array
+    level: float
+    scale: float
+
+    def predict(self, table: Array) -> Array:
+        """Torque (B,) [N m] at features (B, p)."""
+        scaled = self.estimator.predict((table - self.centre) / self.size)
+        return np.asarray(self.level + self.scale * scaled)
+
+
+@dataclass(frozen=True)
+class Regressor(Identifier):
+    """Fits a scikit-learn regressor to the torques of each joint, a copy for each fold.
+
+    inputs : of the regressor: the joint's velocity "w"; "q" and "u" on request
+    bins : samples that a regressor of the velocity alone is trained on: means of the rows over
+        ranges of velocity of equal weight, so that its cost does not grow with the data
+    speeds : [rad/s] at which the curve is tabulated; None: twelve in each decade
+
+    From the velocity only, friction is a `Table`, constant beyond the speeds of each joint. With
+    other inputs friction keeps the regressors, and cannot be saved.
+
+    Raises
+    ------
+    InputError
+        For an estimator that is no regressor, settings out of range, and joints that do not slide.
+
+    Examples
+    --------
+    >>> from sklearn.neighbors import KNeighborsRegressor
+    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> problem = synthetic_problem(joints=1)
+    >>> fit = Regressor(KNeighborsRegressor(3)).fit(problem, np.ones((1, len(problem.r))), seed=0)
+    >>> fit[0].curve(np.array([-4.0, 4.0])).round(1)[:, 0]  # truth: 0.18
+    array([-0.2,  0.2])
+    """
+
+    estimator: Any
+    inputs: tuple[Literal["w", "q", "u"], ...] = ("w",)
+    bins: Annotated[int, Field(ge=2)] = 200
+    speeds: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        _check_estimator(self.estimator)
+        if "w" not in self.inputs:
+            raise InputError(f"sklearn: inputs = {list(self.inputs)} must include w")
+        if self.speeds is not None:
+            Table(self.speeds)  # checks them now, not after the first fit
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        weights = normalised(weights, problem)
+        x, torque, known = torques(problem)
+        F, n = len(weights), x.w.shape[-1]
+        sets = [
+            _training_set(x, torque, weights[f] * known[:, j], (f, j)) for f, j in np.ndindex(F, n)
+        ]
+        trained = [self._trained(data, seed) for data in sets]
+        if self.inputs != ("w",):
+            which = np.arange(F * n).reshape(F, n, 1) + 0.0
+            return Friction(Predicted(tuple(trained), self.inputs), which)
+        law = Table(self.speeds or _spread(problem))
+        theta = [_tabulated(law, *pair) for pair in zip(trained, sets, strict=True)]
+        return Friction(law, np.reshape(theta, (F, n, -1)))
+
+    def _trained(self, data: TrainingSet, seed: int) -> _Trained:
+        """A copy of the estimator, fitted to scaled features and torques."""
+        from sklearn.base import clone
+
+        if self.inputs == ("w",):
+            data = _binned(data, self.bins)
+        estimator = clone(self.estimator)
+        if "random_state" in estimator.get_params():
+            estimator.set_params(random_state=seed)
+        table = np.stack(features(data.x, self.inputs, _WIDTH), axis=-1)
+        centre, size = table.mean(0), table.std(0)
+        size = np.where(size > _SMALL, size, 1.0)
+        weight = data.weight / data.weight.mean()
+        level = float(np.average(data.torque, weights=weight))
+        spread = np.sqrt(np.average((data.torque - level) ** 2, weights=weight))
+        scale = max(float(spread), _SMALL)
+        trained = _Trained(estimator, centre, size, level, scale)
+        try:
+            _fit(estimator, (table - centre) / size, (data.torque - level) / scale, weight)
+            trained.predict(table[:1])
+        # some estimators refuse a setting for this number of samples only now
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"sklearn: {self.estimator} cannot learn from {len(table)} samples: {error}"
+            ) from None
+        return trained
+
+
+def torques(problem: Problem) -> tuple[Inputs, Array, Array]:
+    """Inputs, torques [N m] and weights of the rows, (K, n) each: see the top of this file.
+
+    Weights are inverse variances, but for a factor; zero where a joint does not slide.
+    """
+    inverse = np.linalg.pinv(problem.G, rcond=_SMALL)
+    variance = (inverse**2).sum(-1)
+    slides = (np.abs(problem.G).max(axis=1) > 0) & (variance > 0)
+    weight = np.where(slides, 1.0 / np.where(slides, variance, 1.0), 0.0)
+    x = problem.nodes.inputs.each(problem.mean)
+    return x, times(inverse, problem.r), weight
+
+
+def _training_set(x: Inputs, torque: Array, weight: Array, place: tuple[int, int]) -> TrainingSet:
+    """Rows of a fold and a joint (their `place`) that have a weight (K,)."""
+    fold, joint = place
+    rows = weight > 0
+    if not rows.any():
+        raise InputError(
+            f"joint {joint + 1} slides in no row of fold {fold}: give recordings in which it "
+            "moves, or use fewer folds"
+        )
+    own = x.each(lambda part: part[rows, joint])
+    return TrainingSet(own, torque[rows, joint], weight[rows] / weight.max())
+
+
+def _binned(data: TrainingSet, bins: int) -> TrainingSet:
+    """Means over ranges of velocity of equal weight, none of them across zero."""
+    order = np.argsort(data.x.w, kind="stable")
+    weight = data.weight[order]
+    cumulated = np.cumsum(weight) - 0.5 * weight
+    label = np.minimum((cumulated / weight.sum() * bins).astype(int), bins - 1)
+    _, bin_of = np.unique(label * 2 + (data.x.w[order] > 0), return_inverse=True)
+    total = np.bincount(bin_of, weight)
+    x = data.x.each(lambda part: np.bincount(bin_of, weight * part[order]) / total)
+    return TrainingSet(x, np.bincount(bin_of, weight * data.torque[order]) / total, total)
+
+
+def _fit(estimator: Any, x: Array, y: Array, weight: Array) -> None:
+    """Fit an estimator, with weights if it takes them; its warnings of convergence are dropped."""
+    takes_weights = "sample_weight" in inspect.signature(estimator.fit).parameters
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        estimator.fit(x, y, **({"sample_weight": weight} if takes_weights else {}))
+
+
+def _check_estimator(estimator: Any) -> None:
+    """Refuse what has no fit and predict, or is no regressor by scikit-learn's own word."""
+    from sklearn.base import BaseEstimator, is_regressor
+
+    if not all(callable(getattr(estimator, name, None)) for name in ("fit", "predict")):
+        raise InputError(f"sklearn: {estimator!r} is no regressor with fit and predict")
+    if isinstance(estimator, BaseEstimator) and not is_regressor(estimator):
+        raise InputError(
+            f"sklearn: {estimator} is no regressor: choose one, such as sklearn.svm.LinearSVR"
+        )
+
+
+def _spread(problem: Problem) -> tuple[float, ...]:
+    """Speeds [rad/s] of a table, beyond the fastest motion.
+
+    On a grid that no data shift: how fast held-out recordings are changes no level of a fold.
+    """
+    each = np.abs(problem.nodes.inputs.w).max(axis=0)
+    each = each[each > 0] if each.any() else np.ones(1)
+    # whole decades finer for joints below 1 rad/s, so that the slowest has two of its own
+    first = _FIRST * 10.0 ** min(0.0, np.floor(np.log10(each.min())))
+    last = int(np.ceil(_PER_DECADE * np.log10(max(float(each.max()) / first, 10.0))))
+    return tuple(float(f"{first * 10 ** (k / _PER_DECADE):.4g}") for k in range(last + 1))
+
+
+def _tabulated(law: Table, trained: _Trained, data: TrainingSet) -> Array:
+    """Levels (P,) at the law's speeds; beyond those of the data the last one holds."""
+    levels = []
+    for side in (1.0, -1.0):
+        fastest = max(float((side * data.x.w).max()), 0.0)
+        w = side * np.minimum(np.array(law.speeds), fastest)
+        table = np.stack(features(at_rest(w), ("w",), _WIDTH), axis=-1)
+        levels.append(np.maximum(side * trained.predict(table), 0.0))
+    return np.concatenate(levels)

@@ -1,0 +1,188 @@
+"""SINDy on one-step residuals: a sparse sum of candidate functions [Brunton2016].
+
+pysindy's optimisers see what friction has to explain, not a numerical derivative:
+
+    minimise  sum_k w_k |r_k - G_k sum_i theta_i f_i|^2  with few theta_i that are not zero
+
+Each threshold proposes an active set; recordings that are held out decide which one is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from frictionid.arrays import Array
+from frictionid.config import NotNegative, check_settings
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.friction.laws.library import Library
+from frictionid.fitting.identifiers.active_sets import (
+    Constraints,
+    admissible,
+    best_fits,
+    best_proposals,
+    search,
+    selected,
+    unit_columns,
+)
+from frictionid.fitting.one_step.grams import clusters, columns, grams
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers.pysindy_proposals import proposed_coefficients
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.one_step.row_weights import normalised
+
+_HALF = 0.5
+_FASTER = 0.98  # quantile of the speeds that must reach where a peak has fallen off
+_NO_COLUMN = 1e-12  # of the longest column
+
+Fraction = Annotated[float, Field(gt=0, lt=1)]
+
+
+@dataclass(frozen=True)
+class SINDy(Identifier):
+    """Finds which candidates of a library friction has, and their coefficients.
+
+    optimizer : "stlsq" or "sr3" of pysindy, which proposes an active set for each threshold
+    thresholds : of coefficients, relative to the sizes of their columns and of the residual
+    ridge : of STLSQ, for columns of length one
+    search_sets : also try sets of candidates joint by joint; collinear columns mislead thresholds
+    n_standard_errors : the smallest active set is taken that predicts held-out recordings as well
+        as the best one, within so many standard errors
+    ensemble : number of draws of the recordings; where positive, candidates stay that are in the
+        active sets of at least half of them (see `inclusion`)
+
+    Peaks that fall off beyond the speeds of the motion are no candidates.
+
+    Raises
+    ------
+    InputError
+        For settings out of range, and where no joint slides.
+
+    Examples
+    --------
+    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> problem = synthetic_problem(joints=1, noise=1e-4)
+    >>> friction = SINDy().fit(problem, np.ones((1, len(problem.r))), seed=0)
+    >>> print(*friction.law.equation(friction.theta[0]))
+    Tf1 = 0.09993 N m s(w) + 0.02001 N m s/rad w + 0.04013 N m exp(-(w/1.5)^2) s(w)
+    """
+
+    library: Library = field(default_factory=Library)
+    optimizer: Literal["stlsq", "sr3"] = "stlsq"
+    thresholds: Annotated[tuple[Fraction, ...], Field(min_length=1)] = (0.01, 0.04, 0.15)
+    ridge: NotNegative = 1e-3
+    search_sets: bool = True
+    n_standard_errors: NotNegative = 2.5
+    ensemble: Annotated[int, Field(ge=0)] = 0
+    renamed: ClassVar[Mapping[str, str]] = {"sets": "search_sets", "sure": "n_standard_errors"}
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+    @property
+    def seeded(self) -> bool:
+        """Whether a seed draws recordings: those of an ensemble."""
+        return self.ensemble > 0
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        n, P = problem.r.shape[-1], len(self.library.names)
+        theta, share = np.zeros((len(weights), n * P)), np.zeros(0)
+        for f, fold in enumerate(self._folds(problem, weights)):
+            if self.ensemble:
+                share = self._inclusion(fold, seed, self.ensemble)
+                active = _included(share, fold)
+            else:
+                active = self._active_set(fold)
+            if active:
+                S = np.array(active)
+                theta[f, S] = best_fits(fold.G.sum(0), S[None])[1][0] / fold.scale[S]
+        friction = Friction(self.library, theta.reshape(len(weights), n, P))
+        if not self.ensemble:
+            return friction
+        return replace(friction, provenance={"inclusion": self._inclusion_lines(share)})
+
+    def inclusion(self, problem: Problem, weights: Array, seed: int, draws: int = 50) -> Array:
+        """Share (F, n, P) of draws of the recordings in whose active set each candidate is."""
+        folds = self._folds(problem, weights)
+        shares = [self._inclusion(fold, seed, draws) for fold in folds]
+        return np.stack(shares).reshape(len(weights), problem.r.shape[-1], -1)
+
+    def _folds(self, problem: Problem, weights: Array) -> Iterator[_Fold]:
+        A = columns(self.library, problem)
+        n, candidates = problem.r.shape[-1], self.library.candidates
+        speed = np.abs(problem.mean(problem.nodes.inputs.w)) * np.abs(problem.G).any(axis=1)
+        needed = np.array([c.fast for c in candidates])
+        constraints = Constraints(
+            joint=np.repeat(np.arange(n), len(candidates)),
+            conflict=np.kron(np.eye(n), self.library.conflicts) > 0,
+            positive=np.tile([c.bounds[0] >= 0 for c in candidates], n),
+            usable=np.ones(n * len(candidates), dtype=bool),
+        )
+        for f, G in enumerate(grams(A, normalised(weights, problem), clusters(problem))):
+            G, length = unit_columns(G)
+            fastest = np.quantile(speed[weights[f] > 0], _FASTER, axis=0)
+            reached = (fastest[:, None] >= needed).ravel()
+            usable = (length[:-1] > _NO_COLUMN * length.max()) & reached
+            if not usable.any():
+                raise InputError(f"no joint slides in the rows of fold {f}: give other recordings")
+            scale = length[:-1] / (length[-1] or 1.0)
+            yield _Fold(G, scale, constraints._replace(usable=usable))
+
+    def _active_set(self, fold: _Fold) -> tuple[int, ...]:
+        """Columns of the active set that is selected of those proposed and searched."""
+        T = fold.G.sum(0)
+        coefficients = proposed_coefficients(T, map(self._optimizer, self.thresholds))
+        proposals = [admissible(c, T, fold.constraints) for c in coefficients]
+        if self.search_sets:
+            return search(fold.G, fold.constraints, proposals, self.n_standard_errors)
+        sets = best_proposals(T, fold.constraints, proposals)
+        return selected(fold.G, sets, self.n_standard_errors)
+
+    def _inclusion(self, fold: _Fold, seed: int, draws: int) -> Array:
+        """Share (N,) of draws of the clusters, with replacement, whose active set has a column."""
+        count = np.zeros(len(fold.scale))
+        present = np.flatnonzero(np.einsum("cii->c", fold.G) > 0)
+        for draw in range(draws):
+            drawn = np.random.default_rng([seed, draw]).choice(present, len(present))
+            times = np.bincount(drawn, minlength=len(fold.G))
+            count[list(self._active_set(fold._replace(G=fold.G * times[:, None, None])))] += 1
+        return count / draws
+
+    def _inclusion_lines(self, share: Array) -> list[str]:
+        """A line for each joint: in what share of the draws each candidate was, largest first."""
+        lines = []
+        for j, own in enumerate(share.reshape(-1, len(self.library.names))):
+            order = [k for k in np.argsort(-own, kind="stable") if own[k] > 0]
+            terms = ", ".join(f"{self.library.names[k]} {100 * own[k]:.0f} %" for k in order)
+            lines.append(f"joint {j + 1}: {terms or 'none'}")
+        return lines
+
+    def _optimizer(self, threshold: float) -> Any:
+        from pysindy import SR3, STLSQ
+
+        if self.optimizer == "stlsq":
+            return STLSQ(threshold=threshold, alpha=self.ridge, unbias=False)
+        weight = SR3.calculate_l0_weight(threshold, 1.0)
+        return SR3(reg_weight_lam=weight, regularizer="l0", relax_coeff_nu=1.0, unbias=False)
+
+
+class _Fold(NamedTuple):
+    """Gram matrices G (C, N + 1, N + 1) of the clusters, with columns of length one.
+
+    scale : (N,) lengths of the candidates' columns before, relative to that of the residual
+    """
+
+    G: Array
+    scale: Array
+    constraints: Constraints
+
+
+def _included(share: Array, fold: _Fold) -> tuple[int, ...]:
+    """Active set of an ensemble: columns of families that at least half of the draws have."""
+    family = fold.constraints.conflict @ share
+    return admissible(np.where(family >= _HALF, share, 0.0), fold.G.sum(0), fold.constraints)

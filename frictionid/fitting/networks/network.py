@@ -1,0 +1,194 @@
+"""Networks trained by gradients: all folds and joints as one model of stacked weights.
+
+Steps are those of Adam [Kingma2015], with a rate that falls to zero along a cosine, and early
+stopping by recordings held out inside each fold. What a fold learns depends on its own rows and on
+the seed, not on the folds beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from frictionid.arrays import Array
+from frictionid.config import Count, Positive, check_settings
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Law
+from frictionid.friction.laws.ensemble import together
+from frictionid.friction.laws.mlp import MLP
+from frictionid.friction.laws.network_law import NetworkLaw, is_learned
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.networks.adam import Adam
+from frictionid.fitting.networks.batches import batches, padded_items
+from frictionid.fitting.networks.compiled import check_compiler, compiled
+from frictionid.fitting.networks.early_stopping import EarlyStopping, Share, held_out
+from frictionid.fitting.networks.ensemble_seeds import member_seeds
+from frictionid.fitting.networks.scales import friction_scales
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.one_step.row_weights import normalised
+
+if TYPE_CHECKING:
+    from frictionid.fitting.networks.fold_stack import FoldStack
+    from frictionid.fitting.networks.lstm_training_set import SequenceTrainingSet
+    from frictionid.fitting.networks.mlp_training_set import RowTrainingSet
+
+
+@dataclass(frozen=True)
+class Network(Identifier):
+    """Trains the weights of a law: `MLP`, `WindowMLP`, `LSTM`, or a module of PyTorch.
+
+    epochs : passes through the rows, at most
+    batch : rows of each fold in a step
+    rate : the first learning rate
+    share : of a fold's weight that is held out in it for early stopping
+    patience : epochs without a lower held-out cost after which a fold stops
+    members : networks with other initial weights and other recordings held out; friction is their
+        mean
+    inputs : "all" for an `MLP` that sees the velocities of all joints
+    burn_in, targets : samples of a piece of a recording that fill the memory of recurrent networks,
+        and samples after them that count
+    device : "cpu" or "cuda"
+    compile : let PyTorch compile the cost, with a C++ compiler; that takes half a minute first
+
+    The sample time of a law with a memory of samples is that of the problem.
+
+    Raises
+    ------
+    InputError
+        For settings out of range, and a device or compiler that is not there.
+    """
+
+    law: Law
+    epochs: Count = 40
+    batch: Count = 256
+    rate: Positive = 1e-2
+    share: Share = 0.15
+    patience: Count = 10
+    members: Count = 1
+    inputs: Literal["own", "all"] = "own"
+    burn_in: Annotated[int, Field(ge=0)] = 8
+    targets: Count = 40
+    device: Literal["cpu", "cuda"] = "cpu"
+    compile: bool = False
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if not isinstance(self.law, NetworkLaw):
+            raise InputError(f"{self.law} has no weights to train: choose least squares")
+        if self.inputs == "all" and not isinstance(self.law, MLP):
+            raise InputError(f'inputs = "all" needs a law that sees other joints, such as {MLP()}')
+        if self.device != "cpu":  # now: a comparison may have other work before this fit
+            check_device(self.device)
+        if self.compile:
+            check_compiler()
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        weights, law = normalised(weights, problem), self.law
+        if self.inputs == "all":
+            law = replace(law, others=problem.r.shape[1] - 1)
+        scales = friction_scales(problem, weights)
+        friction, costs = self.train(law, problem, weights, scales, seed)
+        training, held = costs.round(5)
+        return replace(friction, provenance={"learning": {"training": training, "held_out": held}})
+
+    def train(
+        self, law: Any, problem: Problem, weights: Array, scales: Array, seed: int
+    ) -> tuple[Friction, Array]:
+        """Friction of a network law, and the costs (2, F, E) of its epochs, without friction 1.
+
+        scales : (F, n, k) of the first k parameters of the law
+        costs : in training and on what is held out; means over the members
+        """
+        from frictionid.fitting.networks.fold_stack import FoldStack  # imports torch: late
+
+        check_device(self.device)
+        if law.sample_time is not None:
+            law = replace(law, sample_time=float(np.median(problem.dt)))
+        seeds = member_seeds(seed, self.members)
+        draws = [np.random.default_rng(own) for own in seeds]
+        initial = np.concatenate([law.initial_parameters(scales, rng) for rng in draws])
+        held = np.concatenate([held_out(problem, weights, self.share, own) for own in seeds])
+        weights = np.tile(weights, (self.members, 1))
+        stack = FoldStack(law, problem, initial, self.device)
+        by_fold = [own for own in seeds for _ in range(len(scales))]
+        theta, costs = self._descended(stack, weights * ~held, weights * held, by_fold)
+        friction = together(law, np.split(theta, self.members))
+        return friction, np.mean(np.split(costs, self.members, axis=1), axis=0)
+
+    def _descended(
+        self, stack: FoldStack, training: Array, held: Array, seeds: Sequence[Sequence[int]]
+    ) -> tuple[Array, Array]:
+        """Parameters (F, n, P) at the lowest held-out costs, and costs (2, F, E) of the epochs.
+
+        training, held : weights (F, K) of the rows that are fitted and of those that are held out
+        """
+        import torch
+
+        fitted, held_out_set = (self._training_set(stack, part) for part in (training, held))
+        rows, per_item = len(stack.problem.r), fitted.rows_per_item
+        # a batch larger than all rows, or the default, would only repeat them
+        size = max(1, min(self.batch, max(rows, Network.batch)) // per_item)
+        steps = -(-rows // (size * per_item))
+        draws = batches(fitted.used, size, seeds)
+        held_items = stack.tensor(padded_items(held_out_set.used, held_out_set.items))
+        cost = compiled(fitted.cost) if self.compile else fitted.cost
+        theta = stack.tensor(stack.theta).requires_grad_()
+        adam = Adam(theta, stack.tensor(is_learned(stack.law)))
+        stopping = EarlyStopping(theta.detach(), self.patience)
+        costs = []
+        for epoch in range(self.epochs):
+            rates = [self._rate(epoch + step / steps) for step in range(steps)]
+            each = (adam.step(cost(theta, stack.tensor(next(draws))), rate) for rate in rates)
+            during = sum(before / steps for before in each)
+            with torch.no_grad():
+                after = held_out_set.cost(theta, held_items)
+            costs.append(torch.stack([during, after]).cpu().numpy())
+            stopping.update(theta.detach(), after)
+            if stopping.stopped:
+                break
+        return stopping.theta.cpu().numpy(), np.stack(costs, axis=-1)
+
+    def _rate(self, epoch: float) -> float:
+        """Learning rate: a cosine from the first rate to zero."""
+        return self.rate * (0.5 * (1.0 + math.cos(math.pi * epoch / self.epochs)))
+
+    def _training_set(
+        self, stack: FoldStack, weights: Array
+    ) -> RowTrainingSet | SequenceTrainingSet:
+        from frictionid.fitting.networks.lstm_training_set import SequenceTrainingSet
+        from frictionid.fitting.networks.mlp_training_set import RowTrainingSet
+
+        if not stack.law.cells:
+            return RowTrainingSet(stack, weights)
+        nodes = stack.problem.nodes
+        longest = -(-int(np.diff(nodes.first).max()) // nodes.per_sample)
+        if self.burn_in > max(longest, Network.burn_in):
+            raise InputError(
+                f"burn_in = {self.burn_in} samples is more than the longest recording has "
+                f"({longest}): choose a smaller one"
+            )
+        # pieces longer than a recording hold the recording, and nothing more
+        targets = min(self.targets, max(longest, Network.targets))
+        return SequenceTrainingSet(stack, weights, self.burn_in, targets)
+
+
+def check_device(device: str) -> None:
+    """Refuse a device that is not there.
+
+    Raises
+    ------
+    InputError
+        Saying what PyTorch sees.
+    """
+    import torch
+
+    if device == "cuda" and not torch.cuda.is_available():
+        raise InputError(
+            'device = "cuda": PyTorch sees no CUDA device here: leave the device out, or install '
+            "PyTorch with CUDA"
+        )

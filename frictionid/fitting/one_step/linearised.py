@@ -1,0 +1,267 @@
+"""Residuals of a law on the rows of a problem, and their Jacobian in its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import (
+    Constraints,
+    Friction,
+    Groups,
+    Law,
+    Nodes,
+    along,
+    constraints_of,
+)
+from frictionid.fitting.one_step.residual import Problem, speed_range
+
+_DIFFERENCE = 1e-6
+_TORQUES = 1e7  # computed at a time
+_ROW_ARRAYS = ("r", "G", "recording", "time", "dt")
+_ROWS, _MANY = 20_000, 4  # at a time, of so many parameters at most
+
+
+Ranges = Mapping[str, tuple[float, float]]  # by parameter name
+
+
+class Given(NamedTuple):
+    """Bounds, and means and standard deviations of priors, by parameter name; equal joints."""
+
+    bounds: Ranges
+    prior: Ranges
+    equal: Groups = ()
+
+
+class Linearised(NamedTuple):
+    """A law on a problem; its parameters theta are flat here, (F, N) with N = n P.
+
+    Equal joints have the same parameters, which are there once: theta of all is tie @ theta then.
+
+    constraints : bounds and priors (F, n, P), see `Linearised.of`; tie : (n P, N), None where all
+        joints have parameters of their own
+    """
+
+    law: Law
+    problem: Problem
+    constraints: Constraints | None = None
+    tie: Array | None = None
+
+    @staticmethod
+    def of(law: Law, problem: Problem, weights: Array, given: Given) -> Linearised:
+        """A law on a problem, bounded by what the rows of each fold resolve, weights (F, K).
+
+        Where the rows of joints at rest are projected out, all others slide: there numerical
+        smoothing of sgn(w) would only blur slow ones.
+        """
+        own = constraints_of(law, speed_range(problem, weights), *given)
+        return Linearised(law.sharpened() if problem.masked else law, problem, own, own.tie)
+
+    @property
+    def untied(self) -> Linearised:
+        """The same with parameters of its own for each joint."""
+        return self._replace(tie=None)
+
+    def tied(self, theta: Array) -> Array:
+        """Parameters (F, N) of equal joints: the means of those (F, n P) that each has by itself.
+
+        Within the bounds.
+        """
+        if self.tie is None:
+            return theta
+        return np.clip(theta @ self.tie / self.tie.sum(axis=0), *self.bounds)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return int(self.problem.r.shape[-1])
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the parameters, (F, N) each."""
+        own = self.constraints
+        assert own is not None
+        return self.once(own.low), self.once(own.high)
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and precision of the parameters' priors, (F, N) each; zero precision for none."""
+        own = self.constraints
+        assert own is not None
+        return self.once(own.mean), self.once(own.deviation) ** -2.0
+
+    def once(self, each: Array) -> Array:
+        """Numbers (F, n, P) that equal joints have alike, flat, (F, N)."""
+        flat = each.reshape(len(each), -1)
+        return flat if self.tie is None else flat[:, self.tie.argmax(axis=0)]
+
+    def friction(self, theta: Array) -> Friction:
+        """Friction with the parameters theta."""
+        theta = theta if self.tie is None else theta @ self.tie.T
+        theta = theta.reshape(len(theta), self.joints, len(self.law.names))
+        own = self.constraints
+        known = own is not None and own.low.shape == theta.shape
+        return Friction(self.law, theta, constraints=own if known else None)
+
+    def stretches(self, thetas: int = 1) -> Iterator[tuple[slice, Linearised]]:
+        """Rows, some at a time, and the law on them: long recordings need no more memory.
+
+        Rows of whole recordings for a law with memory, which acts along them.
+
+        thetas : number of parameters that are looked at together: the more, the fewer rows
+        """
+        K, most = len(self.problem.r), max(_ROWS // max(thetas // _MANY, 1), 1)
+        if K <= most:
+            yield slice(0, K), self
+            return
+        if self.law.has_memory:
+            yield from self._whole_recordings(most)
+            return
+        for first in range(0, K, most):
+            rows = slice(first, min(first + most, K))
+            yield rows, self._replace(problem=_some(self.problem, rows))
+
+    def _whole_recordings(self, most: int) -> Iterator[tuple[slice, Linearised]]:
+        """Rows of recordings that follow each other, as many as have so many rows, or one."""
+        problem, first = self.problem, 0
+        ends = [*(1 + np.flatnonzero(np.diff(problem.recording))).tolist(), len(problem.r)]
+        for end, next_end in zip(ends, [*ends[1:], np.inf], strict=True):
+            if next_end - first > most:
+                own = problem.of_rows(np.arange(first, end))
+                yield slice(first, end), self._replace(problem=own)
+                first = end
+
+    def every(self, step: int) -> Linearised:
+        """The same on every `step`-th row only, with the nodes that these need; without memory."""
+        problem = self.problem
+        own, stencil = np.unique(problem.stencil[::step], return_inverse=True)
+        inputs = problem.nodes.inputs.each(lambda x: x[own])
+        nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, len(own)]))
+        arrays = {name: getattr(problem, name)[::step] for name in _ROW_ARRAYS}
+        return self._replace(problem=replace(problem, nodes=nodes, stencil=stencil, **arrays))
+
+    def residual(self, theta: Array) -> Array:
+        """Residuals e, shape (F, K, n) [rad/s]."""
+        friction = self.friction(theta)
+        out = np.empty((len(theta), *self.problem.r.shape))
+        for rows, own in self.stretches():
+            out[:, rows] = own.problem.residual(along(friction, own.problem.nodes))
+        return out
+
+    def jacobian(self, theta: Array) -> Array:
+        """Jacobian -de/dtheta = G dTf/dtheta, shape (F, K, n, n, P): Tf_j depends on theta_j only.
+
+        The axes after the rows are those of the residual's joint, and of friction's joint j.
+        """
+        return self.problem.G[..., None] * self.slopes(theta)[:, :, None]
+
+    def slopes(self, theta: Array) -> Array:
+        """Derivatives of the mean torques in the rows, dTf_j/dtheta_j, shape (F, K, n, P)."""
+        at_nodes = torque_gradient(self.friction(theta), self.problem)
+        F, S, n, P = at_nodes.shape
+        mean = self.problem.mean(at_nodes.reshape(F, S, n * P))
+        return mean.reshape(F, len(self.problem.r), n, P)
+
+    def normal_equations(
+        self, theta: Array, residual: Array, weights: Array
+    ) -> tuple[Array, Array]:
+        """Descent direction J'We (F, N) and Gauss-Newton Hessian J'WJ (F, N, N) of each fold.
+
+        Fold by fold, which stays in the processor's cache; with memory, time is the outer loop.
+
+        Raises
+        ------
+        InputError
+            Where they are not finite.
+        """
+        F, N = theta.shape
+        folds_at_once = max(F, 1) if self.law.has_memory else 1
+        descent, hessian = np.zeros((F, N)), np.zeros((F, N, N))
+        for first in range(0, F, folds_at_once):
+            part = slice(first, first + folds_at_once)
+            for rows, own in self.stretches():
+                slopes, e = own.slopes(theta[part]), residual[part, rows]
+                # fold by fold: a batch of them would be rounded otherwise than each one alone
+                for f, weight in enumerate(weights[part, rows], first):
+                    k = f - first
+                    onto, square = _weighted_squares(own.problem.G, slopes[k], e[k], weight)
+                    descent[f] += onto if self.tie is None else self.tie.T @ onto
+                    hessian[f] += square if self.tie is None else self.tie.T @ square @ self.tie
+        self.check_finite(descent, hessian)
+        return descent, hessian
+
+    def check_finite(self, *arrays: Array) -> None:
+        """Refuse arrays with numbers that are not finite.
+
+        Raises
+        ------
+        InputError
+            Saying where to look.
+        """
+        if not all(np.isfinite(array).all() for array in arrays):
+            raise InputError(
+                f"the fit of {self.law} met numbers that are not finite: look for such rows in the "
+                "problem, and for parameters within the law's bounds where its torque is not finite"
+            )
+
+
+def _weighted_squares(G: Array, slopes: Array, e: Array, weight: Array) -> tuple[Array, Array]:
+    """J'We (N,) and J'WJ (N, N) of rows whose Jacobian is J_k = G_kj s_kj, slopes s (K, n, P).
+
+    (J'We)_j = sum_k w_k (G_k'e_k)_j s_kj,   (J'WJ)_ji = sum_k w_k (G_k'G_k)_ji s_kj s_ki'
+    """
+    K, n, P = slopes.shape
+    by_joint = np.ascontiguousarray(np.swapaxes(slopes, 0, 1))  # (n, K, P)
+    onto, squares = np.einsum("kij,ki,k->jk", G, e, weight), np.zeros((n, P, n, P))
+    for j in range(n):
+        for i in range(j + 1):
+            pair = np.einsum("ki,ki,k->k", G[:, :, j], G[:, :, i], weight)
+            squares[j, :, i] = (by_joint[j] * pair[:, None]).T @ by_joint[i]
+            squares[i, :, j] = squares[j, :, i].T
+    descent = np.stack([onto[j] @ by_joint[j] for j in range(n)])
+    return descent.ravel(), squares.reshape(n * P, n * P)
+
+
+def _some(problem: Problem, rows: slice) -> Problem:
+    """The problem of some rows that follow each other, with the nodes that they need."""
+    stencil = problem.stencil[rows]
+    low, high = int(stencil.min()), int(stencil.max()) + 1
+    own = slice(low, high)
+    inputs = problem.nodes.inputs.each(lambda x: x[own])
+    nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, high - low]))
+    arrays = {name: getattr(problem, name)[rows] for name in _ROW_ARRAYS}
+    return replace(problem, nodes=nodes, stencil=stencil - low, **arrays)
+
+
+def torque_gradient(friction: Friction, problem: Problem) -> Array:
+    """dTf_j/dtheta_jp along the nodes, (F, S, n, P)."""
+    law, nodes, theta = friction.law, problem.nodes, friction.theta
+    shape = (len(theta), *nodes.inputs.w.shape, theta.shape[-1])
+    by_node = theta[..., None, :, :]
+    if law.has_gradient and not law.has_memory:
+        return np.broadcast_to(law.gradient(by_node, nodes.inputs), shape)
+    out, at_once = np.empty(shape), max(1, int(_TORQUES / (2 * np.prod(shape[:-1]))))
+    for first in range(0, len(law.names), at_once):
+        which = range(first, min(first + at_once, len(law.names)))
+        differences = _central_differences(friction, nodes, which)
+        out[..., first : first + at_once] = np.moveaxis(differences, 0, -1)
+    return out
+
+
+def _central_differences(friction: Friction, nodes: Nodes, which: Sequence[int]) -> Array:
+    """Derivatives of the torque along the nodes in some parameters (p,), shape (p, F, S, n)."""
+    law, theta = friction.law, friction.theta
+    both = np.repeat(np.repeat(theta[None], 2, axis=0)[:, None], len(which), axis=1)
+    for k, i in enumerate(which):
+        step = _DIFFERENCE * np.maximum(1e-2, np.abs(theta[..., i]))
+        low, high = law.bounds[i]
+        both[0, k, ..., i] = np.minimum(theta[..., i] + step, high)
+        both[1, k, ..., i] = np.maximum(theta[..., i] - step, low)
+    above, below = along(Friction(law, both), nodes)  # one pass over time, for all of them
+    apart = np.stack([(both[0] - both[1])[k, ..., i] for k, i in enumerate(which)])
+    return (above - below) / apart[..., None, :]

@@ -1,0 +1,65 @@
+"""Shooting: friction, inertia and calibration from windows of the measured angles.
+
+`refine` does all of it. Its steps, for problems of one's own:
+
+    intervals = intervals_of(dataset)                                  the data
+    problem = shooting_problem(intervals, estimate, blocks, settings)  what is free
+    problem.linearise(estimate, nodes, rows)                           end states and derivatives
+    solution = solve(problem, estimate, use)                           Gauss-Newton
+    covariance_of(problem, solution)                                   intervals of the parameters
+
+`solve_states` fits the motion alone, with all parameters fixed.
+"""
+
+from frictionid.fitting.shooting.calibrated_recipe import CalibratedRecipe
+from frictionid.fitting.shooting.covariance import Covariance, covariance_of
+from frictionid.fitting.shooting.gauss_newton import Solution, solve
+from frictionid.fitting.parameters import (
+    DelayBlock,
+    Estimate,
+    FrictionBlock,
+    InertiaBlock,
+    Parameter,
+    ParameterBlock,
+)
+from frictionid.fitting.parameters.parameter_block import Values, free_blocks, values_of
+from frictionid.fitting.shooting.problem import Linearisation, ShootingProblem, shooting_problem
+from frictionid.fitting.shooting.recipe import Shooting, refine_folds
+from frictionid.fitting.shooting.refine import Diagnostics, Refined, Segment, refine
+from frictionid.fitting.shooting.result_document import document_of
+from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of, logged_torque
+from frictionid.fitting.shooting.settings import Settings
+from frictionid.fitting.shooting.window_states import SampleWindows, solve_states
+
+__all__ = [
+    "CalibratedRecipe",
+    "Covariance",
+    "DelayBlock",
+    "Diagnostics",
+    "Estimate",
+    "FrictionBlock",
+    "InertiaBlock",
+    "Intervals",
+    "Linearisation",
+    "Parameter",
+    "ParameterBlock",
+    "Refined",
+    "SampleWindows",
+    "Segment",
+    "Settings",
+    "Shooting",
+    "ShootingProblem",
+    "Solution",
+    "Values",
+    "covariance_of",
+    "document_of",
+    "free_blocks",
+    "intervals_of",
+    "logged_torque",
+    "refine",
+    "refine_folds",
+    "shooting_problem",
+    "solve",
+    "solve_states",
+    "values_of",
+]

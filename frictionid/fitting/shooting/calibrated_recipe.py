@@ -1,0 +1,197 @@
+"""One-step recipes on data corrected by a calibration: torque clock, inertia, sensors.
+
+In each training fold shooting fits a parametric friction together with the calibration. The data
+are corrected by that calibration, and any identifier fits its one-step problem on them. A model
+with memory then cannot mistake a torque delay or a missing inertia for friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration, stack_calibrations
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.friction.coordinates import with_units_of
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
+from frictionid.fitting.one_step.one_step_fit import OneStepFit, checked_fit
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.shooting.recipe import Shooting, ShootingData, check_mechanism, refine_folds
+
+# Parts of a calibration that may correct the data, under the names of the blocks that free them.
+PARTS = ("inertia", "delay", "gain", "bias", "offset")
+
+
+class CalibratedData(ShootingData, Protocol):
+    """What calibrated recipes fit: calibrations (F + 1,) of all folds and, last, of all data.
+
+    They are by the names of their recipes, with only the parts that these use.
+    """
+
+    @property
+    def calibrations(self) -> Mapping[str, Calibration]: ...
+
+    def corrected(self, recipe: CalibratedRecipe) -> Iterable[tuple[Array, Problem]]:
+        """Folds that share a calibration, with the problem on the data that it corrects.
+
+        All data, the last fold, are in the last one.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class CalibratedRecipe:
+    """A one-step recipe on data that a calibration corrects, estimated by shooting.
+
+    step : what identifiers fit
+    by : shooting that estimates the calibration, beside the friction of an identifier; without
+        blocks, its `known` calibration is held
+    friction : that identifier
+    use : parts of the calibration that correct the data, some of those that `by` frees
+    """
+
+    name: str
+    step: Recipe
+    by: Shooting
+    friction: Identifier
+    use: tuple[str, ...] = ("inertia", "delay")
+    needs_intervals: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if not self.use:
+            raise InputError(f"recipe {self.name!r}: use must name a part of the calibration")
+        for part in self.use:
+            if part not in self._free:
+                raise InputError(
+                    f"recipe {self.name!r}: use = {part!r} must be one of "
+                    f"{', '.join(self._free) or 'no part'}, which are free"
+                )
+
+    @property
+    def _free(self) -> tuple[str, ...]:
+        """Parts of the calibration that `by` frees, or all where it is known."""
+        free = [block.name for block in self.by.blocks]
+        return tuple(part for part in PARTS if part in free or self.by.known is not None)
+
+    @property
+    def first_step(self) -> Recipe:
+        """The one-step recipe that a fit uses."""
+        return self.step
+
+    @property
+    def steps(self) -> tuple[Recipe, ...]:
+        """The one-step recipes whose problems a fit needs."""
+        return (self.step, self.by.start)
+
+    @property
+    def calibrator(self) -> CalibratedRecipe:
+        """The recipe that estimates the calibration, the same for all that only use it otherwise.
+
+        It uses all free parts.
+        """
+        return replace(self, name="calibration", step=INTEGRAL, use=self._free)
+
+    @property
+    def scheme(self) -> str:
+        """Scheme of the one-step recipe."""
+        return self.step.scheme
+
+    @property
+    def corrects(self) -> tuple[str, ...]:
+        """Parts of the calibration that correct the data."""
+        return self.use
+
+    def check(self, identifier: Identifier) -> None:
+        """Check that it can fit an identifier.
+
+        Raises
+        ------
+        InputError
+            For identifiers that use no mechanism.
+        """
+        check_mechanism(self.name, identifier)
+
+    def calibrate(self, data: ShootingData, whole: bool) -> Calibration:
+        """Calibrations (F + 1,) of all folds and of all data, with only the parts in use.
+
+        whole : whether all folds have the calibration of all data, as they must where folds leave
+            no windows to shoot at
+        """
+        rows = slice(-1, None) if whole else slice(None)
+        problem, weights = data.problems[self.by.start.name], data.weights[self.by.start.name]
+        if self.by.known is not None and not self.by.blocks:
+            held = self.by.known.on(data.intervals.dataset)
+            return part_of_calibration(stack_calibrations([held] * len(weights)), self.use)
+        friction = self.friction.fit(problem, weights[rows], 0)
+        fitted, _ = refine_folds(friction, data.intervals, self.by, data.interval_weights[rows])
+        if fitted.calibration is None:
+            raise InputError(
+                f"recipe {self.name!r}: shooting estimates no calibration: free a part of it"
+            )
+        calibration = part_of_calibration(fitted.calibration, self.use)
+        return calibration[np.zeros(len(weights), dtype=int)] if whole else calibration
+
+    def fit(self, identifier: Identifier, data: CalibratedData, seed: int) -> OneStepFit:
+        """The identifier's friction of all folds and of all data, with their calibrations.
+
+        Raises
+        ------
+        InputError
+            Where the fit fails, or gives folds different laws.
+        """
+        if identifier.fixed:
+            return self.step.fit(identifier, data, seed)
+        weights = data.weights[self.step.name]
+        frictions: dict[int, Friction] = {}
+        for folds, problem in data.corrected(self):
+            fitted = checked_fit(identifier, problem, weights[folds], seed)
+            frictions |= {int(fold): fitted[place] for place, fold in enumerate(folds)}
+        together = _together([frictions[fold] for fold in range(len(weights))], repr(identifier))
+        calibration = data.calibrations[self.name]
+        friction = with_units_of(data.mechanism, replace(together, calibration=calibration))
+        return OneStepFit(friction, problem, weights[-1])
+
+
+def _together(frictions: Sequence[Friction], identifier: str) -> Friction:
+    """Frictions (n, P) as one (F, n, P), with the provenance of the last one."""
+    last = frictions[-1]
+    if any(friction.law != last.law for friction in frictions):
+        raise InputError(
+            f"{identifier} has another law in each fold: give it a recipe without calibration"
+        )
+    theta = np.stack([np.asarray(friction.theta) for friction in frictions])
+    provenance = {**last.provenance, **_learning(frictions)}
+    return replace(last, theta=theta, provenance=provenance, constraints=None)
+
+
+def _learning(frictions: Sequence[Friction]) -> dict[str, Any]:
+    """Learning curves of frictions that were fitted one by one, as one table; NaN after an end."""
+    each = [friction.provenance.get("learning") for friction in frictions]
+    if not each or any(own is None or len(own["training"]) != 1 for own in each):
+        return {}
+    table = {}
+    for key in ("training", "held_out"):
+        lines = [np.asarray(own[key][0]) for own in each if own is not None]
+        longest = max(map(len, lines))
+        table[key] = np.stack(
+            [np.pad(x, (0, longest - len(x)), constant_values=np.nan) for x in lines]
+        )
+    return {"learning": table}
+
+
+def part_of_calibration(calibration: Calibration, use: tuple[str, ...]) -> Calibration:
+    """The calibration with only some of its parts; the others are those of an ideal one."""
+    ideal = Calibration.ideal(calibration.gain.shape[-1])
+    kept = {
+        part: getattr(calibration, part)
+        if part in use
+        else np.broadcast_to(getattr(ideal, part), getattr(calibration, part).shape)
+        for part in PARTS[1:]
+    }
+    return replace(calibration, base=calibration.base if "inertia" in use else None, **kept)

@@ -1,0 +1,288 @@
+"""Covariance of the parameters from the scatter between recordings; undetermined combinations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
+
+from frictionid.arrays import Array
+from frictionid.friction import Friction
+from frictionid.fitting.shooting.gauss_newton import Solution
+from frictionid.fitting.shooting.meaningless_parameters import meaningless
+from frictionid.fitting.parameters.parameter_block import (
+    IDEAL,
+    FreeBlock,
+    Parameter,
+    values_of,
+)
+from frictionid.fitting.shooting.problem import ShootingProblem
+from frictionid.fitting.shooting.sandwich import (
+    SINGULAR,
+    clusters_of,
+    sandwich,
+    shown_once,
+    solve_scaled,
+)
+
+_DRAWS = 2000
+# A peak that is not there is searched for at any velocity: over two decades of it, in which
+# velocities a factor of three apart find about independent peaks [Davies1987].
+_TRIALS = 5
+
+
+class FreeParameters(Protocol):
+    """What a covariance needs of a problem: blocks, their parameters, and priors of these (D,)."""
+
+    @property
+    def blocks(self) -> Sequence[FreeBlock]: ...
+    @property
+    def parameters(self) -> tuple[Parameter, ...]: ...
+    @property
+    def prior_precision(self) -> Array: ...
+    @property
+    def prior_mean(self) -> Array: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Parameters with their covariance.
+
+    entries, values : (D,) of the free parameters
+    matrix : (D, D), of the t distribution with `freedom` degrees; rows of parameters at a bound or
+        in an undetermined combination are infinite on the diagonal
+    singular : (D,) singular values of the normal equations, scaled to ones on the diagonal
+    undetermined : combinations of parameters that the data do not determine, in words
+    bound : (D,) true where a parameter lies at a bound
+    clusters : number of recordings, or stretches of time, whose scatter was taken
+    meaningless : (D,) true for parameters that mean nothing where others may be zero, and for these
+    """
+
+    parameters: tuple[Parameter, ...]
+    values: Array
+    matrix: Array
+    freedom: int
+    singular: Array
+    undetermined: tuple[str, ...]
+    bound: Array
+    clusters: int
+    meaningless: Array
+
+    @property
+    def error(self) -> Array:
+        """Standard errors (D,)."""
+        return np.sqrt(np.diag(self.matrix))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation (D, D), NaN for parameters without a finite error."""
+        error = np.where(np.isfinite(self.error) & (self.error > 0), self.error, np.nan)
+        return self.matrix / np.outer(error, error)
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Lower and upper ends (D, 2) of each parameter's interval; its bounds limit it."""
+        half = stdtrit(self.freedom, 0.5 + level / 2) * self.error
+        low, high = np.array([(p.low, p.high) for p in self.parameters]).reshape(-1, 2).T
+        return np.stack(
+            [np.maximum(self.values - half, low), np.minimum(self.values + half, high)], axis=-1
+        )
+
+    @property
+    def each(self) -> Covariance:
+        """The same with a shared parameter at each of its places, correlated by one."""
+        at = np.repeat(np.arange(len(self.values)), [len(p.places) for p in self.parameters])
+        if len(at) == len(self.values):
+            return self
+        return replace(
+            self,
+            parameters=tuple(one for p in self.parameters for one in p.each),
+            values=self.values[at],
+            matrix=_repeated(self.matrix, at),
+            bound=self.bound[at],
+            meaningless=self.meaningless[at],
+        )
+
+    @property
+    def identified(self) -> Array:
+        """True (D,) for parameters that the data determine.
+
+        Not at a bound, and with a 95 % interval no wider, to either side, than the value: of a
+        delay, a bias or an offset, whose value may well be zero, the interval must only be finite.
+        Nor does a parameter count that means nothing where others may be zero, such as a Stribeck
+        velocity, nor these others: a peak that is not there is found at some velocity by chance.
+        """
+        return _known(self) & ~self.meaningless
+
+    def draws(self, seed: int = 0, count: int = _DRAWS) -> Array:
+        """Parameters (count, D) drawn from their t distribution; those without an error stay."""
+        known = np.isfinite(self.error)
+        own = self.matrix[np.ix_(known, known)]
+        value, vector = np.linalg.eigh(own)
+        root = vector * np.sqrt(np.maximum(value, 0.0))
+        generator = np.random.default_rng(seed)
+        normal = generator.standard_normal((count, int(known.sum())))
+        chi = generator.chisquare(self.freedom, count) / self.freedom
+        out = np.repeat(self.values[None], count, axis=0)
+        out[:, known] += (normal @ root.T) / np.sqrt(chi)[:, None]
+        return out
+
+
+def covariance_of(
+    problem: ShootingProblem, solution: Solution, model_error: Array | float = 0.0
+) -> Covariance:
+    """Covariance of a fit, from what each recording alone would change in it.
+
+    The sandwich estimate with the leverage of each recording taken into account: parameters are
+    solved for with every recording left out in turn, to first order [BellMcCaffrey2002]; so noise,
+    the model's errors, and what differs between recordings all count. Fewer than four recordings
+    are divided into 24 stretches of time; of three recordings the larger of both errors counts.
+
+    model_error : covariance (D, D) of errors that all recordings share, see `omitted_blocks`
+    """
+    owner, clusters = (own[solution.closed] for own in clusters_of(problem, solution))
+    return grouped_covariance(problem, solution, owner, clusters, model_error)
+
+
+def grouped_covariance(
+    problem: FreeParameters,
+    solution: Solution,
+    owner: Array,
+    clusters: Array,
+    model_error: Array | float = 0.0,
+) -> Covariance:
+    """Covariance of a fit whose normal equations (W, D, D) are those of groups: windows, or more.
+
+    owner, clusters : (W,) recording, and cluster whose scatter counts, of each group in use
+    """
+    parameters, free = problem.parameters, solution.free
+    H = solution.curvature + np.diag(problem.prior_precision)
+    singular, lost, words = _undetermined(H, free, parameters)
+    once = free & shown_once(H, solution, clusters)
+    keep = np.flatnonzero(free & ~once)
+    D, count = len(parameters), len(np.unique(clusters))
+    matrix = np.zeros((D, D))
+    matrix[np.ix_(keep, keep)] = sandwich(H, solution._replace(free=free & ~once), owner, clusters)
+    left = _left_over(problem, solution, H)
+    matrix += np.outer(left, left) + model_error
+    unknown = ~free | lost | once
+    words += tuple(
+        f"only one recording or stretch of it shows {parameters[k].name}"
+        for k in np.flatnonzero(once & ~lost)
+    )
+    _forget(matrix, list(np.flatnonzero(unknown)))
+    values = values_of(solution.estimate, problem.blocks)
+    out = Covariance(
+        *(parameters, values, matrix, max(count - 1, 1), singular, words, ~free, count),
+        meaningless=np.zeros(D, dtype=bool),
+    )
+    friction = solution.estimate.friction
+    weak = ~_known(out), ~_known(out, _TRIALS)
+    needs = meaningless(friction, parameters, *weak)
+    words += tuple(_needs(parameters, k, others) for k, others in needs.items())
+    ends = [
+        k for k in map(int, np.flatnonzero(~free)) if k not in needs and _at_limit(out, k, friction)
+    ]
+    words += tuple(_ends(parameters[k], float(values[k])) for k in ends)
+    for k in ends:
+        _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
+    idle = {k for own in needs.items() for k in (own[0], *own[1])}
+    return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(idle)))
+
+
+def _repeated(matrix: Array, at: Array) -> Array:
+    """Rows and columns of a covariance at places; what is not known is so by itself."""
+    out = np.asarray(matrix[np.ix_(at, at)])
+    unknown = np.flatnonzero(~np.isfinite(out).all(axis=1))
+    out[unknown], out[:, unknown] = 0.0, 0.0
+    out[unknown, unknown] = np.inf
+    return out
+
+
+def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:
+    """Whether a parameter of friction ends at a bound that is not its law's own.
+
+    Such a bound says what the data resolve, or was given: beyond it the fit would be better.
+    """
+    p = covariance.parameters[k]
+    return (
+        p.block == "friction" and float(covariance.values[k]) not in friction.law.bounds[p.place[1]]
+    )
+
+
+def _same_joint(a: Parameter, b: Parameter) -> bool:
+    return a.block == b.block == "friction" and a.place[0] == b.place[0]
+
+
+def _forget(matrix: Array, which: list[int]) -> None:
+    """Make the covariance of some parameters infinite, in place."""
+    matrix[which], matrix[:, which] = 0.0, 0.0
+    matrix[which, which] = np.inf
+
+
+def _ends(p: Parameter, value: float) -> str:
+    slow = value == p.low and p.unit in ("rad/s", "m/s")
+    end = "the slowest speed that the data resolve, or that was given" if slow else "its bound"
+    return (
+        f"{p.name} ends at {value:.3g} {p.unit}, {end}: friction of this joint has another shape "
+        "than this law can show here, and its parameters have no intervals"
+    )
+
+
+def _known(covariance: Covariance, trials: int = 1) -> Array:
+    """True (D,) for parameters with an interval that tells them from zero, where that matters.
+
+    trials : in so many independent ones together chance exceeds the interval in 5 % of all cases
+    """
+    c = covariance
+    half = stdtrit(c.freedom, 1.0 - 0.025 / trials) * c.error
+    zero = np.array([IDEAL.get(p.block) == 0.0 for p in c.parameters], dtype=bool)
+    small = half <= np.abs(c.values)
+    return np.asarray(np.isfinite(half) & ~c.bound & (small | zero), dtype=bool)
+
+
+def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -> str:
+    found = [parameters[i].name for i in others]
+    names = found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
+    return f"{parameters[k].name} means nothing where {names} may be zero"
+
+
+def _left_over(problem: FreeParameters, solution: Solution, H: Array) -> Array:
+    """What one more Gauss-Newton step would change in the parameters (D,), H^-1 g.
+
+    Next to nothing where a fit has settled; where it has not, an error as good as any other.
+    """
+    keep, left = np.flatnonzero(solution.free), np.zeros(len(solution.free))
+    before = values_of(solution.estimate, problem.blocks) - solution.move
+    pull = problem.prior_precision * (problem.prior_mean - before)
+    g = solution.normal.g[solution.closed].sum(axis=0) + pull
+    left[keep] = solve_scaled(H[np.ix_(keep, keep)], g[keep])
+    return left
+
+
+def _undetermined(
+    H: Array, free: Array, parameters: tuple[Parameter, ...]
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """Singular values, which parameters share in a combination without information, in words."""
+    keep = np.flatnonzero(free)
+    lost = np.zeros(len(parameters), dtype=bool)
+    if not len(keep):
+        return np.zeros(0), lost, ()
+    own = H[np.ix_(keep, keep)]
+    blind = np.diag(own) <= 0.0
+    scale = np.where(blind, 1.0, np.sqrt(np.maximum(np.diag(own), 1e-300)))
+    value, vector = np.linalg.eigh(own / np.outer(scale, scale))
+    words = []
+    for k in np.flatnonzero(value < SINGULAR * value.max()):
+        share = vector[:, k] ** 2
+        main = np.argsort(-share)[: max(1, int((share > 0.02).sum()))]
+        lost[keep[share > 1e-3]] = True
+        names = [parameters[keep[i]].name for i in main]
+        words.append(
+            f"the data do not tell {names[0]}"
+            if len(names) == 1
+            else f"only a combination of {', '.join(names[:-1])} and {names[-1]} shows in the data"
+        )
+    return value[::-1], lost, tuple(words)

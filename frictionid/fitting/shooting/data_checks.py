@@ -1,0 +1,190 @@
+"""Blocks and data that shooting cannot use are refused; warnings on results that do not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction.coordinates import of_parts, turns_of
+from frictionid.fitting.shooting.gauss_newton import Solution
+from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
+from frictionid.fitting.shooting.problem import ShootingProblem
+from frictionid.fitting.shooting.sample_intervals import Intervals, cut_windows
+
+_TURN = 2 * np.pi
+_FEW = 4  # windows: of fewer, no interval is worth the name
+_STILL = 10.0  # [noise]: a joint that moves less does not move
+_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
+_MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
+_EARLY = 0.001  # [s] that a torque acts before it was logged
+_SCALE = 10.0  # times the nominal base parameters
+
+
+def check_blocks(
+    blocks: Sequence[ParameterBlock], estimate: Estimate, intervals: Intervals
+) -> None:
+    """Refuse blocks that no data, or not these data, can tell apart.
+
+    Raises
+    ------
+    InputError
+        Saying which, and the way out.
+    """
+    names = [b.name for b in blocks]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"block {name!r} is given twice")
+    parameters = {b.name: b.parameters(estimate) for b in blocks}
+    everything = len(estimate.mechanism.base_names)
+    scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
+    known = any(np.isfinite(p.prior) for own in parameters.values() for p in own)
+    torque = any(np.any(r.torque.value) for r in intervals.dataset.recordings)
+    remedy = (
+        "fix one base parameter that you are sure of, such as "
+        f"{estimate.mechanism.base_names[-1]!r}, or give a prior"
+    )
+    if scale and not known and not torque:
+        raise InputError(
+            "block 'inertia': without motor torque only the ratios of inertia, gravity and "
+            f"friction show in the motion: {remedy}"
+        )
+    if scale and not known and "gain" in parameters and torque:
+        raise InputError(
+            "blocks 'gain' and 'inertia' with all base parameters free: a larger gain with larger "
+            f"inertias and friction gives the same motion: {remedy}"
+        )
+    if not torque:
+        for name in ("gain", "delay"):
+            if name in parameters:
+                raise InputError(f"block {name!r}: no recording has any motor torque; leave it out")
+
+
+def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: float) -> None:
+    """Refuse data with too few windows of so many seconds, wrapped angles, or joints at rest.
+
+    Raises
+    ------
+    InputError
+        Saying which.
+    """
+    mechanism = intervals.dataset.mechanism
+    _check_unwrapped(intervals)
+    _check_length(intervals, len(parameters), seconds)
+    still = _still(intervals)
+    for parameter in parameters:
+        if parameter.block == "friction" and parameter.place and still[parameter.place[0]]:
+            raise InputError(
+                f"data set {intervals.dataset.name!r}: joint {parameter.place[0] + 1} of the "
+                f"{mechanism.kind} never moves by more than the noise of its angle, so "
+                f"{parameter.name!r} does not show: give recordings in which it moves, or a "
+                "mechanism without it"
+            )
+
+
+def _check_unwrapped(intervals: Intervals) -> None:
+    values = [r.angle.value for r in intervals.dataset.recordings]
+    span = np.ptp(np.concatenate(values), axis=0)
+    turns = np.array([u == "rad" for u in intervals.dataset.mechanism.position_units])
+    for recording, value in zip(intervals.dataset.recordings, values, strict=True):
+        jumps = (np.abs(np.diff(value, axis=0)) > _TURN / 2) & (span <= _TURN + 0.1) & turns
+        if jumps.any():
+            k, j = np.argwhere(jumps)[0]
+            raise InputError(
+                f"recording {recording.name!r}: angle {j + 1} jumps by "
+                f"{value[k + 1, j] - value[k, j]:+.2f} rad at {recording.angle.time[k]:.2f} s and "
+                "never leaves one turn: it is wrapped at half a turn; unwrap it (numpy.unwrap)"
+            )
+
+
+def _check_length(intervals: Intervals, count: int, seconds: float) -> None:
+    windows = cut_windows(intervals, np.ones(len(intervals.dt), dtype=bool), seconds)
+    lengths = (windows >= 0).sum(axis=1) + 1
+    # a window's own initial state takes up two samples
+    left = int(((lengths - 2) * intervals.n).sum())
+    if len(windows) < _FEW or left < 2 * count:
+        raise InputError(
+            f"data set {intervals.dataset.name!r}: {int(lengths.sum())} samples make "
+            f"{len(windows)} windows of {seconds:.2g} s, too few for {count} free parameters and "
+            "their intervals: give longer recordings, or free less"
+        )
+
+
+def _still(intervals: Intervals) -> Array:
+    """Joints, and other parts (m,), that never move in any recording."""
+    turns = turns_of(intervals.dataset.mechanism, intervals.q)
+    travel = [np.ptp(of_parts(s.q, turns), axis=0) for s in intervals.states]
+    noise = of_parts(_noise(intervals), None if turns is None else np.abs(turns))
+    return np.asarray(np.max(travel, axis=0) <= _STILL * noise)
+
+
+def _noise(intervals: Intervals) -> Array:
+    """Noise (n,) [rad] of the angles: what the smoother took off."""
+    return np.asarray(_MAD * np.median(np.abs(intervals.before - intervals.q), axis=0))
+
+
+def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    """Sentences on what makes the numbers of a fit doubtful as a whole."""
+    about = (_coarse, _far, _early, _scaled)
+    found = [sentence for words in about for sentence in words(problem, solution)]
+    yield from found
+    if found:
+        yield (
+            "`frictionid check` looks for wrong signs, late clocks, wrapped angles and other "
+            "mistakes in the data."
+        )
+
+
+def explained(problem: ShootingProblem, solution: Solution) -> bool:
+    """Whether all angles are predicted about as well as they are measured."""
+    return bool((_worse(problem, solution) <= _MORE).all())
+
+
+def _worse(problem: ShootingProblem, solution: Solution) -> Array:
+    """How many times worse than measured the angles (n,) are predicted."""
+    return np.asarray(solution.sigma / np.maximum(_noise(problem.intervals), 1e-12))
+
+
+def _coarse(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    off = _worse(problem, solution)
+    worst = int(np.argmax(off))
+    if not explained(problem, solution):
+        yield (
+            f"Angle {worst + 1} is predicted {off[worst]:.0f} times worse than it is measured: "
+            "what is fitted does not explain the motion. Intervals hold what windows of other "
+            "lengths would change."
+        )
+
+
+def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    for own in problem.blocks:
+        for parameter in own.block.parameters(solution.estimate):
+            if parameter.block == "delay" and not parameter.low < parameter.value < parameter.high:
+                yield (
+                    f"The torque delay ends at {parameter.value:+.2g} s, as far as it may go: the "
+                    "clocks may be further apart, or the logs do not belong together."
+                )
+
+
+def _early(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    delay = float(solution.estimate.calibration.delay)
+    free = any(own.block.name == "delay" and own.parameters for own in problem.blocks)
+    if free and delay < -_EARLY:
+        yield (
+            f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: its clock is "
+            "late, or friction sets in later than the law says, as behind a gap (law 'play')."
+        )
+
+
+def _scaled(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+    base: Array = np.asarray(solution.estimate.calibration.base)
+    mechanism = problem.intervals.dataset.mechanism
+    nominal = np.asarray(mechanism.base(mechanism.nominal()))
+    size = float(np.median(np.abs(base) / np.maximum(np.abs(nominal), 1e-12)))
+    if not 1 / _SCALE < size < _SCALE:
+        yield (
+            f"The base parameters are {size:.2g} times the nominal ones: the motion does not show "
+            "the logged torque."
+        )

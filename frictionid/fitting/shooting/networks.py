@@ -1,0 +1,65 @@
+"""Networks in shooting: on NumPy arrays, and as laws of the combinations that change the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from frictionid.arrays import namespace
+from frictionid.friction import Friction
+from frictionid.fitting.shooting.combination_law import CombinationLaw
+from frictionid.fitting.parameters.combinations import CombinationBlock
+from frictionid.fitting.parameters.friction import FrictionBlock
+from frictionid.fitting.parameters.parameter_block import ParameterBlock
+from frictionid.dynamics.tangent.tensor_law import TensorLaw
+from frictionid.fitting.shooting.torque_samples import TorqueSamples
+
+_MOST = 20  # combinations of a joint
+_DEVIATION = 1.0  # standard deviation of the prior of a joint's weights, relative to their size
+
+
+def on_arrays(friction: Friction) -> Friction:
+    """The friction on NumPy arrays, with slopes by reverse mode where its law has none to give."""
+    law, theta = friction.law, friction.theta
+    if not hasattr(theta, "detach"):
+        known = law.reads_window or not law.has_memory
+        if not law.is_network or (law.has_gradient and known):
+            return friction
+        from torch import as_tensor  # late: who has no such law need not wait for torch
+
+        theta = as_tensor(np.array(theta, dtype=float))
+    like = theta.detach().double()
+    law = TensorLaw(law, law.width, law.shape, like)
+    return replace(friction, law=law, theta=like.cpu().numpy().copy())
+
+
+def as_given(friction: Friction, given: Friction) -> Friction:
+    """The friction with the law and the kind of numbers that were given."""
+    theta = friction.theta
+    if isinstance(friction.law, CombinationLaw):
+        theta = friction.law.numbers(theta)
+    like = given.theta
+    if hasattr(like, "detach"):
+        theta = namespace(like).asarray(theta, dtype=like.dtype, device=like.device)
+    return replace(friction, law=given.law, theta=theta, constraints=None)
+
+
+def with_combinations(
+    friction: Friction, samples: TorqueSamples, blocks: Sequence[ParameterBlock]
+) -> tuple[Friction, tuple[ParameterBlock, ...]]:
+    """A network as a law of the combinations that change the motion, and the block of these.
+
+    Weights with bounds, the scales of inputs and outputs, stay as they are.
+    """
+    law = friction.law
+    given = next((b for b in blocks if isinstance(b, FrictionBlock)), None)
+    fixed = law.names if given is None else given.fixed
+    pairs = zip(law.names, law.bounds, strict=True)
+    free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
+    deviation = _DEVIATION if given is None or given.prior is None else given.prior
+    own = CombinationBlock(
+        np.array(friction.theta), samples, free, deviation, min(_MOST, int(free.sum()))
+    )
+    return own.of(friction), tuple(own if b is given else b for b in blocks)

@@ -1,0 +1,243 @@
+"""The shooting problem: intervals, free parameters, and their linearisation at an estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import calibrated_dataset, calibrated_plant
+from frictionid.data.signals import sample
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step_size import step_size_of
+from frictionid.friction import Inputs, Nodes, memory_along
+from frictionid.friction.coordinates import at_places, of_last_joints
+from frictionid.friction.temperature import check_temperature
+from frictionid.mechanics import Mechanism, Plant
+from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
+from frictionid.fitting.shooting.motor_torque import MotorTorque
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    FreeBlock,
+    Logged,
+    Parameter,
+    ParameterBlock,
+    all_parameters,
+    free_blocks,
+    prior_mean,
+    prior_precision,
+)
+from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
+from frictionid.dynamics.tangent.sampled_memory import memory_after_sample
+from frictionid.dynamics.tangent.end_states import end_states
+from frictionid.fitting.shooting.settings import Settings
+from frictionid.dynamics.tangent.tangent import MotionModel
+
+_PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz
+_WHOLE = np.array([0.0, 1.0])  # an interval in one piece
+ROWS = 10000  # at a time, for the cache's sake; few near rest cost as much as many
+
+
+class Linearisation(NamedTuple):
+    """End states (K, s) of intervals, their derivatives by_start (K, s, s) and by (K, s, D).
+
+    `by` is by the free parameters; `angle` (D, n) : derivatives of the measured angle itself. Rows
+    that are not used are zero.
+    """
+
+    end: Array
+    by_start: Array
+    by: Array
+    angle: Array
+
+    @staticmethod
+    def zeros(nodes: Array, angle: Array) -> Linearisation:
+        """Zeros for intervals that begin at nodes (K, s)."""
+        K, s = nodes.shape
+        return Linearisation(
+            np.zeros((K, s)), np.zeros((K, s, s)), np.zeros((K, s, len(angle))), angle
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ShootingProblem:
+    """What does not change while the free parameters are fitted to the intervals."""
+
+    intervals: Intervals
+    blocks: tuple[FreeBlock, ...]
+    settings: Settings
+    reads: LawReads
+
+    @property
+    def count(self) -> int:
+        """Number of free parameters."""
+        return self.blocks[-1].columns.stop if self.blocks else 0
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All free parameters, with the values that the fit begins with."""
+        return all_parameters(self.blocks)
+
+    @property
+    def prior_precision(self) -> Array:
+        """Precision (D,) of the parameters' priors."""
+        return prior_precision(self.parameters)
+
+    @property
+    def prior_mean(self) -> Array:
+        """Mean (D,) of the parameters' priors."""
+        return prior_mean(self.parameters)
+
+    def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
+        """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
+        intervals, n = self.intervals, self.intervals.n
+        out = Linearisation.zeros(nodes, self._angle())
+        plant = self._plant(estimate)
+        model = self._model(estimate, plant)
+        pieces = self._pieces(estimate, plant)
+        for count in np.unique(pieces[rows]):
+            alike = rows[pieces[rows] == count]
+            for some in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
+                start = State(nodes[some, :n], nodes[some, n : 2 * n], self._memory(nodes[some]))
+                own = model._replace(plant=self._plant_at(estimate, plant, some))
+                motor = self._motor_torque(estimate, some, int(count))
+                fine = int(np.ceil(float(intervals.dt[some].max()) / count / self.settings.fine))
+                end = end_states(own, start, motor, intervals.dt[some], fine)
+                if start.memory and estimate.friction.law.sample_time is not None:
+                    later = self._torque_between(estimate, self._following(some), _WHOLE)
+                    end = memory_after_sample(own, end, later, intervals.dt[some])
+                out.end[some] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
+                out.by_start[some] = end.by_start
+                by = self._shared(end.by_parameters)
+                out.by[some, :, : by.shape[-1]] = by
+        return out
+
+    def initial_nodes(self, estimate: Estimate) -> Array:
+        """Nodes (K, s) from the smoothed motion."""
+        q, w = self.intervals.q - estimate.calibration.offset, self.intervals.w
+        return np.concatenate([q, w, *self.initial_memory(estimate)], axis=-1)
+
+    def initial_memory(self, estimate: Estimate) -> tuple[Array, ...]:
+        """Memory (K, n) at the start of each interval, from the smoothed motion before it."""
+        intervals, friction = self.intervals, estimate.friction
+        if not friction.law.has_memory:
+            return ()
+        sizes = [len(s.time) for s in intervals.states]
+        first = np.concatenate([[0], np.cumsum(sizes)])
+        dataset = intervals.dataset
+        dataset = calibrated_dataset(dataset, estimate.calibration) if self.reads.u else dataset
+        pairs = zip(dataset.recordings, intervals.states, strict=True)
+        u = np.concatenate([sample(r.torque, s.time) for r, s in pairs])
+        motions = [s.motion for s in intervals.states]
+        time, q, w = (np.concatenate(column) for column in zip(*motions, strict=True))
+        x = Inputs(q - estimate.calibration.offset, w, u, 0.0 * w)
+        x = at_places(dataset.mechanism, x)
+        steps = memory_along(friction, Nodes(x, time, first))
+        at = intervals.index, intervals.recording
+        return tuple(np.stack([s[m] for s in steps])[at] for m in range(len(steps[0])))
+
+    def _following(self, rows: Array) -> Array:
+        """The intervals (k,) behind some, or these where none follows."""
+        later = np.minimum(rows + 1, len(self.intervals.dt) - 1)
+        return np.where(self.intervals.joined[later], later, rows)
+
+    def _memory(self, nodes: Array) -> tuple[Array, ...]:
+        return memory_of(nodes, self.intervals.dataset.mechanism)
+
+    def _entering(self, enters: str) -> list[Parameter]:
+        return [p for own in self.blocks if own.block.enters == enters for p in own.parameters]
+
+    def _shared(self, by: Array) -> Array:
+        """Derivatives by the free parameters, from those by each of their places, last axis."""
+        counts = [len(p.places) for p in self._entering("friction")]
+        if sum(counts) == len(counts):
+            return by
+        first = np.cumsum([0, *counts[:-1]])
+        summed = np.add.reduceat(by[..., : sum(counts)], first, axis=-1)
+        return np.concatenate([summed, by[..., sum(counts) :]], axis=-1)
+
+    def _model(self, estimate: Estimate, plant: Plant) -> MotionModel:
+        theta = [place for p in self._entering("friction") for place in p.places]
+        joint, place = (np.array([at[i] for at in theta], dtype=int) for i in (0, 1))
+        base = tuple(p.place[0] for p in self._entering("base"))
+        return MotionModel(plant, estimate.friction, FreeTheta(joint, place), base, self.reads)
+
+    def _plant(self, estimate: Estimate) -> Plant:
+        plant = calibrated_plant(self.intervals.dataset, estimate.calibration)
+        # only bearing loads need the physical parameters
+        return plant if estimate.friction.law.uses_load else replace(plant, parameters={})
+
+    def _plant_at(self, estimate: Estimate, plant: Plant, rows: Array) -> Plant:
+        """The plant of some intervals, with their temperature where friction depends on it."""
+        own = plant[self.intervals.recording[rows]]
+        if self.intervals.temperature is None or not estimate.friction.law.uses_temperature:
+            return own
+        return replace(own, temperature=self.intervals.temperature[rows])
+
+    def _pieces(self, estimate: Estimate, plant: Plant) -> Array:
+        """Pieces (K,) of each interval."""
+        longest = float(self.intervals.dt.max())
+        friction, T = estimate.friction, self.intervals.temperature
+        if friction.law.uses_temperature and T is not None:
+            T = of_last_joints(plant.mechanism, np.stack([T.min(axis=0), T.max(axis=0)]))
+            friction = friction.at_temperature(T)
+        away = step_size_of(plant, friction, longest, longest=_PIECE).pieces / longest
+        return np.maximum(np.ceil(self.intervals.dt * away - 1e-6), 1).astype(int)
+
+    def _motor_torque(self, estimate: Estimate, rows: Array, pieces: int) -> MotorTorque:
+        """Motor torque of some intervals in equal pieces."""
+        whole = self._torque_between(estimate, rows, np.arange(pieces + 1) / pieces)
+
+        def finer(some: Array, piece: int, parts: int) -> MotorTorque:
+            share = (piece + np.arange(parts + 1) / parts) / pieces
+            return self._torque_between(estimate, rows[some], share)
+
+        return whole._replace(finer=finer)
+
+    def _torque_between(self, estimate: Estimate, rows: Array, share: Array) -> MotorTorque:
+        """Motor torque of some intervals between shares (S + 1,) of their time."""
+        calibration = estimate.calibration
+        logged = logged_torque(self.intervals, calibration, rows, share)
+        driven = estimate.mechanism.motors
+        u = (calibration.gain * logged.mean + calibration.bias) * driven
+        moment = calibration.gain * logged.moment * driven
+
+        def slope(u: Logged) -> Array:
+            each = (b.block.torque_slope(estimate, b.parameters, u) for b in self.blocks)
+            return np.concatenate([np.empty((0, *u.torque.shape)), *each])
+
+        by = slope(Logged(logged.mean, logged.mean_later))
+        # without what a bias adds: that has no moment
+        zero = Logged(0.0 * moment, 0.0 * moment)
+        moment_by = slope(Logged(logged.moment, logged.moment_later)) - slope(zero)
+        return MotorTorque(
+            u, np.moveaxis(by * driven, 0, 1), moment, np.moveaxis(moment_by * driven, 0, 1)
+        )
+
+    def _angle(self) -> Array:
+        out = np.zeros((self.count, self.intervals.n))
+        for own in self.blocks:
+            if own.block.enters == "angle":
+                for k, parameter in enumerate(own.parameters, own.columns.start):
+                    out[k, parameter.place[0]] = 1.0
+        return out
+
+
+def memory_of(nodes: Array, mechanism: Mechanism) -> tuple[Array, ...]:
+    """Entries (K, m) of the memory in nodes (K, s)."""
+    n, m = mechanism.n, len(mechanism.friction_names)
+    return tuple(nodes[:, i : i + m] for i in range(2 * n, nodes.shape[1], m))
+
+
+def shooting_problem(
+    intervals: Intervals, estimate: Estimate, blocks: Sequence[ParameterBlock], settings: Settings
+) -> ShootingProblem:
+    """The problem of fitting the blocks' free parameters to the intervals."""
+    law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
+    check_temperature(law, intervals.temperature if law.uses_temperature else None)
+    q, w = intervals.q[:64], intervals.w[:64]
+    reads = reads_of(law, theta, at_places(estimate.mechanism, Inputs(q, w, 0.0 * q, 0.0 * q)))
+    return ShootingProblem(intervals, free_blocks(blocks, estimate), settings, reads)

@@ -1,0 +1,320 @@
+"""Refine a friction by shooting, with whatever else the blocks free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
+from frictionid.data.plants import plant_of
+from frictionid.data.recordings import Dataset
+from frictionid.data.state_estimators import RTS, States, slowest_speeds
+from frictionid.friction import Friction, SpeedRange, constraints_of
+from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
+from frictionid.fitting.one_step.formulation import states_of
+from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
+from frictionid.fitting.shooting.covariance import Covariance, covariance_of
+from frictionid.fitting.shooting.data_checks import check_blocks, check_data, warnings_of
+from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS, blocks_for
+from frictionid.fitting.shooting.gauss_newton import Solution, solve
+from frictionid.fitting.shooting.limits_of_data import limits_of_data
+from frictionid.fitting.shooting.networks import as_given, on_arrays, with_combinations
+from frictionid.fitting.shooting.odd_recordings import OddRecording, odd_recordings, odd_sentences
+from frictionid.fitting.shooting.omitted_blocks import (
+    model_error,
+    omitted_blocks,
+    sentences,
+)
+from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    ParameterBlock,
+    values_of,
+    with_values,
+)
+from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
+from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
+from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo
+from frictionid.fitting.shooting.settings import Settings
+from frictionid.fitting.shooting.significance import Dropped, least_significant
+from frictionid.fitting.shooting.torque_samples import torque_samples
+from frictionid.fitting.shooting.window_settings import settings_error, smoothing_error
+
+_UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
+
+
+class Segment(NamedTuple):
+    """A stretch of a recording: its name, begin and end [s], and size of the residual [noise]."""
+
+    recording: str
+    begin: float
+    end: float
+    size: float
+
+
+class Residuals(NamedTuple):
+    """Residuals of the angles, of each joint (n,): sums of squares [rad^2] and numbers of them.
+
+    Numbers are less the two that a window's free initial state takes.
+    """
+
+    squares: Array
+    counts: Array
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """How a fit went.
+
+    sigma : (n,) [rad], noise of the angles as the residuals show it; of the torques [N m], where
+        `noise_of` is "torque"
+    windows : their number; left_out : those whose prediction jumps with their initial state (a
+        joint just misses or just reaches a stop) and so do not count; unexplained : those with
+        residuals of three times the noise and more, which count little or not at all
+    converged : whether no parameter moved any more; iterations : how many that took
+    warnings : sentences on what makes the numbers doubtful as a whole
+    dropped : blocks of sensors that were offered and left out, as they showed nothing
+    odd : recordings that are not explained as the others are
+    residuals : their size in the windows that count; None where torques are fitted
+    """
+
+    sigma: Array
+    windows: int
+    left_out: tuple[Segment, ...]
+    unexplained: tuple[Segment, ...]
+    converged: bool
+    iterations: int
+    warnings: tuple[str, ...] = ()
+    dropped: tuple[Dropped, ...] = ()
+    odd: tuple[OddRecording, ...] = ()
+    noise_of: str = "angle"
+    residuals: Residuals | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Result of shooting or inverse dynamics: friction, calibration, covariance, how the fit went.
+
+    fitted : the friction as a function of the free parameters, of a network that of a few
+        combinations of its weights
+    """
+
+    friction: Friction
+    fitted: Friction
+    covariance: Covariance
+    diagnostics: Diagnostics
+    mechanism: object
+
+    @property
+    def calibration(self) -> Calibration:
+        """Base parameters, and what the sensors do."""
+        assert self.friction.calibration is not None
+        return self.friction.calibration
+
+    def bands(self, w: Array, level: float = 0.95, seed: int = 0) -> tuple[Array, Array]:
+        """Half-widths (V, n) [N m] of each joint's curve at velocities w (V, n).
+
+        Pointwise, and simultaneous over all its velocities.
+        """
+        slope = self._slopes(w)
+        covariance = self.covariance
+        known = np.isfinite(covariance.error)
+        inner, slope = covariance.matrix[np.ix_(known, known)], slope[..., known]
+        error = np.sqrt(np.einsum("vnd,de,vne->vn", slope, inner, slope))
+        point = stdtrit(covariance.freedom, 0.5 + level / 2) * error
+        off = (covariance.draws(seed) - covariance.values)[:, known]
+        size = np.abs(np.einsum("vnd,bd->bvn", slope, off))
+        ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
+        return point, np.quantile(ratio, level, axis=0) * error
+
+    def _slopes(self, w: Array) -> Array:
+        """Derivatives (V, n, D) of each joint's curve in the free parameters."""
+        covariance = self.covariance
+        out = np.zeros((*w.shape, len(covariance.parameters)))
+        theta = np.asarray(self.fitted.theta, dtype=float)
+        own = [k for k, e in enumerate(covariance.parameters) if e.block == "friction"]
+        for j in range(len(theta)):
+            some = [k for k in own if covariance.parameters[k].place[0] == j]
+            if not some:
+                continue
+            step = np.zeros((len(some), *theta.shape))
+            for i, k in enumerate(some):
+                place = covariance.parameters[k].place
+                step[i][place] = 1e-6 * max(1e-3, abs(theta[place]))
+            both = (
+                replace(self.fitted, theta=theta + s * step, calibration=None) for s in (1.0, -1.0)
+            )
+            up, down = (friction.curve(w[:, j])[..., j] for friction in both)
+            out[:, j, some] = ((up - down) / (2 * step.sum(axis=(1, 2))[:, None])).T
+        return out
+
+
+def refine(
+    friction: Friction,
+    dataset: Dataset,
+    blocks: Sequence[ParameterBlock] = DEFAULT_BLOCKS,
+    settings: Settings | None = None,
+    *,
+    sample_time: float | None = None,
+    states: tuple[States, ...] | None = None,
+) -> Refined:
+    """Friction, and whatever else the blocks free, from the measured angles themselves.
+
+    Windows of the recordings are predicted from free initial states by the physics step, and all
+    parameters are those for which the predicted angles come closest to the measured ones, in units
+    of the angle noise [Bock1983]. It starts from the given friction, its calibration and the data
+    set's mechanism.
+
+    states : of the recordings by the RTS smoother, where they have been asked for before
+
+    Raises
+    ------
+    InputError
+        For combinations of blocks that no data can tell apart, data too short for windows, wrapped
+        angles, and friction of joints that never move.
+    """
+    settings = settings or Settings()
+    states = states or states_of(dataset, RTS(), sample_time)
+    dataset = without_torque_outliers(dataset, plant_of(dataset), states)
+    intervals = intervals_of(dataset, sample_time, states)
+    return fit_blocks(friction, intervals, blocks, settings)
+
+
+def fit_blocks(
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    use: Array | None = None,
+) -> Refined:
+    """The result of a fit to the intervals in use (K,), without sensors' blocks that show nothing.
+
+    While the deviation of such a block from an ideal sensor is not significant, the fit goes on
+    from where it ended without the least significant one: free parameters that show nothing would
+    only spoil what the others predict. Beside a network all stay: the scatter of a few recordings
+    about so many combinations says little.
+    """
+    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
+    dropped: list[Dropped] = []
+    blocks = on_support(blocks_for(blocks, intervals.dataset), friction)
+    ended: Solution | None = None
+    while True:
+        problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
+        if ended is not None:
+            known = values_of(ended.estimate, problem.blocks)
+            estimate = with_values(estimate, problem.blocks, known)
+        ended = solve(problem, estimate, use, ended)
+        result = refined_by(problem, ended, friction)
+        level = 1.0 if friction.law.is_network else settings.significance
+        idle = least_significant(result.covariance, blocks, level)
+        if idle is None:
+            went = replace(result.diagnostics, dropped=tuple(dropped))
+            return replace(result, diagnostics=went)
+        dropped.append(idle)
+        blocks = tuple(b for b in blocks if b.name != idle.block)
+
+
+def prepare_fit(
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    use: Array | None = None,
+) -> tuple[ShootingProblem, Estimate]:
+    """The problem of fitting the blocks to intervals, and the estimate that the fit begins with.
+
+    use : (K,) true for the intervals that may be used, all by default
+    """
+    mechanism, settings = intervals.dataset.mechanism, settings.at(float(np.median(intervals.dt)))
+    base = mechanism.base(mechanism.nominal(friction.parameters))
+    calibration = friction.calibration or Calibration.ideal(mechanism.n)
+    calibration = calibration if calibration.base is not None else replace(calibration, base=base)
+    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
+    network = friction.law.is_network
+    friction = with_units_of(mechanism, on_arrays(friction))
+    if friction.constraints is None and not network:
+        own = constraints_of(friction.law, _speed_range(intervals, use))
+        friction = replace(friction, constraints=own)
+    if network:
+        samples = torque_samples(friction, mechanism, calibration, intervals, use)
+        friction, blocks = with_combinations(friction, samples, blocks)
+    estimate = Estimate(friction, calibration, mechanism)
+    estimate = with_servo(estimate, intervals.dataset, blocks) if has_actuator(blocks) else estimate
+    check_blocks(blocks, estimate, intervals)
+    made = servo_problem if has_actuator(blocks) else shooting_problem
+    problem = made(intervals, estimate, blocks, settings)
+    check_data(intervals, problem.parameters, settings.windows[-1])
+    return problem, estimate
+
+
+def _speed_range(intervals: Intervals, use: Array) -> SpeedRange:
+    """Speeds (m,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
+    own = [intervals.states[i] for i in np.unique(intervals.recording[use])]
+    turns = turns_of(intervals.dataset.mechanism, intervals.w)
+    slowest = np.median([slowest_speeds(s) for s in own], axis=0)
+    slowest = of_parts(slowest, None if turns is None else np.abs(turns))
+    return SpeedRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
+
+
+def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) -> Refined:
+    """The result of a fit that began with a given friction."""
+    estimate = solution.estimate
+    fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
+    omitted = omitted_blocks(problem, solution)
+    shared = model_error(omitted) + settings_error(problem, solution)
+    shared = shared + smoothing_error(problem, solution)
+    covariance = covariance_of(problem, solution, shared)
+    more = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
+    return Refined(
+        as_given(fitted, given),
+        fitted,
+        covariance.each,
+        _diagnostics(problem, solution, more),
+        estimate.mechanism,
+    )
+
+
+def _diagnostics(
+    problem: ShootingProblem, solution: Solution, more: tuple[str, ...]
+) -> Diagnostics:
+    share = solution.share[..., None] * np.ones_like(solution.residual)
+    square = (solution.residual / solution.sigma) ** 2 * share
+    size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
+    far = size > _UNEXPLAINED
+    odd = odd_recordings(problem, solution)
+    return Diagnostics(
+        solution.sigma,
+        len(solution.windows),
+        _segments(problem, solution, ~solution.closed & ~far, size),
+        _segments(problem, solution, far, size),
+        solution.converged,
+        solution.iterations,
+        (*odd_sentences(odd), *warnings_of(problem, solution), *more),
+        odd=odd,
+        residuals=_residuals(solution, solution.closed & ~far),
+    )
+
+
+def _residuals(solution: Solution, use: Array) -> Residuals:
+    """Size of the residuals in some of the windows (W,)."""
+    share = (solution.share[..., None] * np.ones_like(solution.residual))[use]
+    squares = (solution.residual[use] ** 2 * share).sum(axis=(0, 1))
+    return Residuals(squares, share.sum(axis=(0, 1)) - 2.0 * use.sum())
+
+
+def _segments(
+    problem: ShootingProblem, solution: Solution, which: Array, size: Array
+) -> tuple[Segment, ...]:
+    intervals = problem.intervals
+    out = []
+    for w in np.flatnonzero(which):
+        rows = solution.windows[w][solution.windows[w] >= 0]
+        name = intervals.dataset.recordings[int(intervals.recording[rows[0]])].name
+        end = float(intervals.time[rows[-1]] + intervals.dt[rows[-1]])
+        out.append(Segment(name, float(intervals.time[rows[0]]), end, float(size[w])))
+    return tuple(out)

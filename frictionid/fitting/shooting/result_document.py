@@ -1,0 +1,127 @@
+"""Result of shooting as a document: numbers and words for files, tables and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.plants import plant_of
+from frictionid.data.recordings import Dataset
+from frictionid.fitting.shooting.combination_law import CombinationLaw
+from frictionid.fitting.parameters.parameter_block import IDEAL, Parameter
+from frictionid.fitting.shooting.refine import Refined
+
+LEVELS = (0.9, 0.95)
+BEYOND = 1.5  # of the curves' velocities: that far the bands reach, to be seen growing
+
+
+def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any]:
+    """Parameters with intervals, correlation, curves with bands, and how it went.
+
+    Each parameter has its nominal value beside it: the data set's mechanism gives base parameters,
+    its servo a motor's constants, a log without faults the rest; friction has none. Where
+    recordings have masses of their own, base parameters are those of their mean. A network's
+    combinations, whose values mean nothing, are left out: its uncertainty is in its bands.
+    `bands` has the curve of each joint with half-widths at velocities (V, n), half as far again as
+    those of the grid (V, n).
+    """
+    covariance, went = result.covariance, result.diagnostics
+    named = [k for k, p in enumerate(covariance.parameters) if not _combines(result, p)]
+    return {
+        "parameters": _parameters(result, dataset, named),
+        "correlation": np.asarray(covariance.correlation)[np.ix_(named, named)],
+        "covariance": np.asarray(covariance.matrix)[np.ix_(named, named)],
+        "freedom": covariance.freedom,
+        "clusters": covariance.clusters,
+        "singular_values": covariance.singular,
+        "undetermined": list(covariance.undetermined),
+        "driven": any(bool(np.any(r.torque.value)) for r in dataset.recordings),
+        "bands": _bands(result, BEYOND * grid),
+        f"{went.noise_of}_noise": went.sigma,
+        "residuals": went.residuals and went.residuals._asdict(),
+        "windows": went.windows,
+        "left_out": [segment._asdict() for segment in went.left_out],
+        "unexplained": [segment._asdict() for segment in went.unexplained],
+        "odd": [odd._asdict() for odd in went.odd],
+        "settled": went.converged,
+        "iterations": went.iterations,
+        "warnings": list(went.warnings),
+        "dropped": [dropped._asdict() for dropped in went.dropped],
+    }
+
+
+def _parameters(result: Refined, dataset: Dataset, named: Sequence[int]) -> list[dict[str, Any]]:
+    """Some of the parameters with intervals and nominal values."""
+    covariance = result.covariance
+    intervals = {level: covariance.interval(level) for level in LEVELS}
+    identified, error = covariance.identified, covariance.error
+    more = recordings_own(dataset)
+    out = []
+    for k in named:
+        p = covariance.parameters[k]
+        shift = more[p.place[0]] if p.block == "inertia" else 0.0
+        ends = {f"interval_{round(100 * v)}": (i[k] + shift).tolist() for v, i in intervals.items()}
+        out.append(
+            {
+                "block": p.block,
+                "name": p.name,
+                "unit": p.unit,
+                "joint": p.place[0] if p.block != "inertia" and p.place else None,
+                "value": float(covariance.values[k] + shift),
+                "error": float(error[k]),
+                **ends,
+                "at_bound": bool(covariance.bound[k]),
+                "identified": bool(identified[k]),
+                "prior": p.prior if np.isfinite(p.prior) else None,
+                "nominal": _nominal(p, dataset, shift),
+            }
+        )
+    return out
+
+
+def _combines(result: Refined, parameter: Parameter) -> bool:
+    return parameter.block == "friction" and isinstance(result.fitted.law, CombinationLaw)
+
+
+def recordings_own(dataset: Dataset) -> Array:
+    """What the recordings' own parameters add to the table's base parameters (nb,), on average."""
+    return np.asarray(plant_of(dataset).p).mean(axis=0) - _table_base(dataset)
+
+
+def own_base(dataset: Dataset, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Base parameters under parameters that a model brings, on average over the recordings."""
+    if not parameters:
+        return {}
+    p = np.asarray(plant_of(dataset, parameters).p).mean(axis=0)
+    return dict(zip(dataset.mechanism.base_names, map(float, p), strict=True))
+
+
+def _table_base(dataset: Dataset) -> Array:
+    mechanism = dataset.mechanism
+    return np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
+
+
+def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | None:
+    if parameter.block == "inertia":
+        return float(_table_base(dataset)[parameter.place[0]] + shift)
+    if parameter.block == "actuator":
+        value = getattr(dataset.recordings[0].servo, parameter.name, None)
+        return None if value is None else float(value)
+    return IDEAL.get(parameter.block)
+
+
+def _bands(result: Refined, w: Array) -> dict[str, Any]:
+    """Curves (V, n) at velocities w (V, n) with their half-widths."""
+    friction = result.friction
+    curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
+    pointwise, simultaneous = result.bands(w)
+    return {
+        "level": 0.95,
+        "velocity": w,
+        "curve": curve,
+        "pointwise": pointwise,
+        "simultaneous": simultaneous,
+    }

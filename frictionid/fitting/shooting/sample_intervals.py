@@ -1,0 +1,166 @@
+"""The recordings as one series of sample intervals, with measured angles and torque on demand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
+from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import Signal, relative_noise, sample
+from frictionid.data.state_estimators import RTS, States
+from frictionid.data.temperatures import temperature_at
+from frictionid.errors import InputError
+from frictionid.fitting.one_step.formulation import states_of
+from frictionid.fitting.one_step.residual import GAP
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """K intervals between samples, all recordings in one series.
+
+    time, dt : (K,) [s] start and length; recording, index : (K,), of the sample at the start
+    before, after : (K, n) [rad] measured at start and end
+    weight_before, weight_after : (K, n), relative noise weight: usual noise over own noise, nothing
+        for outliers that the states leave out; these are replaced by the smoothed angles
+    q, w : (K, n) smoothed states at the start
+    joined : (K,), whether an interval begins where the one before it ends
+    """
+
+    dataset: Dataset
+    states: tuple[States, ...]
+    time: Array
+    dt: Array
+    recording: Array
+    index: Array
+    before: Array
+    after: Array
+    weight_before: Array
+    weight_after: Array
+    q: Array
+    w: Array
+    joined: Array
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.q.shape[1])
+
+    @property
+    def size(self) -> Array:
+        """Sizes (n,) of the joints, see `joint_scales`."""
+        return self.dataset.scales.size
+
+    @cached_property
+    def torque(self) -> SignalIntegrals:
+        """Integrals of the logged torques of all recordings."""
+        return integrals_of([r.torque for r in self.dataset.recordings])
+
+    @cached_property
+    def temperature(self) -> Array | None:
+        """Temperature (K, n) [degC] of joints in the middle of each; None unless all know it."""
+        out, middle = np.empty_like(self.q), self.time + self.dt / 2
+        for r, recording in enumerate(self.dataset.recordings):
+            own = self.recording == r
+            known = temperature_at(recording, middle[own], self.dataset.mechanism.joints)
+            if known is None:
+                return None
+            out[own] = known
+        return out
+
+    def take(self, rows: Array) -> Intervals:
+        """Some of the intervals, as often as they are asked for."""
+        names = [f.name for f in fields(self) if f.name not in ("dataset", "states")]
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+def intervals_of(
+    dataset: Dataset, sample_time: float | None = None, states: tuple[States, ...] | None = None
+) -> Intervals:
+    """Intervals of a data set at samples at least `sample_time` [s] apart; gaps are none of them.
+
+    states : what the RTS smoother gives, where it has been asked before
+
+    Raises
+    ------
+    InputError
+        Where no recording has three intervals in one piece.
+    """
+    states = states or states_of(dataset, RTS(), sample_time)
+    parts = []
+    for i, (recording, s) in enumerate(zip(dataset.recordings, states, strict=True)):
+        dt = np.diff(s.time)
+        whole = dt <= GAP * np.median(dt) if len(dt) else np.zeros(0, bool)
+        measured, weight = _measured(recording.angle, s)
+        joined = np.concatenate([[False], whole[:-1]]) if len(dt) else whole
+        columns = (
+            s.time[:-1],
+            dt,
+            np.full(len(dt), i),
+            np.arange(len(dt)),
+            measured[:-1],
+            measured[1:],
+            weight[:-1],
+            weight[1:],
+        )
+        parts.append([x[whole] for x in (*columns, s.q[:-1], s.w[:-1], joined)])
+    series = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    if len(series[0]) < 3:
+        raise InputError(
+            f"data set {dataset.name!r}: shooting needs recordings of at least 4 samples in one "
+            f"piece; there are {len(series[0])} intervals in all"
+        )
+    return Intervals(dataset, tuple(states), *series)
+
+
+def _measured(angle: Signal, states: States) -> tuple[Array, Array]:
+    """Measured angles (T, n) and their relative weights at the times of the states.
+
+    Those that the states leave out are the smoothed ones, without weight.
+    """
+    measured = sample(angle, states.time)
+    weight = 1.0 / sample(angle._replace(value=relative_noise(angle)), states.time)
+    if states.left_out is None:
+        return measured, weight
+    return np.where(states.left_out, states.q, measured), np.where(states.left_out, 0.0, weight)
+
+
+def logged_torque(
+    intervals: Intervals, calibration: Calibration, rows: Array, share: Array
+) -> Pieces:
+    """Logged torque of some intervals (k,) between shares (m + 1,) of their time.
+
+    Before gain and bias, but with the calibration's delay; held or interpolated as it was logged.
+    """
+    edges = intervals.time[rows, None] + intervals.dt[rows, None] * share - float(calibration.delay)
+    return pieces_of(intervals.torque, intervals.recording[rows], edges)
+
+
+def cut_windows(intervals: Intervals, use: Array, seconds: float) -> Array:
+    """Windows (W, N) of about so many seconds, as indices of intervals, -1 behind their ends.
+
+    use : (K,), intervals that may be used; windows do not cross others, or gaps
+
+    Every unbroken run is divided into windows of nearly equal length, of at least 3 intervals.
+    """
+    index = np.flatnonzero(use)
+    breaks = ~intervals.joined[index] | (np.diff(index, prepend=-2) != 1)
+    runs = np.split(index, np.flatnonzero(breaks)[1:]) if breaks.any() else [index]
+    windows: list[Array] = []
+    for run in runs:
+        if len(run) >= 3:
+            span = float(intervals.dt[run].sum())
+            most = len(run) // 3
+            windows += np.array_split(run, min(max(1, round(span / seconds)), most))
+    if not windows:
+        raise InputError(
+            f"data set {intervals.dataset.name!r}: no three intervals in one piece are left to fit"
+        )
+    out = np.full((len(windows), max(map(len, windows))), -1)
+    for row, window in zip(out, windows, strict=True):
+        row[: len(window)] = window
+    return out

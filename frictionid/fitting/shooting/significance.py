@@ -1,0 +1,48 @@
+"""Blocks of sensors that show nothing: a test of whether they differ from an ideal sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import fdtrc  # scipy.stats takes half a second to import
+
+from frictionid.fitting.shooting.covariance import Covariance
+from frictionid.fitting.parameters.parameter_block import IDEAL, ParameterBlock
+
+
+class Dropped(NamedTuple):
+    """A block that was left out of the fit, and the p-value of the test that found nothing."""
+
+    block: str
+    p_value: float
+
+
+def least_significant(
+    covariance: Covariance, blocks: Sequence[ParameterBlock], level: float
+) -> Dropped | None:
+    """The block of sensors with the largest p-value above a level, or None.
+
+    Its k parameters d, as deviations from an ideal sensor, have the covariance C:
+
+        d' C^-1 d / k   is distributed as F(k, freedom)   where the sensor is ideal
+
+    A block that the data do not determine has p = 1. Blocks with a prior stay: somebody knows them.
+    """
+    found = []
+    for name in (b.name for b in blocks if b.name in IDEAL):
+        own = [k for k, p in enumerate(covariance.parameters) if p.block == name]
+        if own and not any(np.isfinite(covariance.parameters[k].prior) for k in own):
+            found.append(Dropped(name, _p_value(covariance, own, IDEAL[name])))
+    worst = max(found, key=lambda dropped: dropped.p_value, default=None)
+    return worst if worst is not None and worst.p_value > level else None
+
+
+def _p_value(covariance: Covariance, own: list[int], ideal: float) -> float:
+    matrix = covariance.matrix[np.ix_(own, own)]
+    if not np.isfinite(matrix).all():
+        return 1.0
+    off = covariance.values[own] - ideal
+    size = float(off @ np.linalg.pinv(matrix, hermitian=True) @ off) / len(own)
+    return float(fdtrc(len(own), covariance.freedom, size))

@@ -1,0 +1,76 @@
+"""Samples of a motion at which a law's torque is evaluated, with what leads there for a memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration, calibrated_plant
+from frictionid.dynamics.state import State, inputs
+from frictionid.friction import Friction, Inputs
+from frictionid.mechanics import Mechanism
+from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
+
+_COUNT = 500
+_LINK = 9  # samples through which a memory is followed
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueSamples:
+    """N samples of a motion.
+
+    path : inputs (N, n) at successive samples, the last of them those of the sample itself; the
+        memory starts at the first
+    dt : (N, 1) [s] between them
+    """
+
+    path: tuple[Inputs, ...]
+    dt: Array
+
+    def torque(self, friction: Friction) -> Array:
+        """Torques (N, n) [N m]."""
+        law, theta = friction.law, friction.theta
+        z = law.start(theta, self.path[0])
+        for x in self.path[1:]:
+            z = law.advance(theta, x, z, self.dt)
+        return np.asarray(law.torque(theta, self.path[-1], z))
+
+    def slopes(self, friction: Friction) -> Array:
+        """Their derivatives (N, n, P) in each joint's own numbers."""
+        theta = friction.theta
+        law: Any = friction.law  # of `on_arrays`, which gives it the derivatives asked for here
+        if not law.has_memory:
+            return np.asarray(law.gradient(theta, self.path[0]))
+        z = law.start(theta, self.path[0])
+        if law.reads_window:
+            for x in self.path[1:]:
+                z = law.advance(theta, x, z, self.dt)
+            return np.asarray(law.slopes(theta, self.path[-1], z)[0])
+        return np.asarray(law.gradient_along(theta, self.path, z, self.dt))
+
+
+def torque_samples(
+    friction: Friction,
+    mechanism: Mechanism,
+    calibration: Calibration,
+    intervals: Intervals,
+    use: Array,
+) -> TorqueSamples:
+    """Some samples of the intervals in use (K,), as inputs of the law."""
+    K = len(intervals.dt)
+    run = np.arange(K) - np.maximum.accumulate(np.where(intervals.joined, 0, np.arange(K)))
+    link = min(_LINK, int(run.max())) if friction.law.has_memory else 0
+    known = np.flatnonzero((run >= link) & use)
+    some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
+    plant = calibrated_plant(intervals.dataset, calibration)
+    driven = mechanism.motors
+    path = []
+    for at in (some - back for back in range(link, -1, -1)):
+        logged = logged_torque(intervals, calibration, at, np.array([0.0, 1.0])).mean[0]
+        u = (calibration.gain * logged + calibration.bias) * driven
+        state = State(intervals.q[at] - calibration.offset, intervals.w[at])
+        path.append(inputs(plant[intervals.recording[at]], friction, state, u))
+    return TorqueSamples(tuple(path), intervals.dt[some][:, None])

@@ -1,0 +1,316 @@
+"""Fit of friction, and whatever else the blocks free, to the balance of torques."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, along, constraints_of
+from frictionid.friction.coordinates import with_units_of
+from frictionid.friction.laws import NoFriction
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.grams import clusters
+from frictionid.fitting.one_step.one_step_fit import checked_fit
+from frictionid.fitting.one_step.residual import speed_range
+from frictionid.fitting.torque_balance.consistent import made_consistent
+from frictionid.fitting.torque_balance.residual import TorqueProblem, left_to_friction, logged_gain
+from frictionid.fitting.torque_balance.settings import TorqueSettings
+from frictionid.fitting.torque_balance.solve import TorqueSolution, normal_equations, solve
+from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
+from frictionid.fitting.shooting.covariance import grouped_covariance
+from frictionid.fitting.shooting.gauss_newton import Solution
+from frictionid.fitting.parameters import ParameterBlock
+from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks
+from frictionid.fitting.shooting.refine import Diagnostics, Refined
+from frictionid.fitting.shooting.significance import Dropped, least_significant
+from frictionid.fitting.shooting.windows import NormalEquations
+
+BLOCKS = ("friction", "inertia", "delay", "gain", "bias")
+_FEW = 4  # recordings: of fewer, stretches of time are the clusters
+_STARTS = 2
+_UNEXPLAINED = 0.5  # of a joint's torque, root mean square
+_PINNED = 0.25  # a gain counts whose 95 % interval is narrower, to either side
+
+
+def fit_torques(
+    identifier: Identifier,
+    balance: TorqueBalance,
+    blocks: Sequence[ParameterBlock],
+    settings: TorqueSettings,
+    use: Array | None = None,
+    seed: int = 0,
+) -> Refined:
+    """An identifier's friction, and the calibration, that explain the torques best.
+
+    Friction is fitted for the nominal calibration, then all together. Wrong inertias may lead a law
+    into a wrong valley: friction is fitted once more for the calibration found, all together
+    again, and the better of both counts. Blocks of sensors that show nothing are left out, see
+    `least_significant`.
+
+    use : (K,) true for the windows that may be used, all by default
+
+    Raises
+    ------
+    InputError
+        For blocks that the torques do not show, and friction of joints that never slide.
+    """
+    use = np.ones(len(balance.start), dtype=bool) if use is None else use
+    balance = balance.resolving(use)
+    estimate = _nominal(balance)
+    given = _friction(identifier, balance, estimate, use, seed)
+    if given.law.is_network:
+        raise InputError(f"{identifier!r}: networks are fitted by one-step recipes and by shooting")
+    check_blocks(blocks, _with(estimate, given, balance, use), balance, use)
+    blocks = on_support(tuple(blocks), given)
+    dropped: list[Dropped] = []
+    while True:
+        solution, problem = _best(identifier, balance, blocks, settings, use, seed)
+        if settings.consistent:
+            solution = made_consistent(problem, solution, use, settings)
+        result = _result(problem, solution, given, use)
+        check_gains(result, balance.dataset)
+        idle = least_significant(result.covariance, blocks, settings.significance)
+        if idle is None:
+            went = replace(result.diagnostics, dropped=tuple(dropped))
+            return replace(result, diagnostics=went)
+        dropped.append(idle)
+        blocks = tuple(b for b in blocks if b.name != idle.block)
+
+
+def _best(
+    identifier: Identifier,
+    balance: TorqueBalance,
+    blocks: Sequence[ParameterBlock],
+    settings: TorqueSettings,
+    use: Array,
+    seed: int,
+) -> tuple[TorqueSolution, TorqueProblem]:
+    """The better solution of two starts: the nominal calibration, and that found from it."""
+    estimate, found = _nominal(balance), []
+    for _ in range(_STARTS):
+        friction = _friction(identifier, balance, estimate, use, seed)
+        estimate = _with(estimate, friction, balance, use)
+        problem = TorqueProblem(balance, free_blocks(blocks, estimate))
+        solution = solve(problem, estimate, use, settings)
+        estimate = solution.estimate
+        found.append((solution, problem))
+    return min(found, key=lambda one: one[0].log_noise)
+
+
+def _nominal(balance: TorqueBalance) -> Estimate:
+    """The nominal calibration, without friction."""
+    mechanism = balance.dataset.mechanism
+    calibration = Calibration.ideal(mechanism.n, mechanism.base(mechanism.nominal()))
+    none = Friction(NoFriction(), np.zeros((len(mechanism.friction_names), 0)))
+    return Estimate(none, calibration, mechanism)
+
+
+def _friction(
+    identifier: Identifier, balance: TorqueBalance, estimate: Estimate, use: Array, seed: int
+) -> Friction:
+    """The identifier's friction (n, P) for the calibration of an estimate."""
+    problem = balance.sliding_problem(left_to_friction(balance, estimate))
+    friction = checked_fit(identifier, problem, use[None] * 1.0, seed)[0]
+    return with_units_of(estimate.mechanism, friction)
+
+
+def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: Array) -> Estimate:
+    """The estimate with another friction: sharp, and within what the data resolve."""
+    own = friction.constraints
+    if own is None:
+        speeds = speed_range(balance.problem, use[None] * 1.0)
+        own = constraints_of(friction.law, speeds).at(0)
+    if own.equal:
+        raise InputError(
+            "equal joints: inverse dynamics gives each joint parameters of its own: fit by "
+            "shooting, or in one step"
+        )
+    sharp = replace(friction, law=friction.law.sharpened(), constraints=own, calibration=None)
+    return estimate._replace(friction=sharp)
+
+
+def _result(
+    problem: TorqueProblem, solution: TorqueSolution, given: Friction, use: Array
+) -> Refined:
+    """The result of a fit that began with a given friction."""
+    estimate = solution.estimate
+    grouped, owner, clusters = _grouped(problem, solution, use)
+    friction = replace(
+        estimate.friction,
+        law=given.law,
+        calibration=estimate.calibration,
+        parameters={},
+        constraints=None,
+    )
+    return Refined(
+        friction,
+        friction,
+        grouped_covariance(problem, grouped, owner, clusters),
+        Diagnostics(
+            solution.sigma,
+            int(use.sum()),
+            (),
+            (),
+            solution.converged,
+            solution.iterations,
+            tuple(_warnings(problem, solution)),
+            noise_of="torque",
+        ),
+        estimate.mechanism,
+    )
+
+
+def _grouped(
+    problem: TorqueProblem, solution: TorqueSolution, use: Array
+) -> tuple[Solution, Array, Array]:
+    """Normal equations of stretches of the recordings, with the recording and cluster of each.
+
+    Neighbouring torques agree: what scatters is the mean of a stretch, or of a recording.
+    """
+    balance = problem.balance
+    rows = np.flatnonzero(use)
+    stretch = clusters(balance.problem)[rows]
+    labels = np.unique(stretch)
+    each = [_equations(solution, rows[stretch == c]) for c in labels]
+    owner = np.array([balance.recording[rows[stretch == c][0]] for c in labels])
+    H, g = (np.stack(parts) for parts in zip(*each, strict=True))
+    none = np.zeros(0)
+    grouped = Solution(
+        *(solution.estimate, none, none, none, none, none, solution.sigma),
+        *(NormalEquations(H, g, none, none, none), np.zeros(len(problem.parameters))),
+        *(solution.free, np.ones(len(labels)), np.zeros(len(labels), dtype=bool)),
+        *(solution.converged, solution.iterations),
+    )
+    many = len(np.unique(owner)) >= _FEW
+    return grouped, owner, owner if many else labels
+
+
+def _equations(solution: TorqueSolution, rows: Array) -> tuple[Array, Array]:
+    """Normal equations (D, D), (D,) of some rows."""
+    s = solution
+    return normal_equations(s.slopes[rows], s.residual[rows], s.weight[rows], s.sigma)
+
+
+def check_blocks(
+    blocks: Sequence[ParameterBlock], estimate: Estimate, balance: TorqueBalance, use: Array
+) -> None:
+    """Refuse blocks that the balance of torques does not show, and joints that never slide.
+
+    Raises
+    ------
+    InputError
+        Saying which, and the way out.
+    """
+    name, names = balance.dataset.name, [b.name for b in blocks]
+    for block in names:
+        if block not in BLOCKS:
+            raise InputError(
+                f"block {block!r}: inverse dynamics does not show it; free it by shooting, or one "
+                f"of {', '.join(BLOCKS)}"
+            )
+        if names.count(block) > 1:
+            raise InputError(f"block {block!r} is given twice")
+    torque = any(np.any(r.torque.value) for r in balance.dataset.recordings)
+    base = estimate.mechanism.base_names
+    free = {b.name: b.parameters(estimate) for b in blocks}
+    known = any(np.isfinite(p.prior) for own in free.values() for p in own)
+    # recordings that differ by known amounts, such as a payload, give the others their scale
+    loaded = bool(np.ptp(balance.base[use], axis=0).any()) and torque
+    if (
+        not loaded
+        and len(free.get("inertia", ())) == len(base)
+        and not known
+        and (not torque or "gain" in free)
+    ):
+        what = "without motor torque" if not torque else "beside a free gain"
+        raise InputError(
+            f"data set {name!r}: {what} only ratios of inertia, gravity and friction show in the "
+            f"motion: fix one base parameter that you are sure of, such as {base[-1]!r}, or give "
+            "a prior"
+        )
+    undriven = np.flatnonzero(estimate.mechanism.motors == 0)
+    if len(undriven) and free.get("inertia") and not known:
+        raise InputError(
+            f"data set {name!r}: joint {undriven[0] + 1} has no motor, and its row of the balance "
+            "holds for inertia and friction of any size: leave inertia out, give it a prior, or "
+            "free it by shooting"
+        )
+    if free.get("inertia") and not known and _reads_torque(estimate.friction):
+        raise InputError(
+            f"data set {name!r}: {estimate.friction.law} follows the motors' torque, and beside "
+            "free inertias that explains any torque by itself: leave inertia out, give it a "
+            "prior, or choose load_dependent, which follows the motion"
+        )
+    still = ~balance.slides[use].any(axis=0)
+    if "friction" in names and still.any():
+        j = int(np.argmax(still))
+        raise InputError(
+            f"data set {name!r}: joint {j + 1} never slides one way for as long as a window: give "
+            "recordings in which it does, or shorten the window"
+        )
+
+
+def check_gains(result: Refined, dataset: Dataset) -> None:
+    """Refuse gains of torques that nothing known pins: friction alone holds at any scale.
+
+    Raises
+    ------
+    InputError
+        With the joint whose gain is known worst.
+    """
+    covariance = result.covariance
+    low, high = covariance.interval().T
+    own = [k for k, p in enumerate(covariance.parameters) if p.block == "gain"]
+    wide = {k: (high[k] - low[k]) / 2 / max(abs(covariance.values[k]), 1e-300) for k in own}
+    wide |= {k: np.inf for k in own if covariance.bound[k] or not np.isfinite(wide[k])}
+    worst = max(wide, key=lambda k: wide[k], default=None)
+    if worst is None or wide[worst] < _PINNED:
+        return
+    parameter, value = covariance.parameters[worst], covariance.values[worst]
+    error = f"{value:.2g} +- {wide[worst] * abs(value):.1g}" if np.isfinite(wide[worst]) else "any"
+    joint = dataset.mechanism.joints[parameter.place[0]]
+    raise InputError(
+        f"data set {dataset.name!r}: the {parameter.name} is not pinned ({error}): beside friction "
+        "neither gravity nor a known inertia or payload shows in its torque; keep it by fixed = "
+        f'["gain.{joint}"], or record a known payload that loads this joint'
+    )
+
+
+def _reads_torque(friction: Friction) -> bool:
+    """Whether friction depends on the motors' torque."""
+    law, theta = friction.law, np.asarray(friction.theta)
+    some = np.clip(np.full_like(theta, 0.5), *np.array(law.bounds).reshape(-1, 2).T)
+    without = Inputs(*(np.ones((1, len(theta))) for _ in range(4)))._replace(
+        u=np.zeros((1, len(theta)))
+    )
+    both = (without, without._replace(u=without.w))
+    off, on = (law.torque(some, x, law.start(some, without)) for x in both)
+    return bool(np.any(off != on))
+
+
+def _warnings(problem: TorqueProblem, solution: TorqueSolution) -> list[str]:
+    """Sentences on joints whose torque is not explained."""
+    counts = solution.weight > 0
+    gain = logged_gain(solution.estimate)
+    left = solution.residual * gain
+    rms = [np.sqrt(np.mean(left[c, j] ** 2)) for j, c in enumerate(counts.T)]
+    friction = problem.balance.problem.mean(
+        along(solution.estimate.friction, problem.balance.nodes)
+    )
+    friction = friction @ solution.estimate.mechanism.friction_map
+    out = []
+    for j, c in enumerate(counts.T):
+        size = float(np.sqrt(np.mean(friction[c, j] ** 2)))
+        if rms[j] > _UNEXPLAINED * size:
+            out.append(
+                f"Torque {j + 1} keeps {rms[j]:.2g} unexplained, beside {size:.2g} of friction: "
+                "what is fitted does not explain the motion."
+            )
+    return out

@@ -1,0 +1,121 @@
+"""Inverse dynamics as a method of fitting: what is freed, in every fold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import stack_calibrations
+from frictionid.friction import Friction
+from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
+from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.torque_balance.fit import fit_torques
+from frictionid.fitting.torque_balance.settings import TorqueSettings
+from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
+from frictionid.fitting.shooting.default_blocks import applicable
+from frictionid.fitting.parameters import (
+    BiasBlock,
+    DelayBlock,
+    FrictionBlock,
+    InertiaBlock,
+    ParameterBlock,
+)
+from frictionid.fitting.shooting.recipe import ShootingData, ShootingFit, check_mechanism
+
+DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
+    FrictionBlock(),
+    InertiaBlock(),
+    DelayBlock(where_sampled=True),
+    BiasBlock(),
+)
+
+
+@dataclass(frozen=True)
+class InverseDynamics:
+    """Friction fitted to the torques that the motion needs, with inertia and sensors free.
+
+    The rows are means over short windows, one for each joint, of the momentum balance along the
+    smoothed motion: as in the identification of robots by inverse dynamics and least squares
+    [Gautier1991], without accelerations. Cheaper than shooting for arms with many joints; what the
+    smoother takes off the motion is missing in it, as in every one-step fit.
+
+    blocks : what is free: friction, base parameters, delay and bias of the torque, or its gain
+    settings : window, weights, iterations; start : the one-step recipe whose rows score it
+    """
+
+    name: str = "inverse_dynamics"
+    blocks: tuple[ParameterBlock, ...] = DEFAULT_BLOCKS
+    settings: TorqueSettings = TorqueSettings()
+    start: Recipe = INTEGRAL
+    needs_intervals: ClassVar[bool] = True
+    scheme: ClassVar[str] = "inverse dynamics"
+    calibrator: ClassVar[None] = None
+    corrects: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def first_step(self) -> Recipe:
+        """The one-step recipe of the rows that judge a fit."""
+        return self.start
+
+    @property
+    def steps(self) -> tuple[Recipe, ...]:
+        """The one-step recipes whose problems a fit needs."""
+        return (self.start,)
+
+    def check(self, identifier: Identifier) -> None:
+        """Check that it can fit an identifier.
+
+        Raises
+        ------
+        InputError
+            For identifiers that use no mechanism.
+        """
+        check_mechanism(self.name, identifier)
+
+    def fit(
+        self, identifier: Identifier, data: ShootingData, seed: int
+    ) -> OneStepFit | ShootingFit:
+        """The identifier's friction of all folds and of all data, unless it is fixed.
+
+        Raises
+        ------
+        InputError
+            Where the fit fails, and for networks.
+        """
+        if identifier.fixed:
+            return self.start.fit(identifier, data, seed)
+        intervals = data.intervals
+        balance = torque_balance(
+            intervals.dataset, intervals.states, self.settings.window, self.settings.node_time
+        )
+        blocks = applicable(self.blocks, intervals.dataset)
+        results = [
+            fit_torques(identifier, balance, blocks, self.settings, use, seed)
+            for use in window_weights(balance, data) > 0
+        ]
+        return ShootingFit(_together([r.friction for r in results]), results[-1])
+
+
+def window_weights(balance: TorqueBalance, data: ShootingData) -> Array:
+    """Weights (F + 1, K) of the windows: those that train a fold in all their samples."""
+    intervals, weights = data.intervals, data.interval_weights
+    out = np.ones((len(weights), len(balance.start)))
+    for i in np.unique(balance.recording):
+        own, rows = balance.recording == i, np.flatnonzero(intervals.recording == i)
+        middle = intervals.time[rows] + intervals.dt[rows] / 2
+        held_out = np.cumsum(weights[:, rows] <= 0, axis=1)
+        before = np.concatenate([np.zeros((len(weights), 1)), held_out], axis=1)
+        first, last = (np.searchsorted(middle, t[own]) for t in (balance.start, balance.stop))
+        out[:, own] = before[:, last] == before[:, first]
+    return out
+
+
+def _together(frictions: Sequence[Friction]) -> Friction:
+    calibrations = [f.calibration for f in frictions if f.calibration is not None]
+    theta = np.stack([np.asarray(f.theta) for f in frictions])
+    return replace(frictions[-1], theta=theta, calibration=stack_calibrations(calibrations))

@@ -1,0 +1,222 @@
+"""Balance of torques over short windows of recordings, linear in the base parameters.
+
+The momentum balance over a window from a to b, divided by its length T,
+
+    Y p + mean Tf = mean u,    Y p = (M w|b - M w|a - integral of dL/dq dt) / T    [N m]
+
+needs no acceleration. Each joint has its own row, in which only its own friction stands and that of
+parts that turn with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
+from frictionid.data.joint_scales import are_mixed
+from frictionid.data.plants import plant_of
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import sample
+from frictionid.data.state_estimators import States, slowest_speeds
+from frictionid.data.temperatures import temperature_at
+from frictionid.errors import InputError
+from frictionid.friction import Inputs, Nodes, joined
+from frictionid.friction.coordinates import recorded_inputs, with_places
+from frictionid.fitting.one_step.residual import GAP, Problem, stiction_mask
+from frictionid.mechanics import Mechanism, Plant
+from frictionid.mechanics.momentum_balance import with_midpoints
+
+_SLOW_ROWS = 0.01  # of the rows of a joint: so many may be slower than the slowest speed
+_NODES = 4000  # whose regressor is computed at a time
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueBalance:
+    """Rows of K windows and n joints.
+
+    dataset; nodes : where friction acts; stencil (K, m) and coefficients (m,) of the windows' means
+    regressor : Y (K, n, nb), torques for each base parameter
+    base : (K, nb), what a recording's own parameters add to the base parameters
+    recording, start, stop : (K,), start and stop in [s]
+    slides : (K, n), whether the joint moves one way, fast enough, all the time: others do not count
+    slowest : (R, m) [rad/s], slowest speeds that the rows of each recording resolve
+    """
+
+    dataset: Dataset
+    nodes: Nodes
+    stencil: Array
+    coefficients: Array
+    regressor: Array
+    base: Array
+    recording: Array
+    start: Array
+    stop: Array
+    slides: Array
+    slowest: Array
+    log: SignalIntegrals
+
+    def logged(self, delay: float) -> Pieces:
+        """Means of the torque logged `delay` [s] before, and their derivatives by the delay."""
+        edges = np.stack([self.start, self.stop], axis=1) - delay
+        return pieces_of(self.log, self.recording, edges)
+
+    @property
+    def problem(self) -> Problem:
+        """The windows as a problem whose residual is the negative mean of friction [N m]."""
+        return self.problem_of(np.zeros(self.slides.shape))
+
+    def problem_of(self, needed: Array) -> Problem:
+        """The windows as a problem of friction that needs mean torques (K, n) [N m]."""
+        K, n = self.slides.shape
+        eye = np.broadcast_to(np.eye(n), (K, n, n))
+        needed, G = with_places(self.dataset.mechanism, needed, eye)
+        rows = (self.recording, self.start, self.stop - self.start)
+        return Problem(
+            *(self.nodes, needed, G, self.stencil, self.coefficients, *rows),
+            slowest=self.slowest,
+        )
+
+    def sliding_problem(self, needed: Array) -> Problem:
+        """The same, with the rows of joints at rest projected out.
+
+        Where some joints turn and others slide, rows are in units of their joint's usual torque.
+        """
+        problem = self.problem_of(np.where(self.slides, needed, 0.0))
+        G, r, n = np.array(problem.G), np.array(problem.r), self.slides.shape[1]
+        G[:, :n] *= self.slides[:, :, None]
+        if are_mixed(self.dataset.mechanism.position_units):
+            usual = np.sqrt((r[:, :n] ** 2).mean(axis=0))
+            usual = np.where(usual > 0, usual, 1.0)
+            r[:, :n], G[:, :n] = r[:, :n] / usual, G[:, :n] / usual[:, None]
+        return replace(problem, r=r, G=G, masked=True)
+
+    def resolving(self, use: Array) -> TorqueBalance:
+        """The balance with the slowest speeds that the windows in use (K,) resolve."""
+        return replace(self, slowest=_slowest(self, self.slides & use[:, None]))
+
+
+class _Part(NamedTuple):
+    """Nodes and windows of one recording."""
+
+    inputs: Inputs
+    time: Array
+    stencil: Array
+    regressor: Array
+    start: Array
+    stop: Array
+
+
+def torque_balance(
+    dataset: Dataset, states: Sequence[States], window: float, node_time: float
+) -> TorqueBalance:
+    """Balance of torques of a data set along its smoothed states.
+
+    window : [s], length of the windows; node_time : [s], shortest time between samples in use
+
+    Raises
+    ------
+    InputError
+        Where no recording is as long as a window.
+    """
+    plant = plant_of(dataset)
+    counts = [_counts(s, window, node_time) for s in states]
+    most = max((count for _, count in counts), default=1)
+    parts = [
+        _part(plant[i], s, recording, step, most)
+        for i, (s, recording, (step, _)) in enumerate(
+            zip(states, dataset.recordings, counts, strict=True)
+        )
+    ]
+    if not any(len(part.start) for part in parts):
+        raise InputError(
+            f"data set {dataset.name!r}: no recording is as long as a window of {window:g} s: "
+            "shorten the window"
+        )
+    first = np.cumsum([0, *(len(part.time) for part in parts)])
+    inputs = joined([part.inputs for part in parts])
+    stencil = np.concatenate([p.stencil + f for p, f in zip(parts, first[:-1], strict=True)])
+    recording = np.repeat(np.arange(len(parts)), [len(part.start) for part in parts])
+    nominal = plant.mechanism.base(plant.mechanism.nominal())
+    balance = TorqueBalance(
+        dataset,
+        Nodes(inputs, np.concatenate([part.time for part in parts]), first, 2),
+        stencil,
+        _simpson(most),
+        np.concatenate([part.regressor for part in parts]),
+        (plant.p - nominal)[recording],
+        recording,
+        np.concatenate([part.start for part in parts]),
+        np.concatenate([part.stop for part in parts]),
+        np.zeros((len(stencil), plant.n), dtype=bool),
+        np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
+        integrals_of([r.torque for r in dataset.recordings]),
+    )
+    resting = stiction_mask(balance.problem, None)
+    slides = ~(resting @ (plant.mechanism.friction_map != 0))
+    return replace(balance, slides=slides, slowest=_slowest(balance, slides))
+
+
+def _slowest(balance: TorqueBalance, counts: Array) -> Array:
+    """Slowest speeds (R, m) that each recording resolves in the rows that count (K, n).
+
+    What sets in below the speeds of these rows leaves no trace: friction that falls off there would
+    be of any size. Of a part they are no less than those of all but 1 % of its rows.
+    """
+    least = np.abs(balance.nodes.inputs.w[balance.stencil]).min(axis=1)
+    shows = counts @ (balance.dataset.mechanism.friction_map != 0).T
+    out = np.array(balance.slowest)
+    for i, k in np.ndindex(*out.shape):
+        own = least[(balance.recording == i) & shows[:, k], k]
+        out[i, k] = max(out[i, k], np.quantile(own, _SLOW_ROWS)) if len(own) else out[i, k]
+    return out
+
+
+def _counts(states: States, window: float, node_time: float) -> tuple[int, int]:
+    """Samples from one node to the next, and such steps in a window."""
+    dt = float(np.median(np.diff(states.time)))
+    step = max(1, int(node_time / dt + 1e-9))
+    return step, max(1, round(window / (step * dt)))
+
+
+def _simpson(count: int) -> Array:
+    """Coefficients (2 count + 1,) of the mean over equal steps with a midpoint each."""
+    c = np.tile([2.0, 4.0], count + 1)[: 2 * count + 1]
+    c[0] = c[-1] = 1.0
+    return np.asarray(c / c.sum())
+
+
+def _part(plant: Plant, states: States, recording: Recording, step: int, count: int) -> _Part:
+    """Nodes of a recording, and its windows of `count` steps from each to the next."""
+    at = np.arange(0, len(states.time), step)
+    time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
+    temperature = temperature_at(recording, time, plant.mechanism.joints)
+    u = sample(recording.torque, time)
+    inputs = recorded_inputs(plant, time, q, w, u, temperature)
+    dt = np.diff(states.time[at])
+    broken = np.concatenate([[0], np.cumsum(dt > GAP * np.median(dt))])
+    first = np.arange(0, len(at) - count, count)
+    first = first[broken[first] == broken[first + count]]
+    stencil = 2 * first[:, None] + np.arange(2 * count + 1)
+    rows = [np.zeros((0, plant.n, len(plant.mechanism.base_names)))]
+    for some in np.array_split(stencil, max(1, stencil.size // _NODES)):
+        rows += [_regressor(plant.mechanism, time, q, w, some)] if len(some) else []
+    return _Part(
+        inputs, time, stencil, np.concatenate(rows), time[stencil[:, 0]], time[stencil[:, -1]]
+    )
+
+
+def _regressor(mechanism: Mechanism, time: Array, q: Array, w: Array, stencil: Array) -> Array:
+    """Y (k, n, nb) of some windows that follow each other."""
+    low, high = stencil[0, 0], stencil[-1, -1] + 1
+    each = np.eye(len(mechanism.base_names))[:, None]
+    terms = mechanism.terms(each, q[low:high], w[low:high])
+    first, last = stencil[:, 0] - low, stencil[:, -1] - low
+    change = terms.momentum[:, last] - terms.momentum[:, first]
+    mean = np.einsum("m,bkmn->bkn", _simpson(stencil.shape[1] // 2), terms.dLdq[:, stencil - low])
+    length = (time[stencil[:, -1]] - time[stencil[:, 0]])[:, None]
+    return np.asarray(np.moveaxis(change / length - mean, 0, -1))

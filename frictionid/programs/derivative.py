@@ -1,0 +1,121 @@
+"""Derivatives of programs, line by line: forward mode, exact [Griewank2008]."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+
+from frictionid.programs.program import Line, Operand, Program, Value, needed
+from frictionid.programs.trace import Recorder
+
+_Record = Callable[..., Operand]
+
+
+def with_derivatives(
+    program: Program, directions: Mapping[str, Collection[str]], outputs: Collection[str]
+) -> Program:
+    """The program with derivatives of some outputs in some directions.
+
+    A kink has the derivative of one of its sides, and a step that of neither.
+
+    Parameters
+    ----------
+    directions : by a name, the inputs that grow together at the rate of one
+        The derivatives are outputs, too, named as in "Tf by w".
+
+    >>> from frictionid.programs.trace import traced
+    >>> square = traced(lambda x: {"y": x["w"] * x["w"]}, {"w": 1})
+    >>> with_derivatives(square, {"w": ["w_1"]}, ["y"]).run({"w_1": 3.0})
+    {'y': [9.0], 'y by w': [6.0]}
+    """
+    recorder = Recorder(program.inputs)
+    values: list[Operand] = [Value(k) for k in range(len(program.inputs))]
+    rates: dict[str, list[Operand]] = {
+        name: [float(x in grow) for x in program.inputs] for name, grow in directions.items()
+    }
+
+    def value(operand: Operand) -> Operand:
+        return values[operand.number] if isinstance(operand, Value) else operand
+
+    def rate(operand: Operand, along: list[Operand]) -> Operand:
+        return along[operand.number] if isinstance(operand, Value) else 0.0
+
+    for line in program.lines:
+        own = tuple(value(x) for x in line.operands)
+        made = recorder.record(line.operation, *own)
+        for along in rates.values():
+            changes = tuple(rate(x, along) for x in line.operands)
+            along.append(_rate(recorder.record, Line(line.operation, own), changes, made))
+        values.append(made)
+    results = {name: tuple(value(x) for x in own) for name, own in program.outputs.items()}
+    for name in outputs:
+        for direction, along in rates.items():
+            own = tuple(rate(x, along) for x in program.outputs[name])
+            results[f"{name} by {direction}"] = own
+    return needed(Program(program.inputs, tuple(recorder.lines), results))
+
+
+def _rate(record: _Record, line: Line, changes: tuple[Operand, ...], made: Operand) -> Operand:
+    """Rate of a line's value, as its operands change."""
+    if all(change == 0.0 for change in changes):
+        return 0.0
+    operation, own = line
+    if operation in ("add", "subtract", "negative"):
+        return record(operation, *changes)
+    if operation == "select":
+        return record("select", own[0], *changes[1:])
+    if operation in ("maximum", "minimum"):
+        first = record("less", *(own[::-1] if operation == "maximum" else own))
+        return record("select", first, *changes)
+    if operation == "power":
+        return _of_power(record, own, changes, made)
+    slopes = _slopes(record, operation, own, made)
+    total: Operand = 0.0
+    for slope, change in zip(slopes, changes, strict=bool(slopes)):
+        if change != 0.0:
+            total = record("add", total, record("multiply", slope, change))
+    return total
+
+
+def _of_power(
+    record: _Record, own: tuple[Operand, ...], changes: tuple[Operand, ...], made: Operand
+) -> Operand:
+    a, b = own
+    lower = record("power", a, record("subtract", b, 1.0))
+    total = record("multiply", record("multiply", b, lower), changes[0])
+    if changes[1] == 0.0:
+        return total
+    by_exponent = record("multiply", made, record("log", a))
+    return record("add", total, record("multiply", by_exponent, changes[1]))
+
+
+def _slopes(
+    record: _Record, operation: str, own: tuple[Operand, ...], made: Operand
+) -> tuple[Operand, ...]:
+    """Slopes by each operand; of comparisons and signs, which are steps, none."""
+    a = own[0]
+    match operation:
+        case "multiply":
+            return own[1], a
+        case "divide":
+            by_divisor = record("negative", record("divide", made, own[1]))
+            return record("divide", 1.0, own[1]), by_divisor
+        case "absolute":
+            return (record("sign", a),)
+        case "sqrt":
+            return (record("divide", 0.5, made),)
+        case "exp":
+            return (made,)
+        case "log":
+            return (record("divide", 1.0, a),)
+        case "log1p":
+            return (record("divide", 1.0, record("add", 1.0, a)),)
+        case "tanh":
+            return (record("subtract", 1.0, record("multiply", made, made)),)
+        case "arctan":
+            return (record("divide", 1.0, record("add", 1.0, record("multiply", a, a))),)
+        case "sin":
+            return (record("cos", a),)
+        case "cos":
+            return (record("negative", record("sin", a)),)
+        case _:
+            return ()

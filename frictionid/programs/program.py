@@ -1,0 +1,100 @@
+"""A program: named inputs, one operation a line, named outputs; all languages start from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from frictionid.programs.operations import OPERATIONS
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A value of a program: an input or a line by its number, from 0, inputs first."""
+
+    number: int
+
+    def __bool__(self) -> bool:
+        raise NotImplementedError("a decision by values that are not known")
+
+
+Operand = Value | float
+
+
+class Line(NamedTuple):
+    """One operation on earlier values and on constants."""
+
+    operation: str
+    operands: tuple[Operand, ...]
+
+
+@dataclass(frozen=True)
+class Program:
+    """Straight-line code of scalars.
+
+    inputs : names of the inputs; those that no line uses stand there, too
+    lines : each a new value, numbered after the inputs
+    outputs : by name, the values of its entries
+
+    >>> double = Program(("w",), (Line("add", (Value(0), Value(0))),), {"Tf": (Value(1),)})
+    >>> double.run({"w": 1.5})
+    {'Tf': [3.0]}
+    """
+
+    inputs: tuple[str, ...]
+    lines: tuple[Line, ...]
+    outputs: Mapping[str, tuple[Operand, ...]]
+
+    def numbered(self) -> Iterator[tuple[int, Line]]:
+        """Lines with the numbers of their values."""
+        return enumerate(self.lines, start=len(self.inputs))
+
+    def with_inputs(self, names: Sequence[str]) -> Program:
+        """The program with only these of its inputs, those that it reads among them."""
+        own = [k for k, name in enumerate(self.inputs) if name in names]
+        count = len(self.inputs)
+        kept = [*own, *range(count, count + len(self.lines))]
+        return _renumbered(replace(self, inputs=tuple(self.inputs[k] for k in own)), kept)
+
+    def run(
+        self, inputs: Mapping[str, Any], functions: Mapping[str, Any] | None = None
+    ) -> dict[str, list[Any]]:
+        """Outputs, computed by functions of the names in `OPERATIONS`: numbers, unless given.
+
+        With the functions of CasADi, SymPy or torch the values are theirs.
+        """
+        of = functions or {name: operation.value for name, operation in OPERATIONS.items()}
+        values = [inputs[name] for name in self.inputs]
+
+        def value(operand: Operand) -> Any:
+            return values[operand.number] if isinstance(operand, Value) else operand
+
+        for line in self.lines:
+            values.append(of[line.operation](*map(value, line.operands)))
+        return {name: [value(entry) for entry in own] for name, own in self.outputs.items()}
+
+
+def needed(program: Program) -> Program:
+    """The program without lines that no output needs."""
+    count = len(program.inputs)
+    used = {v.number for own in program.outputs.values() for v in own if isinstance(v, Value)}
+    for number in range(count + len(program.lines) - 1, count - 1, -1):
+        if number in used:
+            operands = program.lines[number - count].operands
+            used |= {v.number for v in operands if isinstance(v, Value)}
+    kept = [n for n in range(count + len(program.lines)) if n < count or n in used]
+    lines = tuple(program.lines[n - count] for n in kept[count:])
+    return _renumbered(replace(program, lines=lines), kept)
+
+
+def _renumbered(program: Program, kept: Sequence[int]) -> Program:
+    """The program whose values had these numbers before, in this order."""
+    place = {old: Value(new) for new, old in enumerate(kept)}
+
+    def moved(operands: Sequence[Operand]) -> tuple[Operand, ...]:
+        return tuple(place[v.number] if isinstance(v, Value) else v for v in operands)
+
+    lines = tuple(Line(line.operation, moved(line.operands)) for line in program.lines)
+    outputs = {name: moved(own) for name, own in program.outputs.items()}
+    return Program(program.inputs, lines, outputs)

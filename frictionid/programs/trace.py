@@ -1,0 +1,268 @@
+"""From laws to programs: a law computes once on arrays that write down what is done to them.
+
+Laws compute on arrays of any kind, so that they need not be written again for each language. The
+arrays here are NumPy's, with scalars that record; NumPy hands its functions over to them [NEP13],
+[NEP18]. A law's parameters are numbers: what follows from them alone becomes a constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.programs.operations import OPERATIONS
+from frictionid.programs.program import Line, Operand, Program, Value, needed
+
+_SAME = {"abs": "absolute", "fabs": "absolute", "logical_and": "and", "bitwise_and": "and"} | {
+    "logical_or": "or",
+    "bitwise_or": "or",
+    "logical_not": "not",
+    "invert": "not",
+    "true_divide": "divide",
+    "fmax": "maximum",
+    "fmin": "minimum",
+}
+
+
+class Recorder:
+    """Lines that were recorded; the same operation on the same values is one line."""
+
+    def __init__(self, inputs: tuple[str, ...]) -> None:
+        self.inputs = inputs
+        self.lines: dict[Line, Value] = {}
+
+    def record(self, operation: str, *operands: Operand) -> Operand:
+        """Value of an operation: a number where all operands are."""
+        if (known := _simplified(operation, operands)) is not None:
+            return known
+        if operation == "power" and operands[1] == 2.0:  # much faster in most languages
+            operation, operands = "multiply", (operands[0], operands[0])
+        line = Line(operation, operands)
+        if line not in self.lines:
+            self.lines[line] = Value(len(self.inputs) + len(self.lines))
+        return self.lines[line]
+
+
+def _simplified(operation: str, operands: tuple[Operand, ...]) -> Operand | None:
+    """What needs no line: numbers alone, and sums and products with 0 and 1."""
+    if not any(isinstance(v, Value) for v in operands):
+        return OPERATIONS[operation].value(*operands)
+    if operation == "select":
+        test, yes, no = operands
+        if not isinstance(test, Value):
+            return yes if test else no
+        return yes if yes == no else None
+    if len(operands) == 1:
+        return None
+    a, b = operands
+    if operation == "multiply":
+        return 0.0 if 0.0 in (a, b) else b if a == 1.0 else a if b == 1.0 else None
+    if operation == "add":
+        return b if a == 0.0 else a if b == 0.0 else None
+    if operation == "subtract":
+        return a if b == 0.0 else None
+    if operation in ("divide", "power") and b == 1.0:
+        return a
+    if operation == "divide" and a == 0.0:
+        return 0.0
+    return None
+
+
+class Traced(np.ndarray):
+    """An array whose entries are values of a program, or numbers; NumPy computes on it as usual."""
+
+    recorder: Recorder
+
+    def __array_finalize__(self, source: Any) -> None:
+        if hasattr(source, "recorder"):
+            self.recorder = source.recorder
+
+    def __getitem__(self, index: Any) -> Any:
+        # a single entry stays an array, which can be computed on
+        return of(self.recorder, super().__getitem__(index))
+
+    def __array_ufunc__(
+        self,
+        ufunc: Any,
+        method: str,
+        *inputs: Any,
+        axis: Any = 0,
+        keepdims: bool = False,
+        dtype: Any = None,
+        where: Any = True,
+    ) -> Any:
+        """The ufunc, entry by entry.
+
+        Raises
+        ------
+        NotImplementedError
+            For functions that programs do not have.
+        """
+        name = _SAME.get(ufunc.__name__, ufunc.__name__)
+        recorder = _recorder(inputs)
+        if name == "matmul" and method == "__call__":
+            return _product(*(of(recorder, a) for a in inputs))
+        if dtype not in (None, object) or where is not True:
+            raise NotImplementedError(f"{ufunc.__name__} of some entries, or of a type")
+        if method == "reduce":
+            return _reduced(recorder, name, of(recorder, inputs[0]), axis, keepdims)
+        if method != "__call__" or name not in {**OPERATIONS, **_COMPOSED}:
+            raise NotImplementedError(ufunc.__name__)
+        return self._apply(recorder, name, inputs)
+
+    def _apply(self, recorder: Recorder, name: str, inputs: Any) -> Array:
+        def one(*operands: Operand) -> Operand:
+            own = tuple(v if isinstance(v, Value) else float(v) for v in operands)
+            if name in _COMPOSED:
+                return _COMPOSED[name](recorder.record, *own)
+            return recorder.record(name, *own)
+
+        return _each(recorder, one, *inputs)
+
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        recorder = _recorder(args)
+        if func is np.where and len(args) == 3:
+            return self._apply(recorder, "select", args)
+        made = super().__array_function__(func, types, args, kwargs)
+        if isinstance(made, list | tuple):
+            return type(made)(of(recorder, array) for array in made)
+        return of(recorder, made) if isinstance(made, np.ndarray) else made
+
+    def __bool__(self) -> bool:
+        raise NotImplementedError("a decision by values that are not known")
+
+
+def _recorder(arrays: Any) -> Recorder:
+    """Recorder of the first traced array, in sequences, too."""
+    for array in arrays:
+        if isinstance(array, Traced):
+            return array.recorder
+        if isinstance(array, list | tuple):
+            with suppress(LookupError):
+                return _recorder(array)
+    raise LookupError("no traced array")
+
+
+def _each(recorder: Recorder, function: Callable[..., Operand], *arrays: Any) -> Array:
+    """A function of entries, over arrays that broadcast."""
+    parts = np.broadcast_arrays(*(np.asarray(_boxed(a)) for a in arrays))
+    out = np.empty(parts[0].shape, dtype=object)
+    for index in np.ndindex(out.shape):
+        out[index] = function(*(part[index] for part in parts))
+    return of(recorder, out)
+
+
+def _boxed(array: Any) -> Array:
+    """A plain array of values and numbers."""
+    if isinstance(array, Traced):
+        return array.view(np.ndarray)
+    return np.asarray(array, dtype=object)
+
+
+def of(recorder: Recorder, array: Any) -> Any:
+    """An array as a traced one."""
+    out = (_boxed(array) if not isinstance(array, Traced) else array).view(Traced)
+    out.recorder = recorder
+    return out
+
+
+def _product(a: Any, b: Any) -> Any:
+    """Product of matrices (..., i, k) and (..., k, j)."""
+    return (a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2)
+
+
+def _reduced(recorder: Recorder, name: str, array: Any, axis: Any, keepdims: bool) -> Any:
+    """Sum, greatest or least along axes."""
+    axes = range(array.ndim) if axis is None else np.atleast_1d(axis) % array.ndim
+    for one in sorted((int(a) for a in axes), reverse=True):
+        parts = [of(recorder, array.take(k, axis=one)) for k in range(array.shape[one])]
+        total = parts[0] if parts else of(recorder, np.zeros(np.delete(array.shape, one)))
+        for part in parts[1:]:
+            total = array._apply(recorder, name, (total, part))
+        array = np.expand_dims(total, one) if keepdims else total
+    return array
+
+
+def _logaddexp(record: Callable[..., Operand], a: Operand, b: Operand) -> Operand:
+    apart = record("negative", record("absolute", record("subtract", a, b)))
+    return record("add", record("maximum", a, b), record("log1p", record("exp", apart)))
+
+
+def _not_equal(record: Callable[..., Operand], a: Operand, b: Operand) -> Operand:
+    return record("not", record("equal", a, b))
+
+
+_COMPOSED: dict[str, Callable[..., Operand]] = {
+    "logaddexp": _logaddexp,
+    "not_equal": _not_equal,
+    "square": lambda record, a: record("multiply", a, a),
+    "reciprocal": lambda record, a: record("divide", 1.0, a),
+    "positive": lambda _, a: a,
+    "greater": lambda record, a, b: record("less", b, a),
+    "greater_equal": lambda record, a, b: record("less_equal", b, a),
+}
+
+
+def traced(
+    function: Callable[[Mapping[str, Array]], Mapping[str, Array]], inputs: Mapping[str, int]
+) -> Program:
+    """Program of a function of arrays.
+
+    Parameters
+    ----------
+    function : called with an array (size,) for each input, by its name
+        Gives arrays by name.
+    inputs : sizes by name
+        The program's inputs are named w_1, w_2 ... of an input w.
+
+    Raises
+    ------
+    NotImplementedError
+        Where the function does what programs cannot: decide by values, leave NumPy.
+
+    >>> program = traced(lambda x: {"Tf": 0.1 * np.tanh(x["w"] / 0.02)}, {"w": 1})
+    >>> [line.operation for line in program.lines], program.run({"w_1": 1.0})
+    (['divide', 'tanh', 'multiply'], {'Tf': [0.1]})
+    """
+    names = tuple(f"{name}_{k + 1}" for name, size in inputs.items() for k in range(size))
+    recorder, arrays, at = Recorder(names), {}, 0
+    for name, size in inputs.items():
+        entries = np.empty(size, dtype=object)
+        for k in range(size):
+            entries[k] = Value(at + k)
+        arrays[name] = of(recorder, entries.view(Traced))
+        at += size
+    made = function(arrays)
+    outputs = {
+        name: tuple(
+            v if isinstance(v, Value) else float(v) for v in _boxed(array).reshape(-1).tolist()
+        )
+        for name, array in made.items()
+    }
+    return needed(Program(names, tuple(recorder.lines), outputs))
+
+
+def chained(first: Program, then: Program) -> Program:
+    """A program of both: the outputs of `first` are inputs of `then`, and outputs, too.
+
+    >>> half = traced(lambda x: {"w": x["w"] / 2.0}, {"w": 1})
+    >>> chained(half, traced(lambda x: {"Tf": x["w"] ** 2.0}, {"w": 1})).run({"w_1": 6.0})
+    {'w': [3.0], 'Tf': [9.0]}
+    """
+    inputs = tuple(dict.fromkeys((*first.inputs, *then.inputs)))
+    inputs = tuple(
+        x for x in inputs if x in first.inputs or x.rpartition("_")[0] not in first.outputs
+    )
+    recorder = Recorder(inputs)
+    functions = {name: partial(recorder.record, name) for name in OPERATIONS}
+    known: dict[str, Operand] = {name: Value(k) for k, name in enumerate(inputs)}
+    middle = first.run(known, functions)
+    known |= {f"{x}_{j + 1}": v for x, own in middle.items() for j, v in enumerate(own)}
+    last = then.run(known, functions)
+    outputs = {name: tuple(own) for name, own in (*middle.items(), *last.items())}
+    return needed(Program(inputs, tuple(recorder.lines), outputs))

@@ -1,0 +1,316 @@
+"""Coarse offset of a torque log against a motion, by cross-correlation over all offsets at once.
+
+The torque asked for by the observed motion follows from the nominal mechanism: the observed minus
+the predicted acceleration without a motor, times M. It is compared with the log at every offset.
+What any friction could have done is projected out of both: its amount is irrelevant.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second to import
+
+from frictionid.arrays import Array
+from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH
+from frictionid.fitting.one_step.balances import Rows
+from frictionid.check.partial_regression import partial_regression
+from frictionid.data.integrals import averages, integrals_of
+from frictionid.data.signals import Signal, cut
+from frictionid.errors import InputError
+from frictionid.mechanics import Mechanism
+
+STEP = 0.01  # [s] between offsets
+LONGEST = 1e5  # [s] of motion and log: more than a day
+UNEQUAL = 500.0  # times as long as the other: in ms, where the other is in s
+_OVERLAP, _NEARLY = 0.5, 0.9  # shares of the motion that the log must cover
+_CANDIDATES, _SEPARATION = 8, 0.1  # best offsets that are refined, [s] between them
+_NEAR = np.arange(-0.06, 0.0601, STEP)  # [s] around a candidate
+# An offset is accepted where it leaves this share of the torque unexplained at most, and any other
+# leaves this many times as much.
+_EXPLAINS, _CLEAR = 0.6, 2.0
+
+
+class CoarseOffset(NamedTuple):
+    """Offset of the log's clock by cross-correlation.
+
+    Attributes
+    ----------
+    offset : [s], added to the log's time
+    unexplained : share of the asked torque that it leaves unexplained, with any friction
+    runner_up : offset [s] and unexplained share of the next best
+    reversed : largest share that any offset explains with the sign of the torque reversed
+    offsets, explained : arrays, shape (D,), all offsets [s] and the share that each explains
+    """
+
+    offset: float
+    unexplained: float
+    runner_up: tuple[float, float]
+    reversed: float
+    offsets: Array
+    explained: Array
+
+
+class Correlation(NamedTuple):
+    """Share of the asked torque that the log explains at each offset.
+
+    offsets (D,) [s]; explained (D,), -inf where the log covers too little; reversed (D,), the same
+    for the log with its sign reversed
+    """
+
+    offsets: Array
+    explained: Array
+    reversed: Array
+
+
+def coarse_offset(
+    mechanism: Mechanism, base: Array, rows: Rows, angle: Signal, torque: Signal
+) -> CoarseOffset:
+    """The offset at which a log explains a motion.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    base : array, shape (nb,), nominal base parameters
+    rows : unit rows of the motion
+    angle : Signal, n columns
+    torque : Signal, n columns, by the log's clock
+
+    Raises
+    ------
+    InputError
+        Where nothing moves, or the log explains the motion nowhere or in several places.
+    """
+    driven = np.array(mechanism.driven)
+    if int((rows.moving & driven).sum()) < MIN_WINDOWS:
+        raise InputError(
+            "the driven joints hardly move: no motion to find in the log; record livelier motion"
+        )
+    if np.ptp(torque.value, axis=0).max() <= 0:
+        raise InputError("the logged torque never changes: nothing to find in the motion")
+    asked = rows.required(base[None])
+    correlation = correlate(rows, asked, torque, driven)
+    peaks = _peaks(correlation)
+    if not len(peaks):
+        raise InputError(_uncovered(float(np.ptp(angle.time)), float(np.ptp(torque.time))))
+    refined = sorted(
+        (_refined(rows, base, angle, torque, float(p)) for p in peaks),
+        key=lambda r: (r.unexplained, r.offset),
+    )
+    best = refined[0]
+    others = [r for r in refined[1:] if abs(r.offset - best.offset) > _SEPARATION / 2]
+    second = others[0] if others else _Refined(float("nan"), 1.0)
+    out = CoarseOffset(
+        best.offset,
+        best.unexplained,
+        (second.offset, second.unexplained),
+        float(correlation.reversed.max()),
+        correlation.offsets,
+        correlation.explained,
+    )
+    _check(out)
+    return out
+
+
+def _uncovered(motion: float, log: float) -> str:
+    if log < _OVERLAP * motion:
+        return (
+            f"the log ({log:.3g} s) covers less than half of the motion ({motion:.3g} s): log as "
+            "long as the camera records"
+        )
+    return (
+        "the driven joints slide too little, or not while the log was written, to find the motion "
+        "in it: record livelier motion, such as the response to several pulses of torque"
+    )
+
+
+def _check(found: CoarseOffset) -> None:
+    if found.unexplained > _EXPLAINS:
+        hint = (
+            "the torque fits best with its sign reversed: check the signs of kt and gear, and the "
+            "direction of the angles"
+            if found.reversed > 1.0 - 0.5 * found.unexplained
+            else "were both recorded at the same time, by this mechanism?"
+        )
+        raise InputError(
+            f"no stretch of the log explains the motion (the best one leaves "
+            f"{100 * found.unexplained:.0f} % of the torque): {hint}"
+        )
+    if found.runner_up[1] < _CLEAR * found.unexplained:
+        raise InputError(
+            f"the log explains the motion as well with an offset of {found.runner_up[0]:.3f} s as "
+            f"with {found.offset:.3f} s: use a torque that does not repeat itself, or a marker"
+        )
+
+
+def check_spans(motion: float, log: float) -> None:
+    """Check that a motion and a log [s] can belong together, and fit into memory.
+
+    Raises
+    ------
+    InputError
+        With both spans: one of them is in another unit, or the log is that of another day.
+    """
+    if motion + log > LONGEST:
+        raise InputError(
+            f"the angles span {motion:.3g} s and the log {log:.3g} s, together more than "
+            f"{LONGEST:.0f} s: correct the unit of the time (ms, us), or cut the log to the motion"
+        )
+    if max(motion, log) > UNEQUAL * max(min(motion, log), STEP):
+        raise InputError(
+            f"the angles span {motion:.3g} s and the log {log:.3g} s, more than {UNEQUAL:.0f} "
+            "times as long or as short: correct the unit of the time (ms, us), or cut one of them"
+        )
+
+
+class _Grids(NamedTuple):
+    """Even time grids: motion (A,) by the angles' clock, log (B,) by its own.
+
+    Entry i of a convolution of the motion with the reversed log pairs sample k of the motion with
+    sample k + B - 1 - i of the log, which is offset i.
+    """
+
+    motion: Array
+    log: Array
+
+    @property
+    def offsets(self) -> Array:
+        size = len(self.motion) + len(self.log) - 1
+        return self.motion[0] - self.log[0] + STEP * (np.arange(size) - (len(self.log) - 1))
+
+
+class _Sums(NamedTuple):
+    """Sums over the overlap at each offset (D,), of one joint.
+
+    cross : (P y).x; energy : |P x|^2; covered : number of moving samples; asked, moving : |P y|^2
+    and number of moving samples of the whole motion
+    """
+
+    cross: Array
+    energy: Array
+    covered: Array
+    asked: float
+    moving: float
+
+
+def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correlation:
+    """Share of the asked torque that the log explains at each offset.
+
+    With y the asked torque of the moving samples, x the log at an offset, Q an orthonormal basis of
+    the shapes that friction may have, and P = 1 - Q Q',
+
+        explained = 1 - |P (y - x)|^2 / |P y|^2 = (2 (P y).x - |x|^2 + |Q' x|^2) / |P y|^2
+
+    in which each term is a correlation, summed over the driven joints.
+    """
+    middle = (rows.start + rows.stop) / 2
+    check_spans(float(np.ptp(middle)), float(np.ptp(torque.time)))
+    grids = _Grids(
+        np.arange(middle[0], middle[-1], STEP),
+        np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP),
+    )
+    if len(grids.log) < 2:
+        return Correlation(np.zeros(0), np.zeros(0), np.zeros(1))
+    sums = [_joint_sums(rows, asked, torque, grids, j) for j in range(len(driven)) if driven[j]]
+    cross, energy, covered = (sum(s[k] for s in sums) for k in range(3))
+    moving = sum(s.moving for s in sums)
+    # of little motion, such as the response to one pulse, nearly all must be covered
+    few = max(min(MIN_WINDOWS * WIDTH / 2 / STEP, _NEARLY * moving), MIN_WINDOWS)
+    enough = (covered >= _OVERLAP * moving) & (covered >= few)
+    scale = max(sum(s.asked for s in sums), 1e-300)
+    explained, reversed_ = (
+        np.where(enough, (sign * 2 * cross - energy) / scale, -np.inf) for sign in (1.0, -1.0)
+    )
+    return Correlation(grids.offsets, explained, reversed_)
+
+
+def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int) -> _Sums:
+    """Sums of `correlate` for joint j."""
+    middle = (rows.start + rows.stop) / 2
+    # the motion in a gap is unknown
+    after = np.clip(np.searchsorted(middle, grids.motion), 1, len(middle) - 1)
+    known = (middle[after] - middle[after - 1] < WIDTH).astype(float)
+    free = np.interp(grids.motion, middle, rows.moving[:, j].astype(float))
+    moves = (free > 0.999) * known
+
+    def on_grid(values: Array) -> Array:
+        return moves * np.interp(grids.motion, middle, values)
+
+    Q = _basis(np.stack([on_grid(shape) for shape in rows.shapes(j).T], axis=1))
+    y = on_grid(asked[:, j])
+    y = y - Q @ (Q.T @ y)
+    x = _means(torque._replace(value=torque.value[:, [j]]), grids.log)[::-1]
+    energy = _convolved(moves, x**2)
+    for q in Q.T:
+        energy -= _convolved(q, x) ** 2
+    covered = _convolved(moves, np.ones(len(x)))
+    return _Sums(_convolved(y, x), energy, covered, float(y @ y), float(moves.sum()))
+
+
+def _convolved(a: Array, b: Array) -> Array:
+    size = len(a) + len(b) - 1
+    fast = next_fast_len(size)
+    return np.asarray(irfft(rfft(a, fast) * rfft(b, fast), fast)[:size])
+
+
+def _basis(columns: Array) -> Array:
+    """Orthonormal basis of some columns."""
+    size = np.sqrt((columns**2).sum(axis=0))
+    U, s, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
+    return np.asarray(U[:, s > 1e-6 * s[0]])
+
+
+def _means(torque: Signal, clock: Array) -> Array:
+    """Mean torque over a window around each time of an even clock."""
+    half = round(WIDTH / 2 / STEP)
+    edges = clock[0] + STEP * (np.arange(len(clock) + 2 * half) - half)
+    fine = averages(torque, np.append(edges, edges[-1] + STEP))[:, 0]
+    sums = np.concatenate([[0.0], np.cumsum(fine)])
+    return np.asarray((sums[2 * half :] - sums[: -2 * half])[: len(clock)] / (2 * half))
+
+
+def _peaks(correlation: Correlation) -> Array:
+    """Offsets [s] that explain most, apart from each other."""
+    left = correlation.explained.copy()
+    out: list[float] = []
+    gap = round(_SEPARATION / STEP)
+    while len(out) < _CANDIDATES and len(left) and np.isfinite(left.max()):
+        k = int(np.argmax(left))
+        out.append(float(correlation.offsets[k]))
+        left[max(k - gap, 0) : k + gap + 1] = -np.inf
+    return np.array(out)
+
+
+def around(torque: Signal, start: float, stop: float, margin: float = 1.0) -> Signal:
+    """The torque from `start` to `stop` and for a margin [s] on either side."""
+    return cut(torque, start - margin, stop + margin)
+
+
+class _Refined(NamedTuple):
+    """Best offset [s] near a candidate, and the share of the torque that it leaves unexplained."""
+
+    offset: float
+    unexplained: float
+
+
+def _refined(rows: Rows, base: Array, angle: Signal, torque: Signal, offset: float) -> _Refined:
+    """Best offset near a candidate, by the exact torque integrals and a parabola through three."""
+    moved = torque._replace(time=torque.time + offset)
+    known = (rows.start > moved.time[0]) & (rows.stop < moved.time[-1])
+    if int(known.sum()) < MIN_WINDOWS:
+        return _Refined(offset, 1.0)
+    kept = rows.where(known)
+    near = cut(angle, moved.time[0], moved.time[-1])
+    late = kept.means(integrals_of([around(moved, near.time[0], near.time[-1])]), _NEAR)
+    fit = partial_regression(kept, late[len(_NEAR) // 2], base[None])
+    asked = kept.required(base[None])
+    total = float((fit.residual(asked) ** 2).sum())
+    left = (fit.residual(asked - late) ** 2).sum(-1) / max(total, 1e-300)
+    k = min(max(int(np.argmin(left)), 1), len(left) - 2)
+    before, here, behind = left[k - 1 : k + 2]
+    curvature = max(before - 2 * here + behind, 1e-300)
+    shift = float(np.clip(0.5 * (before - behind) / curvature, -1.0, 1.0))
+    # on the grid two equally good offsets need not look so
+    least = max(here - 0.25 * (before - behind) * shift, 0.1 * here)
+    return _Refined(offset + float(_NEAR[k]) + shift * STEP, float(least))

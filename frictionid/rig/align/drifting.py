@@ -1,0 +1,110 @@
+"""Shooting with a drifting torque clock: delay and drift of the torque are parameters.
+
+The torque logged at time t acts at t + delay + drift (t - middle). Within a sample interval that is
+a delay, so that the derivatives by the drift are (t - middle) times those by the delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
+from frictionid.fitting.shooting import (
+    DelayBlock,
+    Estimate,
+    Intervals,
+    Linearisation,
+    Parameter,
+    ParameterBlock,
+    Settings,
+    ShootingProblem,
+    Values,
+    free_blocks,
+    shooting_problem,
+)
+
+MAX_DRIFT = 0.01
+DRIFT_SIGMA = 5e-4  # prior standard deviation: of quartz clocks
+
+
+@dataclass(frozen=True)
+class ClockCalibration(Calibration):
+    """A calibration with a torque clock that drifts: `drift` () [1], positive where it is slow."""
+
+    drift: float = 0.0
+
+
+@dataclass(frozen=True)
+class DriftBlock(ParameterBlock):
+    """Drift of the torque's clock [1]; `prior` is its prior standard deviation."""
+
+    prior: float = DRIFT_SIGMA
+    name, enters = "drift", "torque"
+
+    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+        drift = _drift_of(estimate)
+        return (Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT, self.prior),)
+
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        own = {f: getattr(estimate.calibration, f) for f in Calibration.__dataclass_fields__}
+        return estimate._replace(calibration=ClockCalibration(**own, drift=float(values[0][1])))
+
+
+@dataclass(frozen=True, eq=False)
+class Drifting(ShootingProblem):
+    """The problem of a torque with a clock of its own, right at `middle` [s] but for its delay."""
+
+    inner: ShootingProblem
+    middle: float
+
+    def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
+        """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
+        drift = _drift_of(estimate)
+        own = replace(self.inner, intervals=drifted(self.intervals, drift, self.middle))
+        found = own.linearise(estimate, nodes, rows)
+        places = {e: k for k, e in enumerate(_names(self.inner))}
+        by = np.zeros((*found.by.shape[:-1], self.count))
+        angle = np.zeros((self.count, self.intervals.n))
+        since = (self.intervals.time + self.intervals.dt / 2 - self.middle)[:, None]
+        for k, name in enumerate(_names(self)):
+            if name[0] == "drift":
+                by[..., k] = since * found.by[..., places["delay", "torque delay"]]
+            else:
+                by[..., k], angle[k] = found.by[..., places[name]], found.angle[places[name]]
+        return Linearisation(found.end, found.by_start, by, angle)
+
+
+def drifting(
+    intervals: Intervals,
+    estimate: Estimate,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    middle: float,
+) -> Drifting:
+    """The problem of fitting delay, drift and other blocks to the intervals."""
+    delay = DelayBlock()
+    inner = shooting_problem(intervals, estimate, (*blocks, delay), settings)
+    free = free_blocks((*blocks, delay, DriftBlock()), estimate)
+    return Drifting(intervals, free, settings, inner.reads, inner, middle)
+
+
+def _drift_of(estimate: Estimate) -> float:
+    calibration = estimate.calibration
+    return calibration.drift if isinstance(calibration, ClockCalibration) else 0.0
+
+
+def drifted(intervals: Intervals, drift: float, middle: float) -> Intervals:
+    """The intervals with their torque on the drifting clock."""
+    recordings = tuple(
+        replace(r, torque=r.torque._replace(time=r.torque.time + drift * (r.torque.time - middle)))
+        for r in intervals.dataset.recordings
+    )
+    return replace(intervals, dataset=replace(intervals.dataset, recordings=recordings))
+
+
+def _names(problem: ShootingProblem) -> list[tuple[str, str]]:
+    return [(p.block, p.name) for p in problem.parameters]

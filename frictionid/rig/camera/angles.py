@@ -1,0 +1,194 @@
+"""Joint angles of tracked markers, with their standard deviations, and as a table."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.rig.camera.follow import MarkerTracks
+from frictionid.rig.camera.marker_setup import Camera, MarkerSetup
+from frictionid.rig.camera.view_calibration import (
+    ViewCalibration,
+    calibrate_view,
+    length_contradiction,
+    link_noise,
+)
+from frictionid.arrays import Array
+from frictionid.data.marker_geometry import flattened, mirror
+from frictionid.errors import InputError
+
+FOUND, PREDICTED, LOST = "found", "predicted", "lost"
+_OUTLIER, _PIXELS = 6.0, 1.0  # standard deviations and [px] by which a link may seem too long
+_AHEAD = 0.1  # [s] for which a prediction is given
+_MIN_FRAMES = 10  # with all dots
+
+
+class Angles(NamedTuple):
+    """Joint angles of all frames.
+
+    Attributes
+    ----------
+    time : array, shape (T,) [s], middles of the exposures
+    q : array, shape (T, n) [rad], nan where not found
+    sigma : array, shape (T, n) [rad], standard deviations
+    predicted : array, shape (T, n) [rad]
+    state : T words: "found", "predicted" (a dot is hidden) or "lost" (for longer)
+    markers : array, shape (T, n + 1, 2) [px], nan where not found
+    calibration : ViewCalibration
+    sync_led : column name and brightness (T,), 0 to 1, of a sync LED in every frame, or None
+    """
+
+    time: Array
+    q: Array
+    sigma: Array
+    predicted: Array
+    state: tuple[str, ...]
+    markers: Array
+    calibration: ViewCalibration
+    sync_led: tuple[str, Array] | None = None
+
+
+def angles_of(tracks: MarkerTracks, setup: MarkerSetup, size: tuple[int, int], name: str) -> Angles:
+    """Angles of markers that were tracked through pictures of a size (width, height) [px].
+
+    Raises
+    ------
+    InputError
+        Where dots were hardly ever found, or the links' lengths contradict the picture of the
+        video `name`.
+    """
+    pivot = setup.markers[0]
+    found = tracks.found.copy()
+    markers = tracks.at.copy()
+    if pivot.at is None and not pivot.moves:  # one place that counts in all frames
+        found[:, 0] = found[:, 0].any()
+    _check_found(found, setup, name)
+    lengths = None if setup.links.lengths is None else np.array(setup.links.lengths)
+    if lengths is not None and (off := length_contradiction(markers, found, lengths)):
+        raise InputError(
+            f"{name}: links have the ratio {_ratio(off[0])} in the picture and {_ratio(off[1])} by "
+            "links.lengths; correct the lengths or the order of the markers"
+        )
+    if pivot.at is None and not pivot.moves:
+        markers[:, 0] = np.median(markers[found[:, 0], 0], axis=0)
+    calibration = calibrate_view(
+        *(markers, tracks.sigma, found, size),
+        fixed=pivot.at is not None,
+        view=setup.camera.calibrate,
+        lengths=lengths,
+    )
+    if calibration.pivot is not None:
+        markers[:, 0] = calibration.pivot
+    found &= _plausible(calibration, tracks)
+    return _angles(tracks, setup.camera, markers, found, calibration)
+
+
+def _angles(
+    tracks: MarkerTracks,
+    camera: Camera,
+    markers: Array,
+    found: Array,
+    calibration: ViewCalibration,
+) -> Angles:
+    """Angles of links between markers in the plane of motion.
+
+    Whole turns are those of the tracker's prediction, which counts how often a link went round.
+    """
+    flat = flattened(markers, calibration.plane)
+    link = np.diff(mirror(flat) if camera.mirrored else flat, axis=1)
+    seen = np.arctan2(link[..., 0], link[..., 1])
+    both = found[:, 1:] & found[:, :-1]
+    guide = -tracks.theta if camera.mirrored else tracks.theta
+    theta = guide + (seen - guide + np.pi) % (2 * np.pi) - np.pi
+    theta = np.where(both, theta, guide) - np.radians(camera.down)
+    q = np.diff(theta, axis=1, prepend=0.0)
+    known = both & np.concatenate([np.ones_like(both[:, :1]), both[:, :-1]], axis=1)
+    sigma = np.where(known, _deviation(link, np.nan_to_num(tracks.sigma)), np.nan)
+    late = {"start": 0.5, "middle": 0.0, "end": -0.5}[camera.stamp] * camera.exposure
+    return Angles(
+        time=tracks.time + late,
+        q=np.where(known, q, np.nan),
+        sigma=sigma,
+        predicted=q,
+        state=_states(tracks.time, known.all(axis=1)),
+        markers=np.where(found[..., None], markers, np.nan),
+        calibration=calibration,
+    )
+
+
+def _deviation(link: Array, sigma: Array) -> Array:
+    """Standard deviations (T, n) [rad] of joint angles, by the derivatives dq/d(marker).
+
+    A marker moved by dx across a link of length l turns it by dx / l.
+    """
+    T, n = link.shape[:2]
+    length = np.linalg.norm(link, axis=-1)
+    across = (
+        np.stack([link[..., 1], -link[..., 0]], axis=-1) / np.maximum(length, 1e-9)[..., None] ** 2
+    )
+    slope = np.zeros((T, n, n + 1, 2))  # of the joint angles by the markers
+    for i in range(n):
+        slope[:, i, i + 1] += across[:, i]
+        slope[:, i, i] -= across[:, i]
+        if i:
+            slope[:, i, i] -= across[:, i - 1]
+            slope[:, i, i - 1] += across[:, i - 1]
+    return np.asarray(np.sqrt(((slope * sigma[:, None, :, None]) ** 2).sum(axis=(2, 3))))
+
+
+def _check_found(found: Array, setup: MarkerSetup, name: str) -> None:
+    for i, marker in enumerate(setup.markers):
+        if not found[:, i].any():
+            raise InputError(
+                f"{name}: the dot of {marker.name!r} (hue {marker.hue:g} deg) is in no frame, or "
+                "never as far from its neighbour as its link is long; correct rig.toml or let "
+                "frictionid track --setup propose one"
+            )
+    seen = int(found.all(axis=1).sum())
+    if seen < min(_MIN_FRAMES, len(found)):
+        raise InputError(
+            f"{name}: all dots are seen together in {seen} of {len(found)} frames only; correct "
+            "colours, radii and places in rig.toml or let frictionid track --setup propose one"
+        )
+
+
+def _plausible(calibration: ViewCalibration, tracks: MarkerTracks) -> Array:
+    """Which markers (T, n + 1) do not make the link before them seem too long or too short."""
+    limit = np.maximum(_OUTLIER * link_noise(tracks.sigma), _PIXELS)
+    far = np.abs(np.nan_to_num(calibration.residual)) > limit
+    return np.concatenate([np.ones((len(far), 1), dtype=bool), ~far], axis=1)
+
+
+def _states(time: Array, known: Array) -> tuple[str, ...]:
+    states, last = [], -np.inf
+    for t, there in zip(time, known, strict=True):
+        last = t if there else last
+        states.append(FOUND if there else PREDICTED if t - last <= _AHEAD else LOST)
+    return tuple(states)
+
+
+def angles_csv(angles: Angles) -> str:
+    """CSV text with the columns time, q1.., sigma1.., predicted1.., state and that of a sync LED.
+
+    Angles are empty unless found.
+    """
+    n = angles.q.shape[1]
+    joints = range(1, n + 1)
+    names = ["time", *(f"{what}{j}" for what in ("q", "sigma", "predicted") for j in joints)]
+    led, brightness = angles.sync_led or ("", angles.time)
+    lines = [",".join([*names, "state", *([led] if led else [])])]
+    for k, state in enumerate(angles.state):
+        measured = [_cell(v, 7) for v in (*angles.q[k], *angles.sigma[k])]
+        predicted = [_cell(v, 4) if state == PREDICTED else "" for v in angles.predicted[k]]
+        last = [_cell(brightness[k], 5)] if led else []
+        lines.append(",".join([f"{angles.time[k]:.6f}", *measured, *predicted, state, *last]))
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if np.isfinite(value) else ""
+
+
+def _ratio(lengths: Array) -> str:
+    return " : ".join(f"{v:.3g}" for v in lengths)

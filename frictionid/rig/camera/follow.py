@@ -1,0 +1,366 @@
+"""Dots followed from frame to frame: predicted, found near the prediction, never invented.
+
+Each dot is looked for in a small window around the place that the motion of the chain predicts. A
+dot that is not there, or not there as a whole, is missing in that frame. After some frames without
+it the whole picture is searched, and dots are assigned by the lengths of the links.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.rig.camera.blobs import (
+    Blob,
+    Patch,
+    centroid,
+    colour_patch,
+    colour_regions,
+    noise_of,
+)
+from frictionid.rig.camera.dot import Dot
+from frictionid.rig.camera.marker_setup import MarkerSetup
+from frictionid.rig.camera.source import Frame, Image
+from frictionid.arrays import Array
+
+_MARGIN = 9.0  # [px] around a predicted dot
+_MARGIN_PER_MISS = 5.0  # [px] more for each frame in which the dot was missing
+_SEARCH_AFTER = 4  # frames without a dot, after which the whole picture is searched
+_LENGTH, _PIXELS = 0.06, 3.0  # share of a link's length and [px] by which tilt and lens change it
+_MAX_REGIONS = 8  # regions of a picture that are tried as one dot
+_MEMORY = 0.12  # [s] for which a motion predicts the next frames
+
+
+class MarkerTracks(NamedTuple):
+    """Markers of all frames.
+
+    Attributes
+    ----------
+    time : array, shape (T,) [s]
+    at : array, shape (T, n + 1, 2) [px]
+    sigma : array, shape (T, n + 1) [px]
+    found : array of bool, shape (T, n + 1)
+    theta : array, shape (T, n) [rad], absolute directions of the links as predicted or found,
+        unwrapped
+    """
+
+    time: Array
+    at: Array
+    sigma: Array
+    found: Array
+    theta: Array
+
+
+class FrameMarkers(NamedTuple):
+    """Markers of one frame, as in `MarkerTracks`; `windows` (low, high) where each was sought."""
+
+    time: float
+    at: Array
+    sigma: Array
+    found: Array
+    theta: Array
+    windows: list[tuple[Array, Array] | None]
+
+
+class Prediction(NamedTuple):
+    """Where the markers of the next frame should be.
+
+    Attributes
+    ----------
+    at : array, shape (n + 1, 2) [px]
+    streak : array, shape (n + 1, 2) [px], by which they move during the exposure
+    margin : error of the prediction [px], None where there is none to start from
+    """
+
+    at: Array
+    streak: Array
+    margin: float | None
+
+
+class Search(NamedTuple):
+    """What a frame shows: places as found or predicted, blobs found, windows looked at."""
+
+    at: Array
+    blobs: list[Blob | None]
+    windows: list[tuple[Array, Array] | None]
+
+
+class Follower:
+    """Follows the markers of a rig through the frames of a video.
+
+    Parameters
+    ----------
+    setup : MarkerSetup
+
+    Examples
+    --------
+    >>> from frictionid.rig.camera.marker_setup import Marker
+    >>> pivot = Marker(name="pivot", at=[20.0, 20.0])
+    >>> tip = Marker(name="tip", hue=0.0, saturation=1.0, value=1.0, radius=3.0)
+    >>> picture = np.zeros((60, 60, 3), np.uint8)
+    >>> picture[38:43, 18:23, 2] = 255
+    >>> step = Follower(MarkerSetup(markers=[pivot, tip])).step(Frame(0.0, picture))
+    >>> step.at[1].round(3).tolist()
+    [20.0, 40.0]
+    """
+
+    def __init__(self, setup: MarkerSetup):
+        self.setup, markers = setup, setup.markers
+        self.n, self.exposure = setup.n, setup.camera.exposure
+        hues = [m.hue for m in markers]
+        self.dots = [
+            None
+            if m.hue is None
+            else Dot(m, [j for j, h in enumerate(hues) if j != i and h == m.hue])
+            for i, m in enumerate(markers)
+        ]
+        pixels = setup.links.pixels
+        self.lengths = None if pixels is None else np.array(pixels)
+        self.past: deque[tuple[float, Array]] = deque(maxlen=3)  # time and theta of whole frames
+        self.pivot = np.array(markers[0].at) if markers[0].at is not None else None
+        self.theta = np.zeros(self.n)
+        self.frames = 0
+
+    def step(self, frame: Frame) -> FrameMarkers:
+        """Markers of the next frame."""
+        self.frames += 1
+        predicted = self._predict(frame.time)
+        search = self._search_windows(frame.image, predicted)
+        if self._must_search_all(predicted, search):
+            search = self._search_all(frame.image, predicted, search)
+        return self._remember(frame.time, search)
+
+    def _predict(self, time: float) -> Prediction:
+        """The chain at the angles that the last three frames extrapolate to."""
+        still = np.zeros((self.n + 1, 2))
+        if self.pivot is None:
+            return Prediction(still.copy(), still, None)
+        memory = _MEMORY + 1.5 * self._frame_interval()
+        recent = [entry for entry in self.past if time - entry[0] <= memory]
+        if not recent or self.lengths is None:
+            return Prediction(still + self.pivot, still, None)
+        self.theta, rate = _extrapolated(recent, time)
+        # places as complex numbers x + iy, from the pivot on
+        turned = self.lengths * np.exp(-1j * self.theta)
+        links, speeds = np.zeros((2, self.n + 1), dtype=complex)
+        np.cumsum(1j * turned, out=links[1:])
+        np.cumsum(rate * turned, out=speeds[1:])
+        at = links.view(float).reshape(-1, 2) + self.pivot
+        streak = (self.exposure * speeds).view(float).reshape(-1, 2)
+        most = 0.5 * float(self.lengths.sum())
+        if len(recent) < 3:  # the speed is not known
+            return Prediction(at, streak, max(_MARGIN, most))
+        move = max(map(abs, speeds)) * (time - recent[-1][0])
+        return Prediction(at, streak, min(_MARGIN + 0.25 * move, most))
+
+    def _frame_interval(self) -> float:
+        if len(self.past) < 2:
+            return 0.05
+        return self.past[-1][0] - self.past[-2][0]
+
+    def _search_windows(self, image: Image, predicted: Prediction) -> Search:
+        """Dots near their predicted places; what hangs on a found marker moves with it."""
+        at = predicted.at.copy()
+        search = Search(at, [None] * (self.n + 1), [None] * (self.n + 1))
+        if predicted.margin is None:
+            return search
+        for i, dot in enumerate(self.dots):
+            if dot is None:
+                continue
+            reach = dot.radius + predicted.margin + _MARGIN_PER_MISS * dot.missing
+            half = np.abs(predicted.streak[i]) / 2 + reach
+            search.windows[i] = window = (at[i] - half, at[i] + half)
+            patch = colour_patch(image, dot.axis, *window)
+            blob = None if patch is None else self._in_patch(patch, i, at, predicted.streak)
+            search.blobs[i] = blob
+            if blob is not None:
+                at[i:] += blob.at - at[i]
+        return search
+
+    def _in_patch(self, patch: Patch, i: int, at: Array, streak: Array) -> Blob | None:
+        """The whole dot of marker i in a patch, None where it is hidden or may be another one."""
+        dot = self.dots[i]
+        assert dot is not None
+        if self._is_ambiguous(i, at[i], at, streak):
+            return None
+        blob = dot.whole_blob(patch, at[i], streak[i])
+        if blob is None:  # the prediction was not good enough to start from
+            regions = colour_regions(patch, dot.model)
+            if not len(regions):
+                return None
+            nearest = regions[np.argmin(np.hypot(*(regions[:, :2] - at[i]).T))]
+            blob = dot.whole_blob(patch, nearest[:2], streak[i])
+        if blob is None or self._is_ambiguous(i, blob.at, at, streak):
+            return None
+        if i and not self._fits_link(i, blob.at, at):
+            return None
+        if self.frames % 8 == 0 or not dot.knows_noise:
+            reach = dot.radius + math.hypot(*streak[i]) / 2
+            dot.learn_noise(noise_of(patch, blob.at, reach))
+        return blob
+
+    def _is_ambiguous(self, i: int, place: Array, at: Array, streak: Array) -> bool:
+        """Whether a dot of the same colour is so near that the two cannot be told apart."""
+        dot = self.dots[i]
+        assert dot is not None
+        for j in dot.alike:
+            other = self.dots[j]
+            reach = dot.radius + (other.radius if other else 0.0) + 4.0
+            reach += (math.hypot(*streak[i]) + math.hypot(*streak[j])) / 2
+            if math.dist(place, at[j]) < reach:
+                return True
+        return False
+
+    def _fits_link(self, i: int, place: Array, at: Array) -> bool:
+        """Whether the link before marker i keeps its length."""
+        assert self.lengths is not None
+        length = math.dist(place, at[i - 1])
+        slack = _PIXELS + (_MARGIN if self._missing(i - 1) else 0.0)
+        return abs(length - self.lengths[i - 1]) < _LENGTH * self.lengths[i - 1] + slack
+
+    def _missing(self, i: int) -> int:
+        dot = self.dots[i]
+        return 0 if dot is None else dot.missing
+
+    def _must_search_all(self, predicted: Prediction, search: Search) -> bool:
+        """Whether dots are missing that no window will show: at the start, or for some frames."""
+        lost = [
+            dot.missing
+            for dot, blob in zip(self.dots, search.blobs, strict=True)
+            if dot is not None and blob is None
+        ]
+        return bool(lost) and (predicted.margin is None or max(lost) >= _SEARCH_AFTER)
+
+    def _search_all(self, image: Image, predicted: Prediction, search: Search) -> Search:
+        """All dots in the whole picture, assigned so that the links keep their lengths."""
+        streak = np.zeros_like(predicted.streak) if predicted.margin is None else predicted.streak
+        candidates = [self._candidates(image, i, streak[i]) for i in range(self.n + 1)]
+        best = self._best_chain(candidates)
+        if best is None:
+            return search
+        at, blobs = search.at.copy(), list(search.blobs)
+        for i, blob in enumerate(best):
+            if self.dots[i] is not None:
+                blobs[i], at[i] = blob, blob.at
+        if self.lengths is None:
+            self.lengths = _lengths(best)
+        return Search(at, blobs, search.windows)
+
+    def _candidates(self, image: Image, i: int, streak: Array) -> list[Blob]:
+        """Blobs in the whole picture that may be marker i."""
+        dot = self.dots[i]
+        if dot is None:
+            return [Blob(np.array(self.setup.markers[i].at), 0.0, 0.0, 0.0)]
+        patch = colour_patch(image, dot.axis, np.zeros(2), np.array(image.shape[1::-1], float))
+        assert patch is not None
+        regions = colour_regions(patch, dot.model)[:_MAX_REGIONS]
+        blobs = [
+            centroid(_cut(patch, place, dot), place, streak, dot.model) for place in regions[:, :2]
+        ]
+        return [blob for blob in blobs if blob is not None]
+
+    def _best_chain(self, candidates: list[list[Blob]]) -> list[Blob] | None:
+        """One blob for each marker whose distances fit the links, None where none do.
+
+        Of two that fit alike the larger dots are taken.
+        """
+        best, least = None, np.inf
+        for chain in product(*candidates):
+            places = np.stack([blob.at for blob in chain])
+            gaps = np.linalg.norm(places[:, None] - places[None], axis=-1)
+            if (gaps + 1e9 * np.eye(len(gaps)) < 2.0).any():
+                continue  # one dot cannot be two markers
+            pairs = zip(chain, self.dots, strict=True)
+            size = sum(min(blob.area / dot.full_area, 1.0) for blob, dot in pairs if dot)
+            cost = self._length_error(_lengths(chain)) - 0.05 * size
+            if cost < least:
+                best, least = list(chain), cost
+        return best
+
+    def _length_error(self, length: Array) -> float:
+        """Squared error of link lengths [px], relative to their tolerance; inf where one is off."""
+        if self.lengths is not None:
+            off = np.abs(length - self.lengths) / (_LENGTH * self.lengths + _PIXELS)
+            return float((off**2).sum()) if (off < 1).all() else np.inf
+        known = self.setup.links.lengths
+        if known is not None and self.n > 1:
+            ratio = length / np.array(known)
+            return float((((ratio / ratio.mean()) - 1) ** 2).sum() / _LENGTH**2)
+        return 0.0
+
+    def _remember(self, time: float, search: Search) -> FrameMarkers:
+        """The markers of the frame; those that were found improve the next predictions."""
+        at = search.at.copy()
+        found, sigma = np.zeros(self.n + 1, dtype=bool), np.full(self.n + 1, np.nan)
+        for i, (dot, blob) in enumerate(zip(self.dots, search.blobs, strict=True)):
+            if dot is None:
+                found[i], sigma[i] = True, 0.0
+            elif blob is None:
+                dot.missing += 1
+            else:
+                found[i], sigma[i], at[i] = True, blob.sigma, blob.at
+                dot.learn(blob)
+        if found[0]:
+            self.pivot = at[0].copy()
+        both = found[1:] & found[:-1]
+        link = at[1:] - at[:-1]
+        seen = np.arctan2(link[:, 0], link[:, 1])
+        seen = self.theta + (seen - self.theta + np.pi) % (2 * np.pi) - np.pi
+        self.theta = np.where(both, seen, self.theta)
+        if both.all():
+            self.past.append((time, self.theta))
+            assert self.lengths is not None
+            self.lengths = 0.9 * self.lengths + 0.1 * np.hypot(link[:, 0], link[:, 1])
+        elif not self.past or time - self.past[-1][0] > _MEMORY:
+            self.past.clear()
+        return FrameMarkers(time, at, sigma, found, self.theta.copy(), search.windows)
+
+
+def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[FrameMarkers]:
+    """Markers of each frame, one after the other."""
+    follower = Follower(setup)
+    for frame in frames:
+        yield follower.step(frame)
+
+
+def gather(steps: list[FrameMarkers]) -> MarkerTracks:
+    """Markers of single frames as arrays over all frames."""
+    columns = [np.stack([getattr(s, name) for s in steps]) for name in MarkerTracks._fields]
+    return MarkerTracks(*columns)
+
+
+def _extrapolated(past: list[tuple[float, Array]], time: float) -> tuple[Array, Array]:
+    """Angles (n,) and rates at a time, by the polynomial through up to three samples.
+
+    Newton's divided differences.
+    """
+    (t2, q2), *before = past[::-1]
+    if not before:
+        return q2.copy(), np.zeros_like(q2)
+    d, (t1, q1) = time - t2, before[0]
+    speed = (q2 - q1) / (t2 - t1)
+    if len(before) == 1:
+        return q2 + d * speed, speed
+    t0, q0 = before[1]
+    curvature = (speed - (q1 - q0) / (t1 - t0)) / (t2 - t0)
+    step = time - t1
+    return q2 + d * (speed + step * curvature), speed + (d + step) * curvature
+
+
+def _lengths(chain: list[Blob] | tuple[Blob, ...]) -> Array:
+    """Distances (n,) [px] of neighbouring blobs."""
+    return np.linalg.norm(np.diff(np.stack([blob.at for blob in chain]), axis=0), axis=-1)
+
+
+def _cut(patch: Patch, at: Array, dot: Dot) -> Patch:
+    """The part of a patch around a place."""
+    reach = int(3 * dot.radius + 30)
+    x, y = (at - patch.corner).astype(int)
+    x0, y0 = max(x - reach, 0), max(y - reach, 0)
+    part = patch.share[y0 : y + reach + 1, x0 : x + reach + 1]
+    return Patch(part, (patch.corner[0] + x0, patch.corner[1] + y0))

@@ -1,0 +1,145 @@
+"""Joint angles from a video: decode ahead, follow the markers, measure a sync LED, calibrate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from frictionid.rig.camera.angles import Angles, angles_of
+from frictionid.rig.camera.follow import FrameMarkers, follow, gather
+from frictionid.rig.camera.marker_setup import MarkerSetup, SyncLed
+from frictionid.rig.camera.source import Frame, Image, Source
+from frictionid.rig.camera.thresholds import follow_by_thresholds
+from frictionid.errors import InputError
+
+Method = Literal["follow", "study"]
+
+_BATCH = 8  # frames decoded at a time: to wake a thread takes as long as to find a dot
+
+
+def track(
+    source: Source,
+    setup: MarkerSetup,
+    method: Method = "follow",
+    progress: Callable[[FrameMarkers], None] | None = None,
+) -> Angles:
+    """Joint angles of all frames of a video, with standard deviations and what was not found.
+
+    Parameters
+    ----------
+    source : Source
+    setup : MarkerSetup
+    method : "follow" or "study"
+        "study" finds dots by thresholds in the whole picture, without calibration, for comparison.
+    progress : callable
+        Called with the markers of each frame. An interrupt ends a live camera; the frames until
+        then are used.
+
+    Raises
+    ------
+    InputError
+        Where the video is damaged, dots are not in it, or places lie outside the picture.
+    """
+    _check_places(source, setup)
+    brightness: list[float] = []
+    frames = _frames(source)
+    if setup.sync_led is not None:
+        frames = _measured(frames, setup.sync_led, source.size, brightness)
+    if method == "study":
+        uncalibrated = setup.camera.model_copy(update={"calibrate": False})
+        setup = setup.model_copy(update={"camera": uncalibrated})
+        markers = follow_by_thresholds(setup, frames)
+    else:
+        markers = follow(setup, frames)
+    steps = _collected(markers, progress, live=source.kind == "live")
+    if not steps:
+        raise InputError(f"{source.name} has no frames; name another video")
+    angles = angles_of(gather(steps), setup, source.size, source.name)
+    if setup.sync_led is None:
+        return angles
+    # an interrupt may come after the LED of a frame was measured and before its markers were
+    return angles._replace(sync_led=(setup.sync_led.name, np.array(brightness[: len(steps)])))
+
+
+def _collected(
+    markers: Iterator[FrameMarkers], progress: Callable[[FrameMarkers], None] | None, *, live: bool
+) -> list[FrameMarkers]:
+    """Markers of all frames; an interrupt ends those of a live camera."""
+    steps: list[FrameMarkers] = []
+    try:
+        for step in markers:
+            steps.append(step)
+            if progress is not None:
+                progress(step)
+    except KeyboardInterrupt:
+        if not live:
+            raise
+    return steps
+
+
+def _measured(
+    frames: Iterator[Frame], led: SyncLed, size: tuple[int, int], brightness: list[float]
+) -> Iterator[Frame]:
+    """The frames; the brightness of the LED in each, from 0 to 1, is appended to a list."""
+    (x0, y0), (x1, y1), disc = _disc(led, size)
+    for frame in frames:
+        part: Image = frame.image[y0:y1, x0:x1]
+        brightness.append(sum(cv2.mean(part, disc)[:3]) / (3 * 255))
+        yield frame
+
+
+def _disc(led: SyncLed, size: tuple[int, int]) -> tuple[list[int], list[int], Image]:
+    """Corners of the part of the pictures that holds the LED, and the mask of its pixels."""
+    at, r = np.array(led.at), max(led.radius, 1.5)  # at least one pixel
+    low = np.clip(np.floor(at - r).astype(int), 0, size)
+    high = np.clip(np.ceil(at + r).astype(int) + 1, 0, size)
+    (x0, y0), (x1, y1) = low.tolist(), high.tolist()
+    y, x = np.mgrid[y0:y1, x0:x1]
+    disc = np.hypot(x - at[0], y - at[1]) <= r
+    return [x0, y0], [x1, y1], disc.astype(np.uint8)
+
+
+def _frames(source: Source) -> Iterator[Frame]:
+    """The frames of a source; InputError where their times do not increase."""
+    last = float("-inf")
+    live = source.kind == "live"
+    frames = source.frames() if live else _decoded_ahead(source.frames(buffers=2 * _BATCH + 1))
+    for k, frame in enumerate(frames):
+        if frame.time <= last:
+            raise InputError(
+                f"{source.name}, frame {k + 1}: its time stamp {frame.time:g} s does not come "
+                f"after {last:g} s; convert the video to an .mp4 with time stamps"
+            )
+        last = frame.time
+        yield frame
+
+
+def _decoded_ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The frames; the next batch is decoded while one is used."""
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(_batch, frames)
+        while batch := coming.result():
+            coming = pool.submit(_batch, frames)
+            yield from batch
+
+
+def _batch(frames: Iterator[Frame]) -> list[Frame]:
+    return list(islice(frames, _BATCH))
+
+
+def _check_places(source: Source, setup: MarkerSetup) -> None:
+    width, height = source.size
+    places = [(f"the marker {m.name!r}", m.at) for m in setup.markers if m.at is not None]
+    if setup.sync_led is not None:
+        places.append(("the sync LED", setup.sync_led.at))
+    for what, (x, y) in places:
+        if not (0 <= x < width and 0 <= y < height):
+            raise InputError(
+                f"{source.name}: {what} at ({x:g}, {y:g}) lies outside the picture of "
+                f"{width} x {height} pixels; correct at = ... in rig.toml"
+            )

@@ -1,0 +1,236 @@
+"""The log of a drive as a file: rows are appended so that a crash loses none, and read again.
+
+A CSV table with the columns
+
+    host [s], the protocol's columns as they came (time in s), torque [N m] of each motor
+
+`host` is the arrival of a row by this computer's clock (Unix time without later corrections),
+`time` that of the controller. Whole rows are written at once, without a buffer, and synced to the
+disk twice a second. The last row of a file can be incomplete, and a power cut can leave zero bytes
+in place of rows that were not yet synced: such rows are left out.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.rig.controller_clock import ClockRuns, clock_runs, unified_time
+from frictionid.rig.protocol import SECOND, Cells
+from frictionid.rig.rig_settings import RigSettings
+from frictionid.data.readers.table import read_table
+from frictionid.data.signals import Array
+from frictionid.errors import InputError
+from frictionid.files import read_bytes, sync_folder
+
+_SYNC = 0.5  # [s] between two syncs to the disk
+_DIGITS = {"s": 0, "ms": 3, "us": 6}
+
+
+@dataclass(frozen=True)
+class Layout:
+    r"""Columns of the file, and its rows from those of the protocol.
+
+    >>> from frictionid.rig.rig_settings import rig_settings_of
+    >>> layout = Layout(rig_settings_of({"motor": {"kt": 0.01, "gear": 10.0}}, "rig.toml"))
+    >>> layout.header
+    'host,time,command,current,torque'
+    >>> layout.row("7.000000", (b"1500000", b"0.1", b"2"))
+    '7.000000,1.500000,0.1,2,0.2\n'
+    """
+
+    rig: RigSettings
+
+    @property
+    def header(self) -> str:
+        """First line of the file."""
+        return ",".join(("host", *self.rig.protocol.columns, *self._added()))
+
+    def row(self, host: str, cells: Cells) -> str:
+        """Row of the file for a row of the protocol that arrived at `host`."""
+        protocol = self.rig.protocol
+        texts = [cell.decode("ascii").strip() for cell in cells]
+        values = dict(zip(protocol.columns, texts, strict=True))
+        values["time"] = seconds(values["time"], protocol.unit)
+        torques = [
+            f"{m.per_measured * float(values[m.measured]):.9g}"
+            for m in self.rig.motors
+            if not m.torque
+        ]
+        return ",".join((host, *values.values(), *torques)) + "\n"
+
+    def _added(self) -> list[str]:
+        names = zip(self.rig.torque_columns(), self.rig.motors, strict=True)
+        return [name for name, motor in names if not motor.torque]
+
+
+def seconds(text: str, unit: str) -> str:
+    """Text of a time in seconds, exact for whole counts.
+
+    >>> seconds("1234567", "us"), seconds("5", "ms"), seconds("1.25", "s")
+    ('1.234567', '0.005', '1.25')
+    """
+    digits = _DIGITS[unit]
+    if not digits:
+        return text
+    if text.isdecimal():
+        whole = text.rjust(digits + 1, "0")
+        return f"{int(whole[:-digits])}.{whole[-digits:]}"
+    return repr(round(float(text) * SECOND[unit], 9))
+
+
+class Appender:
+    """A file to which whole rows are appended.
+
+    Raises
+    ------
+    InputError
+        Where the file exists and is not to be continued, or is another log; and where rows cannot
+        be written: those before are safe.
+    """
+
+    def __init__(self, path: Path, header: str, *, more: bool = False) -> None:
+        self.path, self.rows = path, 0
+        existed = path.exists()
+        if existed and not more:
+            raise InputError(
+                f"{path} exists and is not overwritten: choose another name, or --append to it"
+            )
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT
+        try:
+            self._file = os.open(path, flags if existed else flags | os.O_EXCL, 0o644)
+        except OSError as error:
+            raise InputError(f"{path} cannot be written ({error.strerror}); check it") from None
+        if not existed:
+            sync_folder(path.parent)
+        self._wake, self._dirty = threading.Event(), threading.Event()
+        try:
+            self._begin(header)
+        except BaseException:
+            os.close(self._file)
+            raise
+        # in a thread: the disk may take long, and rows keep coming
+        self._syncing = threading.Thread(target=self._sync, daemon=True)
+        self._syncing.start()
+
+    def append(self, rows: Sequence[str]) -> None:
+        """Write whole rows."""
+        if rows:
+            self._write("".join(rows).encode())
+            self.rows += len(rows)
+            self._dirty.set()
+
+    def close(self) -> None:
+        """Sync all rows to the disk and close the file."""
+        if self._file < 0:
+            return
+        self._wake.set()
+        self._syncing.join()
+        with contextlib.suppress(OSError):
+            os.fsync(self._file)
+        os.close(self._file)
+        self._file = -1
+
+    def _begin(self, header: str) -> None:
+        size = os.fstat(self._file).st_size
+        if not size:
+            self._write(f"{header}\n".encode())
+            return
+        content = read_bytes(self.path)
+        if content.partition(b"\n")[0].decode("utf-8", "replace") != header:
+            raise InputError(f"{self.path} has other columns than {header!r}: choose another name")
+        whole = content.rfind(b"\n") + 1
+        if not whole:  # the header without its line end
+            self._write(b"\n")
+        elif whole < size:
+            os.ftruncate(self._file, whole)
+
+    def _write(self, content: bytes) -> None:
+        while content:
+            try:
+                content = content[os.write(self._file, content) :]
+            except OSError as error:
+                raise InputError(
+                    f"{self.path} cannot be written ({error.strerror}): "
+                    f"{self.rows} rows before are safe; make room and --append"
+                ) from None
+
+    def _sync(self) -> None:
+        while not self._wake.wait(_SYNC):
+            if self._dirty.is_set():
+                self._dirty.clear()
+                with contextlib.suppress(OSError):
+                    os.fdatasync(self._file)
+
+
+class Log(NamedTuple):
+    """Columns of a log, arrays (K,), and its file, for errors."""
+
+    file: str
+    columns: dict[str, Array]
+
+    def unified(self, wrap: float) -> tuple[Log, ClockRuns, float]:
+        """Usable rows on one controller time, its runs, and the uncertainty of their joints [s]."""
+        runs = clock_runs(self.columns["time"], self.columns["host"], wrap)
+        time, uncertainty = unified_time(runs, self.columns["host"])
+        kept = runs.kept.copy()
+        # runs joined by the host's clock may overlap
+        latest = np.maximum.accumulate(np.where(kept, time, -np.inf))
+        kept[1:] &= time[1:] > latest[:-1]
+        columns = {k: (time if k == "time" else v)[kept] for k, v in self.columns.items()}
+        return Log(self.file, columns), runs, uncertainty
+
+
+def _whole_rows(content: bytes) -> bytes:
+    r"""Lines that are whole: with their end, and without what a power cut left as zero bytes.
+
+    >>> _whole_rows(b"time,torque\n1,2\n3,\0\0\0,6\n7,8\n9,1")
+    b'time,torque\n1,2\n7,8\n'
+    """
+    lines = content[: content.rfind(b"\n") + 1].splitlines(keepends=True)
+    return b"".join(line for line in lines if b"\0" not in line)
+
+
+def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
+    """Log of a file; an incomplete last row, and rows with zero bytes, are left out.
+
+    columns : required beside host and time
+
+    Raises
+    ------
+    InputError
+        Where the file is no log, has no rows, or a row was changed by hand.
+    """
+    content, file = _whole_rows(read_bytes(path)), str(path)
+    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+    for name in ("host", "time", *columns):
+        if name not in header:
+            raise InputError(
+                f"{file} has no column {name!r}; it has {', '.join(header)}: name a log that "
+                "frictionid log wrote"
+            )
+    if content.count(b"\n") < 2:
+        raise InputError(f"{file} has no rows; log again")
+    try:
+        table = np.loadtxt(io.BytesIO(content), delimiter=",", skiprows=1, ndmin=2, comments=None)
+    except ValueError:
+        table = np.empty((0, 0))
+    if table.shape[1] == len(header) and np.isfinite(table).all():
+        return Log(file, dict(zip(header, table.T, strict=True)))
+    picked = read_table(content, file, header)
+    for name, column in picked.columns.items():
+        bad = np.flatnonzero(~np.isfinite(column))
+        if len(bad):
+            raise InputError(
+                f"{file}, row {picked.rows[bad[0]]}: {name!r} is empty or no finite number; "
+                "delete the row"
+            )
+    return Log(file, picked.columns)
