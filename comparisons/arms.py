@@ -21,6 +21,18 @@ from rich.table import Table
 from scipy.signal import butter, sosfiltfilt
 
 from frictionid import load_dataset
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
+from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, ParameterBlock
+from frictionid.fitting.parameters.parameter_block import Estimate
+from frictionid.fitting.shooting import Refined
+from frictionid.fitting.torque_balance import (
+    TorqueBalance,
+    TorqueSettings,
+    fit_torques,
+    torque_balance,
+)
+from frictionid.fitting.torque_balance.residual import left_to_friction
 from frictionid.friction import along
 from frictionid.friction.laws import (
     AsymmetricCoulombViscous,
@@ -29,13 +41,6 @@ from frictionid.friction.laws import (
     LoadDependentStribeck,
     Stribeck,
 )
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
-from frictionid.fitting.torque_balance import TorqueBalance, TorqueSettings, fit_torques, torque_balance
-from frictionid.fitting.torque_balance.residual import left_to_friction
-from frictionid.fitting.shooting import Refined
-from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, ParameterBlock
-from frictionid.fitting.parameters.parameter_block import Estimate
 
 DATA = Path(__file__).parent.parent / "data"
 LAWS = {

@@ -24,14 +24,14 @@ from rich.table import Table
 from scipy.interpolate import CubicHermiteSpline
 
 from frictionid import load_dataset
+from frictionid.data.recordings import TrueMotion
+from frictionid.data.signals import Signal
+from frictionid.errors import InputError
 from frictionid.rig.camera.angles import Angles
 from frictionid.rig.camera.marker_setup import Links, Marker, MarkerSetup
 from frictionid.rig.camera.propose import propose
 from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
-from frictionid.data.recordings import TrueMotion
-from frictionid.data.signals import Signal
-from frictionid.errors import InputError
 from frictionid.rig.film.film import Film, write_film
 from frictionid.rig.film.scene import Look
 from frictionid.rig.film.view import View

@@ -15,10 +15,10 @@ import time
 
 import numpy as np
 
-from frictionid.rig.align import align
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 from frictionid.mechanics import acrobot
+from frictionid.rig.align import align
 from frictionid.simulate import (
     Camera,
     Curve,

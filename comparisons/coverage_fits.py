@@ -9,12 +9,12 @@ from coverage_cases import DELAY, Case, rig_of
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.friction import Inputs
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.covariance import half_widths
-from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.friction import Inputs
 from frictionid.simulate.rig import true_system
 
 BLOCKS = (FrictionBlock(), InertiaBlock(), DelayBlock())

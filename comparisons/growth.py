@@ -54,7 +54,7 @@ kind = "sindy"
 [[identifiers]]
 kind = "mlp"
 """
-START = "import sys; from frictionid.cli import main; sys.exit(main())"
+START = "import sys; from frictionid.__main__ import main; sys.exit(main())"
 KINDS = {"recordings": "-", "one": "--", "short": ":"}
 NAMES = {
     "recordings": "recordings of 343 samples at 60 Hz",

@@ -24,7 +24,12 @@ from frictionid import fit
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
 from frictionid.deploy.monitor.baseline import Baseline, make_baseline
-from frictionid.deploy.monitor.changes import Changes, curve_changes, prepared_data, recording_changes
+from frictionid.deploy.monitor.changes import (
+    Changes,
+    curve_changes,
+    prepared_data,
+    recording_changes,
+)
 from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.martingale import log_evidence
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate

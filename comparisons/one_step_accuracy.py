@@ -25,9 +25,11 @@ from frictionid.evaluation import (
     steady_state,
     velocity_grid,
 )
-from frictionid.friction.laws import LSTM, MLP, AsymmetricStribeck
-from frictionid.fitting.identifiers import CompressedNetwork, LeastSquares, Network, SINDy
+from frictionid.fitting.identifiers import LeastSquares, SINDy
+from frictionid.fitting.networks.compressed import CompressedNetwork
+from frictionid.fitting.networks.network import Network
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.friction.laws import LSTM, MLP, AsymmetricStribeck
 from frictionid.simulate import Curve, load_rig, noise_free, simulate
 from frictionid.simulate import Stribeck as SimulatedStribeck
 

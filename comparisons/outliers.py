@@ -19,11 +19,11 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
+from frictionid.fitting.identifiers.least_squares import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.shooting import Shooting
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck
-from frictionid.fitting.one_step.formulation import INTEGRAL
-from frictionid.fitting.identifiers.least_squares import LeastSquares
-from frictionid.fitting.shooting import Shooting
 
 MOST = 1.5  # times the curve error of clean data
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictionid.friction import Law
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.friction import Law
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import torch
 
+from frictionid.fitting.networks.network import Network
 from frictionid.friction.laws import TorchModule
-from frictionid.fitting.identifiers import Network
 
 
 class Bumps(torch.nn.Module):

@@ -27,11 +27,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from fixtures.seven_joints import TRUE, arm_rig, curve_errors
 
 from frictionid.comparison.fit_model import fit_model
-from frictionid.friction.laws import Stribeck
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.torque_balance import InverseDynamics
-from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.fitting.torque_balance import InverseDynamics
+from frictionid.friction.laws import Stribeck
 from frictionid.simulate import simulate
 
 METHODS = {

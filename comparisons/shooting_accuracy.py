@@ -38,10 +38,8 @@ from frictionid.evaluation import (
     steady_state,
     velocity_grid,
 )
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.shooting import Refined, Shooting, refine
 from frictionid.fitting.parameters import (
     DelayBlock,
     FrictionBlock,
@@ -49,6 +47,8 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     ParameterBlock,
 )
+from frictionid.fitting.shooting import Refined, Shooting, refine
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.rig import true_system

@@ -25,8 +25,8 @@ from frictionid.comparison.cross_validate import compare
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Protocol, Split, make_folds, score_value
 from frictionid.evaluation.statistics import REGION, choose
-from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.simulate import Curve
 from frictionid.simulate import Stribeck as TrueStribeck
 

@@ -17,36 +17,24 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from frictionid import mechanics as mechanisms  # noqa: F401
-    from frictionid.rig.api.align import Aligned as Aligned
-    from frictionid.rig.api.align import align as align
     from frictionid.api.check import Verdict as Verdict
     from frictionid.api.check import check as check
     from frictionid.api.compare import compare as compare
     from frictionid.api.comparison import Comparison as Comparison
     from frictionid.api.comparison import load_comparison as load_comparison
-    from frictionid.deploy.api.covariate import OverCovariate as OverCovariate
-    from frictionid.deploy.api.covariate import over_covariate as over_covariate
     from frictionid.api.evaluate import evaluate as evaluate
     from frictionid.api.evaluate import predict as predict
-    from frictionid.deploy.api.export import export as export
     from frictionid.api.fit import fit as fit
     from frictionid.api.fit import load_model as load_model
     from frictionid.api.fitted import Fit as Fit
     from frictionid.api.listing import identifiers as identifiers
     from frictionid.api.listing import laws as laws
-    from frictionid.deploy.api.monitor import Monitored as Monitored
-    from frictionid.deploy.api.monitor import baseline as baseline
-    from frictionid.deploy.api.monitor import monitor as monitor
-    from frictionid.deploy.api.pool import Pooled as Pooled
-    from frictionid.deploy.api.pool import pool as pool
     from frictionid.api.quick import quick as quick
     from frictionid.api.sensitivity import sensitivity as sensitivity
     from frictionid.api.simulate import simulate as simulate
     from frictionid.api.suggest import suggest as suggest
-    from frictionid.api.suggest_trajectories import suggest_trajectories as suggest_trajectories
+    from frictionid.api.suggest import suggest_trajectories as suggest_trajectories
     from frictionid.api.suites import run_suite as run_suite
-    from frictionid.rig.api.track import Tracked as Tracked
-    from frictionid.rig.api.track import track as track
     from frictionid.api.tune import Tuned as Tuned
     from frictionid.api.tune import tune as tune
     from frictionid.comparison.fit_model import fit_model as fit_model
@@ -55,11 +43,37 @@ if TYPE_CHECKING:
     from frictionid.data.recordings import Recording as Recording
     from frictionid.data.recordings import TrueMotion as TrueMotion
     from frictionid.data.signals import Signal as Signal
+    from frictionid.deploy.api.covariate import OverCovariate as OverCovariate
+    from frictionid.deploy.api.covariate import over_covariate as over_covariate
+    from frictionid.deploy.api.export import export as export
+    from frictionid.deploy.api.monitor import Monitored as Monitored
+    from frictionid.deploy.api.monitor import baseline as baseline
+    from frictionid.deploy.api.monitor import monitor as monitor
+    from frictionid.deploy.api.pool import Pooled as Pooled
+    from frictionid.deploy.api.pool import pool as pool
+    from frictionid.deploy.use.compensation import Compensation as Compensation
+    from frictionid.deploy.use.compensation import compensating as compensating
+    from frictionid.deploy.use.compensation import compensation_table as compensation_table
+    from frictionid.deploy.use.compensation import feed_forward as feed_forward
+    from frictionid.deploy.use.gym_env import Episode as Episode
+    from frictionid.deploy.use.gym_env import FrictionEnv as FrictionEnv
+    from frictionid.deploy.use.gym_env import FrictionVectorEnv as FrictionVectorEnv
+    from frictionid.deploy.use.simulator import Simulator as Simulator
     from frictionid.errors import InputError as InputError
     from frictionid.evaluation.folds import Split as Split
     from frictionid.evaluation.folds import make_folds as make_folds
     from frictionid.evaluation.predicted_motion import predicted_motion as predicted_motion
     from frictionid.evaluation.protocol import Protocol as Protocol
+    from frictionid.fitting.identifier import Identifier as Identifier
+    from frictionid.fitting.identifiers import BlackBox as BlackBox
+    from frictionid.fitting.identifiers import Frictionless as Frictionless
+    from frictionid.fitting.identifiers import LeastSquares as LeastSquares
+    from frictionid.fitting.identifiers import Linear as Linear
+    from frictionid.fitting.identifiers import Published as Published
+    from frictionid.fitting.identifiers import Regressor as Regressor
+    from frictionid.fitting.identifiers import SINDy as SINDy
+    from frictionid.fitting.networks.compressed import CompressedNetwork as CompressedNetwork
+    from frictionid.fitting.networks.network import Network as Network
     from frictionid.friction import Friction as Friction
     from frictionid.friction import Inputs as Inputs
     from frictionid.friction import Law as Law
@@ -90,24 +104,10 @@ if TYPE_CHECKING:
     from frictionid.friction.laws import Thermal as Thermal
     from frictionid.friction.laws import TorchModule as TorchModule
     from frictionid.friction.laws import WindowMLP as WindowMLP
-    from frictionid.fitting.identifiers import BlackBox as BlackBox
-    from frictionid.fitting.identifiers import CompressedNetwork as CompressedNetwork
-    from frictionid.fitting.identifiers import Frictionless as Frictionless
-    from frictionid.fitting.identifiers import Identifier as Identifier
-    from frictionid.fitting.identifiers import LeastSquares as LeastSquares
-    from frictionid.fitting.identifiers import Linear as Linear
-    from frictionid.fitting.identifiers import Network as Network
-    from frictionid.fitting.identifiers import Published as Published
-    from frictionid.fitting.identifiers import Regressor as Regressor
-    from frictionid.fitting.identifiers import SINDy as SINDy
-    from frictionid.deploy.use.compensation import Compensation as Compensation
-    from frictionid.deploy.use.compensation import compensating as compensating
-    from frictionid.deploy.use.compensation import compensation_table as compensation_table
-    from frictionid.deploy.use.compensation import feed_forward as feed_forward
-    from frictionid.deploy.use.gym_env import Episode as Episode
-    from frictionid.deploy.use.gym_env import FrictionEnv as FrictionEnv
-    from frictionid.deploy.use.gym_env import FrictionVectorEnv as FrictionVectorEnv
-    from frictionid.deploy.use.simulator import Simulator as Simulator
+    from frictionid.rig.api.align import Aligned as Aligned
+    from frictionid.rig.api.align import align as align
+    from frictionid.rig.api.track import Tracked as Tracked
+    from frictionid.rig.api.track import track as track
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}
 _HOME = {
@@ -199,7 +199,7 @@ _HOME = {
     "sensitivity": "frictionid.api.sensitivity",
     "simulate": "frictionid.api.simulate",
     "suggest": "frictionid.api.suggest",
-    "suggest_trajectories": "frictionid.api.suggest_trajectories",
+    "suggest_trajectories": "frictionid.api.suggest",
     "track": "frictionid.rig.api.track",
     "tune": "frictionid.api.tune",
 }

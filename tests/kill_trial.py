@@ -84,7 +84,7 @@ def _ended(folder: Path, words: list[str], after: float | None = None) -> tuple[
 
 
 def _become(folder: Path, words: list[str]) -> None:
-    from frictionid.cli import main
+    from frictionid.__main__ import main
 
     status = 70
     try:

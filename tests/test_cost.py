@@ -15,10 +15,10 @@ from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation import Split, make_folds
-from frictionid.friction import Friction, along
-from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.fitting.identifiers import LeastSquares, Linear
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.friction import Friction, along
+from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.mechanics.plant import Plant
 
 THETA = np.array([[0.16, 0.004], [0.05, 0.001]])

@@ -16,15 +16,15 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter
 from frictionid.evaluation.one_step import held_out_residual
-from frictionid.friction import Friction, Inputs, Nodes, along, along_own, friction, memory_along
-from frictionid.friction.laws import LSTM, MLP, Dahl, FilmLag, LuGre, Stribeck, WindowMLP
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import refine, window_steps, windows
 from frictionid.fitting.shooting.odd_recordings import odd_among
-from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting.settings import Settings
+from frictionid.friction import Friction, Inputs, Nodes, along, along_own, friction, memory_along
+from frictionid.friction.laws import LSTM, MLP, Dahl, FilmLag, LuGre, Stribeck, WindowMLP
 
 THETA = {
     FilmLag: (0.1, 0.05, 1.0, 0.01, 0.03),

@@ -32,7 +32,7 @@ HEAVY = (
 
 HELP = f"""
 import contextlib, io, sys
-from frictionid.cli import main
+from frictionid.__main__ import main
 sys.argv = ["frictionid", *sys.argv[1:]]
 text = io.StringIO()
 status = 0

@@ -11,10 +11,10 @@ from fixtures.drive_ports import setup
 from fixtures.power_cut import Change, Recorder, torn, write_files
 from fixtures.tiny_pendulums import compare_into, write_dataset, write_suite
 
-from frictionid.rig import logfile
-from frictionid.rig.logfile import Appender, Layout, read_log
 from frictionid.comparison.results import load_results
 from frictionid.errors import InputError
+from frictionid.rig import logfile
+from frictionid.rig.logfile import Appender, Layout, read_log
 
 CUTS, SEED = 60, 21
 

@@ -9,10 +9,10 @@ import tempfile
 import typer.main
 from case import Case, Part, Side
 
-from frictionid.cli import app
+from frictionid.__main__ import app
 
 SCRIPT = "import numpy, scipy.optimize, pandas, matplotlib.pyplot, torch"
-MAIN = "from frictionid.cli import main; main()"
+MAIN = "from frictionid.__main__ import main; main()"
 
 
 def names() -> list[str]:

@@ -24,11 +24,11 @@ from frictionid.evaluation import (
     steady_state,
     velocity_grid,
 )
-from frictionid.friction import Friction, Law, along
-from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, SparseDynamics
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of, training_problem
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction, Law, along
+from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 
 FOLDS = 10
 SCIPY = ("numpy", "scipy.optimize")

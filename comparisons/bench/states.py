@@ -10,9 +10,9 @@ from frictionid.arrays import solve
 from frictionid.data.plants import plant_of
 from frictionid.data.state_estimators import RTS
 from frictionid.dynamics.state import driven
+from frictionid.fitting.one_step.formulation import STUDY, problem_of, states_of
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import Stribeck
-from frictionid.fitting.one_step.formulation import STUDY, problem_of, states_of
 
 THETA = np.array([[0.16, 0.05, 1.5, 0.004], [0.05, 0.03, 1.5, 0.001]])
 

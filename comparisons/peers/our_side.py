@@ -19,11 +19,11 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.shooting import refine
 from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.shooting import refine
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
 
 LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": AsymmetricStribeck()}
 

@@ -18,7 +18,6 @@ from frictionid.comparison.cross_validate import (
     Result,
     prepare_benchmark,
 )
-from frictionid.fitting.method import Method
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import (
     results_in_memory,
@@ -30,6 +29,7 @@ from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
+from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.outputs import check_writable
 

@@ -12,9 +12,9 @@ from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, LawLike, dataset_of, friction_of, identifier_of
 from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fitted
-from frictionid.fitting.method import Method
 from frictionid.comparison.smoothing_bias import with_smoothing_bias
 from frictionid.evaluation import Protocol
+from frictionid.fitting.method import Method
 from frictionid.friction import Law
 
 

@@ -16,7 +16,6 @@ from frictionid.api.arguments import numbers
 from frictionid.api.evaluate import evaluate, predict
 from frictionid.api.models import dataset_of
 from frictionid.arrays import Array
-from frictionid.fitting import method as methods
 from frictionid.comparison.fit_model import AS_LOGGED
 from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
@@ -24,11 +23,11 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, speeds, velocity_grid
+from frictionid.fitting import method as methods
+from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
-from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.report import show_fit
-from frictionid.report.terminal.console import printed
 from frictionid.report.estimates import Estimate
 from frictionid.report.figures.correlation import fit_correlation
 from frictionid.report.figures.fitted import fit_figure
@@ -36,6 +35,7 @@ from frictionid.report.figures.predicted import predicted_figure
 from frictionid.report.figures.style import drawn
 from frictionid.report.fit_table import estimate_frame, estimate_table, fit_estimates, interval_note
 from frictionid.report.tables import html, terminal_text
+from frictionid.report.terminal.console import printed
 
 PLOTS = ("friction", "motion", "correlation")
 _VELOCITIES = 201  # of a curve
@@ -300,9 +300,9 @@ class Fit:
         Exported
             See `frictionid.export`.
         """
-        from frictionid.deploy.api.export import export  # which knows fits
+        import frictionid as fid  # whose export knows fits
 
-        return export(self, to, out, settings=settings, replace=replace)
+        return fid.export(self, to, out, settings=settings, replace=replace)
 
     @property
     def _document(self) -> Mapping[str, Any]:

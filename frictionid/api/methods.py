@@ -8,11 +8,11 @@ from typing import Any
 
 from frictionid.api.arguments import numbers
 from frictionid.api.models import friction_of
-from frictionid.fitting.method import Method
 from frictionid.comparison.registry import RECIPES
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
 from frictionid.config import checked, nearest
 from frictionid.errors import InputError
+from frictionid.fitting.method import Method
 from frictionid.fitting.shooting.known_calibration import KnownCalibration, known_calibration
 
 METHODS = ("one_step", "shooting", "inverse_dynamics", *RECIPES)

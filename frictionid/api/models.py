@@ -13,9 +13,10 @@ from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import load_model
-from frictionid.fitting.identifiers import Frictionless, Identifier, LeastSquares, Published
 
 OneLaw = str | Law | type[Law]
 LawLike = OneLaw | Identifier | type[Identifier] | Friction | Sequence[OneLaw]

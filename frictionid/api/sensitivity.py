@@ -15,17 +15,16 @@ from pydantic import ValidationError
 from frictionid.api.methods import method_of
 from frictionid.api.models import DatasetLike, LawLike, dataset_of, identifier_of
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.fitting.method import Method
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
 from frictionid.comparison.sensitivity.settings import SensitivitySettings
 from frictionid.comparison.sensitivity.study import cases_of, run_cases, sensitivity_cases
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_path import suite_path
+from frictionid.comparison.suite import load_suite, suite_path
 from frictionid.comparison.tasks import Task
 from frictionid.config import mistake
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.fitting.method import Method
 from frictionid.outputs import check_unchanged, check_writable
 from frictionid.report.figures.sensitivity import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn

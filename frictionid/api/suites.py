@@ -10,8 +10,7 @@ from pathlib import Path
 from frictionid.api.comparison import Comparison
 from frictionid.api.folder_run import About, run_in_folder
 from frictionid.comparison import suite as suites
-from frictionid.comparison.suite import Suite
-from frictionid.comparison.suite_path import suite_path
+from frictionid.comparison.suite import Suite, suite_path
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, prepare_benchmarks
 from frictionid.outputs import check_writable

@@ -13,13 +13,13 @@ import pandas as pd
 from frictionid.comparison import suite as suites
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.search_space import Objective, Tuning
-from frictionid.comparison.suite_path import suite_path
+from frictionid.comparison.suite import suite_path
 from frictionid.comparison.tuning import StudyResult, TuningTask, study_specs, tuning_tasks
 from frictionid.comparison.tuning import tune as search
 from frictionid.outputs import check_unchanged, check_writable
-from frictionid.report.terminal.console import printed, printed_html
 from frictionid.report.figures.style import drawn
 from frictionid.report.figures.tuning import progress
+from frictionid.report.terminal.console import printed, printed_html
 from frictionid.report.terminal.terminal import show_table
 from frictionid.report.tuning import score_table, settings_tables, trials, write_outcome
 

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.fitting.one_step.balances import Balances, Rows
 from frictionid.check.motion import Motion, unit_balances
+from frictionid.fitting.one_step.balances import Balances, Rows
 from frictionid.mechanics import Mechanism
 
 # Long enough that the noise of two velocities does not hide friction, short enough to lie between

@@ -17,9 +17,9 @@ from scipy.optimize import nnls
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import WIDTH
-from frictionid.fitting.one_step.balances import Rows, balances_of
 from frictionid.check.motion import Measured, characteristic_speeds
 from frictionid.data.gears import Gears
+from frictionid.fitting.one_step.balances import Rows, balances_of
 
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.

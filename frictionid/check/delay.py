@@ -13,9 +13,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.partial_regression import Nuisance, PartialEstimate, nuisance_of
 from frictionid.data.integrals import SignalIntegrals
+from frictionid.fitting.one_step.balances import Rows
 
 # Largest delay searched [s]; steps [s] of both searches and of the derivative.
 WIDEST = 0.6

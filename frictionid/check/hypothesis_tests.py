@@ -12,7 +12,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH, windows_of
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.conventions import MARGIN, Scored, better, log_unexplained, scored, scores
 from frictionid.check.delay import Delay, beside, delay_of
 from frictionid.check.findings import Finding, percent
@@ -27,6 +26,7 @@ from frictionid.check.rivals import (
 )
 from frictionid.check.sampling import sampling_findings
 from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
+from frictionid.fitting.one_step.balances import Rows
 
 # A torque is called late where its delay exceeds this many standard errors and this time [s], and
 # removes this share of the sum of squares (healthy: at most 0.03).

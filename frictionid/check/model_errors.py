@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.partial_regression import PartialRegression
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.mechanics import Plant
 
 

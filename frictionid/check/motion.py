@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.one_step.balances import Balances, Samples, balances_of
 from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import alike, padded_series
@@ -19,6 +18,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States, noise_left
+from frictionid.fitting.one_step.balances import Balances, Samples, balances_of
 from frictionid.mechanics import Mechanism, Plant
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.regression import block_numbers, friction_columns
+from frictionid.fitting.one_step.balances import Rows
 
 # Prior standard deviation of the mechanism's parameters where they are a nuisance, as a share.
 PARAMETER_PRIOR = 0.3

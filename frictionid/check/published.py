@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.regression import Estimate
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.friction import Friction
 
 # Incompatible: the residual is this many times that of least squares, and some number differs by

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.one_step.balances import PART_SHAPES, SHAPE_NAMES, Rows
 from frictionid.check.motion import Measured
+from frictionid.fitting.one_step.balances import PART_SHAPES, SHAPE_NAMES, Rows
 from frictionid.mechanics import Mechanism
 
 FRICTION, SLOW = ("coulomb", "viscous", "offset"), ("slow", "slower")

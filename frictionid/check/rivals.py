@@ -14,11 +14,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import WIDTH
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError, model_errors
 from frictionid.check.motion import Measured
 from frictionid.check.partial_regression import MODEL, PartialRegression, partial_regression
+from frictionid.fitting.one_step.balances import Rows
 
 # Nominal numbers of real machines are rarely better than this share; friction that grows with the
 # torque shows from this share of it.

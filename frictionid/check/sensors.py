@@ -18,11 +18,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, windows_of
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding
 from frictionid.check.motion import Measured, Motion
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
+from frictionid.fitting.one_step.balances import Rows
 
 TURN = 2 * np.pi
 READINGS = 5  # fewest equal readings

@@ -15,7 +15,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, adapted
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.findings import Finding, percent
 from frictionid.check.motion import Measured, Motion
 from frictionid.check.partial_regression import (
@@ -29,6 +28,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, holds
+from frictionid.fitting.one_step.balances import Rows
 
 _LATEST, _COARSE, _STEP = 0.06, 0.004, 0.001  # [s], of the search and of its last steps
 _WIDE = 2.5  # standard errors, as of a measured torque's delay

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.check.balance_windows import windows_of
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.conventions import MARGIN, log_unexplained
 from frictionid.check.findings import Finding, percent
 from frictionid.check.motion import Measured, motions_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal
+from frictionid.fitting.one_step.balances import Rows
 
 SHORTEST, LONGEST = 1.99e-4, 0.199  # [s] between samples of angles
 # Seconds of the true unit, in the given one, and what the table then says.

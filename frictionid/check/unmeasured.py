@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.delay import Delay
 from frictionid.check.findings import Finding
 from frictionid.check.regression import Estimate, Regression
 from frictionid.check.torque_source import TorqueSource
+from frictionid.fitting.one_step.balances import Rows
 
 # Least squares may leave this share of a joint's torque, or this many times the noise of the motion
 # (simulated drives that follow: up to 0.09 and 4.6; a real arm under its commands: 0.13 to 0.27).

@@ -16,7 +16,7 @@ def _dataset(path: Path) -> Path:
 
 
 def _suite(path: Path) -> Path:
-    from frictionid.comparison.suite_path import suite_path
+    from frictionid.comparison.suite import suite_path
 
     return suite_path(path)
 

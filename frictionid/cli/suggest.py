@@ -121,15 +121,15 @@ def _suggest_trajectories(
     json: bool,
 ) -> None:
     """Write trajectories for limits and prior friction, of a number, length, effort and seed."""
-    from frictionid.api.suggest_trajectories import suggest_trajectories
+    from frictionid.api.suggest import suggest_trajectories
     from frictionid.cli.progress import counted
     from frictionid.files import json_text, write_bytes, write_text
-    from frictionid.report.figures.trajectory_design import trajectory_picture
-    from frictionid.report.trajectory_design import (
+    from frictionid.report.experiment_design import (
         trajectory_csv,
         trajectory_document,
         trajectory_text,
     )
+    from frictionid.report.figures.experiment_design import trajectory_picture
 
     recordings, length, effort, seed = size
     with counted(recordings, "searching") as done:

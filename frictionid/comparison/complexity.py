@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.fitting.method import Fit
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.evaluation.score_frame import Score
-from frictionid.friction import Constraints
+from frictionid.fitting.method import Fit
 from frictionid.fitting.one_step.one_step_fit import OneStepFit
 from frictionid.fitting.parameters.parameter_block import Parameter
+from frictionid.friction import Constraints
 
 
 def complexity_score(fit: Fit) -> Score | None:

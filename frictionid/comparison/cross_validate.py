@@ -17,7 +17,6 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.comparison.complexity import complexity_score
 from frictionid.comparison.equations import with_equations, with_intervals
-from frictionid.fitting.method import Method
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
@@ -40,10 +39,11 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
 from frictionid.evaluation.plausibility import Beyond, beyond_motion
-from frictionid.friction import Friction
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.shooting import Refined
+from frictionid.friction import Friction
 
 
 class Result(NamedTuple):

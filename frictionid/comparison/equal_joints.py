@@ -10,13 +10,13 @@ import numpy as np
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.fitting.method import Fit
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Groups
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.method import Fit
 from frictionid.fitting.one_step.covariance import covariance_of_fit
 from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.friction import Friction, Groups
 
 LEVEL = 0.01  # p-values below it say that joints are not equal
 

@@ -15,7 +15,6 @@ from frictionid.comparison.equal_joints import (
     with_equal,
 )
 from frictionid.comparison.equations import with_equations, with_intervals
-from frictionid.fitting.method import Fit, Method
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset
@@ -30,11 +29,12 @@ from frictionid.evaluation import (
     velocity_grid,
     with_speeds,
 )
-from frictionid.friction import Friction
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.method import Fit, Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import document_of
+from frictionid.friction import Friction
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,33 @@ from pathlib import Path
 
 from frictionid.comparison.kinds import Choice, Kind, Part
 from frictionid.data.state_estimators import RTS, Backward, SavitzkyGolay
+from frictionid.fitting.identifiers import (
+    BlackBox,
+    Frictionless,
+    LeastSquares,
+    Linear,
+    Published,
+    Regressor,
+    SINDy,
+    SparseDynamics,
+)
+from frictionid.fitting.identifiers.estimators import estimator_named
+from frictionid.fitting.networks.compressed import CompressedNetwork
+from frictionid.fitting.networks.network import Network
+from frictionid.fitting.networks.state_network import StateNetwork
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
+from frictionid.fitting.parameters import (
+    ActuatorBlock,
+    BacklashBlock,
+    BiasBlock,
+    DelayBlock,
+    FrictionBlock,
+    GainBlock,
+    InertiaBlock,
+    OffsetBlock,
+    ParameterBlock,
+    TargetDelayBlock,
+)
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
     LSTM,
@@ -44,33 +71,6 @@ from frictionid.friction.laws import (
     WindowMLP,
 )
 from frictionid.friction.model_files import load_model, own_law
-from frictionid.fitting.identifiers import (
-    BlackBox,
-    CompressedNetwork,
-    Frictionless,
-    LeastSquares,
-    Linear,
-    Network,
-    Published,
-    Regressor,
-    SINDy,
-    SparseDynamics,
-    StateNetwork,
-)
-from frictionid.fitting.identifiers.estimators import estimator_named
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
-from frictionid.fitting.parameters import (
-    ActuatorBlock,
-    BacklashBlock,
-    BiasBlock,
-    DelayBlock,
-    FrictionBlock,
-    GainBlock,
-    InertiaBlock,
-    OffsetBlock,
-    ParameterBlock,
-    TargetDelayBlock,
-)
 
 LAWS: Mapping[str, type] = {
     "none": NoFriction,

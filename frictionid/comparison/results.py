@@ -51,8 +51,8 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.curves import slow_speed
 from frictionid.files import json_text, write_json
-from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.fitting.shooting.result_document import recordings_own
+from frictionid.friction.coordinates import of_parts, turns_of
 
 # What a task's document must have for tables and figures.
 DOCUMENT = (

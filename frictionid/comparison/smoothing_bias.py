@@ -16,7 +16,6 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.motion import motions_of
 from frictionid.comparison.fit_model import fitted
-from frictionid.fitting.method import Method
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
@@ -24,9 +23,10 @@ from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, Protocol
 from frictionid.evaluation.free_run import free_run, make_trajectory
-from frictionid.friction import Friction
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.friction import Friction
 
 # Pieces of at most so long [s] are moved, so many at most, with noise drawn so often.
 LONGEST, MOST, DRAWS = 3.0, 100, 4

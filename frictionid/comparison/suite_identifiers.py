@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from frictionid.comparison.kinds import built
-from frictionid.fitting.method import Method
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.suite import IdentifierEntry
 from frictionid.config import imported_for_suite, is_installed, nearest
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import Identifier, Network
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.method import Method
+from frictionid.fitting.networks.network import Network
 
 
 class NamedIdentifier(NamedTuple):

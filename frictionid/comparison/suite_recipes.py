@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, Field
 
 from frictionid.comparison.kinds import Kind, built
-from frictionid.fitting.method import Method
 from frictionid.comparison.registry import (
     BLOCKS,
     ESTIMATORS,
@@ -20,13 +19,14 @@ from frictionid.comparison.registry import (
 )
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
+from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
-from frictionid.fitting.shooting import CalibratedRecipe, DelayBlock, Settings, Shooting
+from frictionid.fitting.parameters import DelayBlock, ParameterBlock
+from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.calibrated_recipe import PARTS
 from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS
 from frictionid.fitting.shooting.known_calibration import KnownCalibration, known_calibration
-from frictionid.fitting.parameters import ParameterBlock
+from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 

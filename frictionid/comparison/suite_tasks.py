@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.fitting.method import Method
 from frictionid.comparison.suite import DatasetEntry, Suite
 from frictionid.comparison.suite_identifiers import (
     NamedIdentifier,
@@ -25,6 +24,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import make_folds, true_calibration, true_friction
 from frictionid.fitting.identifiers import Published
+from frictionid.fitting.method import Method
 from frictionid.mechanics import Mechanism, mechanism_of
 
 

@@ -23,17 +23,17 @@ from frictionid.comparison.cross_validate import (
     run,
 )
 from frictionid.comparison.digests import digest_of, foreign_source, package_digest
-from frictionid.fitting.method import Method
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import is_sealed, sealed
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json
-from frictionid.friction import Law
-from frictionid.friction.model_files import model_document
-from frictionid.fitting.identifiers import Identifier
-from frictionid.mechanics import Mechanism
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.method import Method
 from frictionid.fitting.shooting import document_of
 from frictionid.fitting.shooting.result_document import own_base
+from frictionid.friction import Law
+from frictionid.friction.model_files import model_document
+from frictionid.mechanics import Mechanism
 
 FORMAT = 1  # of the result files
 

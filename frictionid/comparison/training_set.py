@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.method import Method
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.evaluation import (
@@ -19,12 +18,13 @@ from frictionid.evaluation import (
     training_of,
     without_physics,
 )
+from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import Recipe
 from frictionid.fitting.one_step.residual import Problem
-from frictionid.mechanics import Mechanism
 from frictionid.fitting.shooting import CalibratedRecipe
 from frictionid.fitting.shooting.calibrated_recipe import part_of_calibration
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
+from frictionid.mechanics import Mechanism
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from typing import Literal
 
 import numpy as np
 
-from frictionid.programs.loops import compiled
 from frictionid.data.signals import Array, Signal, holds, sample
+from frictionid.programs.loops import compiled
 
 Output = Literal["duty", "voltage", "current", "torque"]
 _JUST = 1e-6  # of a sample, by which a value stands before the step that follows

@@ -1,1 +1,1 @@
-"""deploy."""
+"""A fitted friction in use: export, compensation, simulation, monitoring, pooling."""

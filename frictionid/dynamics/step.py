@@ -14,13 +14,19 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from frictionid.arrays import Array, namespace, solve
-from frictionid.dynamics.break_away import after_break_away, break_away
 from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, State, driven, inputs, rows_of
 from frictionid.dynamics.step_size import StepSize
 from frictionid.dynamics.stiction import stiction
 from frictionid.dynamics.torque_balance import constrained
-from frictionid.dynamics.zero_crossing import Crossing, Substep, after_crossing, crossing
+from frictionid.dynamics.zero_crossing import (
+    Crossing,
+    Substep,
+    after_break_away,
+    after_crossing,
+    break_away,
+    crossing,
+)
 from frictionid.friction import Friction, Memory
 from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, turns_of
 from frictionid.mechanics import Plant

@@ -18,10 +18,10 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import States
 from frictionid.dynamics.state import State
 from frictionid.evaluation.initial_states import InitialStates
+from frictionid.fitting.shooting import SampleWindows, intervals_of, logged_torque, solve_states
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Plant
-from frictionid.fitting.shooting import SampleWindows, intervals_of, logged_torque, solve_states
 
 SAMPLES = 20
 _PIECE = 0.009  # [s] of the physics step away from rest

@@ -15,9 +15,9 @@ from frictionid.data.state_estimators import States
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
+from frictionid.fitting.one_step.residual import GAP
 from frictionid.friction import Inputs, Nodes
 from frictionid.friction.coordinates import of_last_joints
-from frictionid.fitting.one_step.residual import GAP
 from frictionid.mechanics import Plant
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import norm_of
 from frictionid.evaluation.score_frame import Score, summarise
-from frictionid.friction import Friction, Law, along, along_own
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction, Law, along, along_own
 
 
 def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:

@@ -12,8 +12,8 @@ import numpy as np
 
 from frictionid.arrays import Array, solve
 from frictionid.evaluation.curves import curves, slow_speed
-from frictionid.friction import Friction, at_rest
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction, at_rest
 
 BEYOND = 1.5  # of the velocities of the curves: as far as extrapolation is looked at
 _BEYOND_POINTS = 8  # of the curves' velocities one in so many

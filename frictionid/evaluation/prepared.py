@@ -31,8 +31,6 @@ from frictionid.evaluation.ground_truth import steady_state
 from frictionid.evaluation.initial_state_estimator import preceding_samples
 from frictionid.evaluation.initial_states import InitialStates, make_initial_states, true_states
 from frictionid.evaluation.protocol import Protocol
-from frictionid.friction import Friction
-from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.fitting.one_step.formulation import (
     INTEGRAL,
     STUDY,
@@ -43,8 +41,10 @@ from frictionid.fitting.one_step.formulation import (
 )
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
-from frictionid.mechanics import Plant
 from frictionid.fitting.shooting import SampleWindows
+from frictionid.friction import Friction
+from frictionid.friction.coordinates import of_parts, turns_of
+from frictionid.mechanics import Plant
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from frictionid.dynamics.state import State
 from frictionid.evaluation.initial_state_estimator import estimate_initial_states
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.score_frame import Score, summarise_rollouts
+from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
-from frictionid.fitting.shooting import SampleWindows
 
 
 def predict(

@@ -33,9 +33,9 @@ from frictionid.evaluation.plausibility import dissipated
 from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_views
 from frictionid.evaluation.rollouts import predict, rollout_scores
 from frictionid.evaluation.score_frame import Score, score_frame
-from frictionid.friction import Friction
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
+from frictionid.friction import Friction
 
 
 class Evaluation(NamedTuple):

@@ -29,13 +29,13 @@ from frictionid.data.state_estimators import States
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.motion import Motions
 from frictionid.excitation.smoothing import jerk_decades, smoothed_states, smoother_gains
-from frictionid.friction import Friction, along
 from frictionid.fitting.one_step.residual import (
     Problem,
     integral_problem,
     stiction_mask,
     stiction_projector,
 )
+from frictionid.friction import Friction, along
 from frictionid.mechanics import Plant
 from frictionid.mechanics.momentum_balance import momentum_balance
 

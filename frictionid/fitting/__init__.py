@@ -1,1 +1,1 @@
-"""fitting."""
+"""From a problem to a fit: methods, parameters, identifiers."""

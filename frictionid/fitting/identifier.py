@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction
 
 
 class Identifier(ABC):

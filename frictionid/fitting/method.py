@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Protocol
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import Recipe
 from frictionid.fitting.one_step.one_step_fit import ErrorBars
 from frictionid.fitting.shooting import CalibratedRecipe, Refined
 from frictionid.fitting.shooting.calibrated_recipe import CalibratedData
+from frictionid.friction import Friction
 
 
 class Fit(Protocol):

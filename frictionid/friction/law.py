@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, namespace
 from frictionid.config import check_settings
 from frictionid.errors import InputError
-from frictionid.friction.smooth_sign import check_smoothing
+from frictionid.friction.smooth_sign import check_smoothing, smooth_sign
 
 Memory = tuple[Array, ...]
 
@@ -268,3 +268,95 @@ class Law(ABC):
         it is finite; without `position_units` of the joints all are "rad".
         """
         return []
+
+
+class LinearLaw(Law):
+    """Tf = (sum_i theta_i level_i) sgn(w) + sum_j theta_j drag_j, break-away at the first sum.
+
+    `levels` and `drags` give level_i and drag_j at inputs, by the places i and j in theta.
+    """
+
+    is_linear = True
+
+    @abstractmethod
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
+        """Factor (..., n) of each parameter in the level."""
+
+    @abstractmethod
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
+        """Factor (..., n) of each parameter beside the level."""
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        level = self.limit(theta, x, memory) * smooth_sign(x.w, self.width, self.shape)
+        return sum((theta[..., i] * factor for i, factor in self.drags(x).items()), start=level)
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        zero = 0.0 * (theta[..., 0] + x.w)
+        sign = smooth_sign(x.w, self.width, self.shape) + zero
+        columns = {i: factor * sign for i, factor in self.levels(x).items()}
+        columns |= {i: factor + zero for i, factor in self.drags(x).items()}
+        return namespace(zero).stack([columns[i] for i in range(len(columns))], axis=-1)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        level = sum(theta[..., i] * factor for i, factor in self.levels(x).items())
+        return level + 0.0 * x.w
+
+
+@dataclass(frozen=True)
+class WrappedLaw(Law):
+    """A law around another, `law`, whose parameters and memory are the other's."""
+
+    law: Law
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.law.names)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return tuple(self.law.units)
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return tuple(self.law.bounds)
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        return tuple(self.law.initial)
+
+    @property
+    def sample_time(self) -> float | None:  # type: ignore[override]
+        """That of the other law."""
+        return self.law.sample_time
+
+    @property
+    def longest_substep(self) -> float:  # type: ignore[override]
+        """That of the other law."""
+        return self.law.longest_substep
+
+    @property
+    def uses_load(self) -> bool:  # type: ignore[override]
+        """Whether the other law does."""
+        return self.law.uses_load
+
+    @property
+    def reads_window(self) -> bool:  # type: ignore[override]
+        """Whether the other law does."""
+        return self.law.reads_window
+
+    @property
+    def uses_temperature(self) -> bool:  # type: ignore[override]
+        """Whether the other law does."""
+        return self.law.uses_temperature
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return self.law.start(theta, x)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        return self.law.advance(theta, x, memory, dt)
+
+    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
+        return self.law.relaxation(theta, x, dt)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self.law.limit(theta, x, memory)

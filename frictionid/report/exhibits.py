@@ -8,14 +8,12 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from frictionid.files import file_names
-from frictionid.report.difference_table import difference_table
 from frictionid.report.estimates import estimates
-from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.boxplots import one_step_boxes
 from frictionid.report.figures.complexity import error_over_complexity
 from frictionid.report.figures.correlation import correlation, correlation_caption
 from frictionid.report.figures.curves import friction_curves
-from frictionid.report.figures.ensembles import spread_caption, spreads
+from frictionid.report.figures.ensembles import curve_bands, spread_caption, spreads
 from frictionid.report.figures.examples import example_motions
 from frictionid.report.figures.horizons import rollout_errors
 from frictionid.report.figures.learning import learning_curves
@@ -38,7 +36,7 @@ from frictionid.report.shooting_tables import (
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
 from frictionid.report.tables import Table
 from frictionid.report.verdict import Verdict, verdict_of
-from frictionid.report.verdict_table import marked, verdict_numbers, verdict_table
+from frictionid.report.verdict_table import difference_table, marked, verdict_numbers, verdict_table
 
 BAND = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
 

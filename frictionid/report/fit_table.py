@@ -10,9 +10,9 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.friction import Friction
-from frictionid.deploy.pooling.samples import pooled_document
 from frictionid.report.estimates import Estimate, digits, estimates, interval
 from frictionid.report.numbers import NOTHING
+from frictionid.report.pooled_document import pooled_document
 from frictionid.report.tables import Column, Table, line, text_columns
 
 COLUMNS = (

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.comparison.docstrings import summary
+from frictionid.comparison.kind_descriptions import summary
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width

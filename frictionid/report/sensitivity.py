@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.files import file_names, json_text
+from frictionid.comparison.results import Results
+from frictionid.errors import InputError
+from frictionid.files import file_names, json_text, read_json
 from frictionid.outputs import replace_files
+from frictionid.report.exhibits import Names, Picture
 from frictionid.report.figures.sensitivity import (
     CHANGE,
     ERROR,
@@ -24,6 +27,7 @@ from frictionid.report.figures.sensitivity import (
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.numbers import NOTHING, short
 from frictionid.report.render import render
+from frictionid.report.sections import Section
 from frictionid.report.tables import Column, Table, latex, line, markdown, text_columns
 
 PAGE, FRAME, PROVENANCE = "summary.md", "sensitivity.csv", "provenance.json"
@@ -92,3 +96,29 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
 
 def _number(value: float) -> str:
     return short(value, 3) if np.isfinite(value) else NOTHING
+
+
+def beside(results: Results, section: Section, names: Names) -> Iterator[Picture]:
+    """Pictures of the study of a section's data set; none where there is no study of these data."""
+    folder = results.folder.resolve()
+    study = folder.with_name(f"{folder.name}-sensitivity")
+    if not (study / FRAME).is_file():
+        return
+    try:
+        data = read_json(study / PROVENANCE).get("data", {})
+        frame = pd.read_csv(study / FRAME, dtype={"text": str})
+    except (InputError, ValueError):
+        return  # a damaged study is no reason to have no report
+    known = results.provenance.get("data", {}).get(section.dataset)
+    if known is None or data.get(section.dataset) != known:
+        return
+    stem = names.stems[section.dataset, section.dataset]
+    found = [(name, own) for (dataset, name), own in studies(frame) if dataset == section.dataset]
+    files = file_names(identifier for identifier, _ in found)
+    for identifier, own in found:
+        ending = f"{stem}--{files[identifier]}"
+        words = f"{identifier} on {section.dataset} with one thing wrong at a time"
+        yield Picture(f"tornado--{ending}", tornado(own), f"{words}: what it changes.")
+        lines = over_amounts(own)
+        if lines is not None:
+            yield Picture(f"amounts--{ending}", lines, f"{words}, over the amounts.")

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from frictionid.report.estimates import Estimate, correlation_of, names_of
 from frictionid.fitting.parameters.parameter_block import IDEAL
+from frictionid.report.estimates import Estimate, correlation_of, names_of
 
 LATE = ("delay", "target_delay")
 LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like

@@ -13,7 +13,7 @@ from frictionid.report.exhibits import NamedTable, Picture, exhibits_of, names_o
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.html.index import index_html
 from frictionid.report.sections import sections_of
-from frictionid.report.sensitivity_beside import beside
+from frictionid.report.sensitivity import beside
 from frictionid.report.summary import summary_markdown
 from frictionid.report.tables import latex, markdown
 from frictionid.report.verdict import verdict_of

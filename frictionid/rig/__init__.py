@@ -1,1 +1,1 @@
-"""Recording: the motor drive's log, signals played to it, and one clock for torque and angles."""
+"""The rig: camera, clocks, drive, and their simulation."""

@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from frictionid.errors import InputError
 from frictionid.rig.logfile import Appender, Layout
 from frictionid.rig.port import Port, UnpluggedError
 from frictionid.rig.protocol import Cells, Format, Rejected, diagnosis, framed, parsed
 from frictionid.rig.rig_settings import RigSettings
-from frictionid.errors import InputError
 
 _RETRY = 0.1  # [s] between two attempts to open a port that is gone
 # So many bytes or damaged lines without a good line are no drive of this protocol.

@@ -23,13 +23,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.rig.controller_clock import ClockRuns, clock_runs, unified_time
-from frictionid.rig.protocol import SECOND, Cells
-from frictionid.rig.rig_settings import RigSettings
 from frictionid.data.readers.table import read_table
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, sync_folder
+from frictionid.rig.controller_clock import ClockRuns, clock_runs, unified_time
+from frictionid.rig.protocol import SECOND, Cells
+from frictionid.rig.rig_settings import RigSettings
 
 _SYNC = 0.5  # [s] between two syncs to the disk
 _DIGITS = {"s": 0, "ms": 3, "us": 6}

@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TextIO
 
-from frictionid.rig.log import Counts, Logger
 from frictionid.errors import InputError
+from frictionid.rig.log import Counts, Logger
 
 _PUMP = 0.1  # [s]
 _SHOW = 0.5  # [s] between two lines that are shown

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from frictionid.rig.log import Counts, Logger
-from frictionid.rig.protocol import Cells
-from frictionid.rig.rig_settings import RigSettings
 from frictionid.config import Positive, check_settings
 from frictionid.data.readers.table import read_table
 from frictionid.data.sample_faults import first_fault
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
+from frictionid.rig.log import Counts, Logger
+from frictionid.rig.protocol import Cells
+from frictionid.rig.rig_settings import RigSettings
 
 _PUMP = 0.05  # [s], longest wait for a line
 _REPEATS = 3  # of a stop command: a line may be damaged

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from frictionid.rig.protocol import Format
 from frictionid.config import Positive, Strict, checked, nearest, read_toml
 from frictionid.errors import InputError
+from frictionid.rig.protocol import Format
 
 # One rig.toml serves all commands: each reads its own tables of these.
 _TABLES = ("mechanism", "motor", "protocol", "angles", "markers", "links", "camera", "sync_led")

@@ -1,4 +1,4 @@
-"""Settings of the simulated rig (rig.toml) and camera (camera.toml) as dataclasses."""
+"""Settings of the simulated rig (rig.toml) as dataclasses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -14,9 +14,6 @@ from frictionid.config import nearest, read_toml, with_new_names
 from frictionid.errors import InputError
 from frictionid.simulate.dataset_folder import ROBOT_FILES
 from frictionid.simulate.rig import Rig
-
-if TYPE_CHECKING:
-    from frictionid.rig.film.film import Film
 
 Settings = TypeVar("Settings")
 
@@ -44,19 +41,6 @@ def _beside(document: dict[str, Any], folder: Path) -> dict[str, Any]:
     return out
 
 
-def load_film(path: str | Path) -> Film:
-    """Simulated camera of a camera.toml.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, or a key is unknown or missing, or a value is not possible.
-    """
-    from frictionid.rig.film.film import Film  # draws with OpenCV, which takes time to load
-
-    return _settings(Film, read_toml(Path(path), "name a camera.toml"), str(path))
-
-
 def rig_of(document: dict[str, Any], file: str) -> Rig:
     """Rig of a parsed rig.toml; `file` is its name in errors.
 
@@ -67,10 +51,11 @@ def rig_of(document: dict[str, Any], file: str) -> Rig:
         ...
     frictionid.errors.InputError: rig.toml: unknown key 'nane'; did you mean 'name'?
     """
-    return _settings(Rig, document, file)
+    return settings_of(Rig, document, file)
 
 
-def _settings(kind: type[Settings], document: dict[str, Any], file: str) -> Settings:
+def settings_of(kind: type[Settings], document: dict[str, Any], file: str) -> Settings:
+    """A dataclass of settings from a parsed TOML document; `file` is its name in errors."""
     document = with_new_names(document, getattr(kind, "renamed", {}))
     for place, key, known in _unknown_keys(document, kind, ""):
         raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")

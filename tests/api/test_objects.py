@@ -14,7 +14,7 @@ from fixtures.paths import ROOT
 from matplotlib.figure import Figure
 
 import frictionid as fid
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.files import read_json
 
 TOML = """

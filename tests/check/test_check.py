@@ -12,6 +12,7 @@ from fixtures import planted_faults as pool
 from fixtures import tiny_pendulums as tiny
 from fixtures.paths import DATA
 
+from frictionid.__main__ import main
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.balance_windows import adaptive_rows, unit_rows
 from frictionid.check.delay import delay_of
@@ -19,7 +20,6 @@ from frictionid.check.facts import clock_of, joints_of
 from frictionid.check.motion import motions_of
 from frictionid.check.regression import regress
 from frictionid.check.verdict import judge
-from frictionid.cli import main
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
@@ -28,9 +28,9 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.report.diagnostics import as_json
 from frictionid.report.figures.diagnostics import write_pictures
 from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate

@@ -11,8 +11,8 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import pendulum
 
 RIG = pendulum(mass=0.5, length=0.4)

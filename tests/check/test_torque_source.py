@@ -17,8 +17,8 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.friction.laws import CoulombViscous
 from frictionid.report import show_fit
 
 COUNT = 40

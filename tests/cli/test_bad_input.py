@@ -10,7 +10,7 @@ from fixtures.tiny_pendulums import write_dataset, write_suite
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction

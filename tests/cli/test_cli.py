@@ -11,7 +11,7 @@ import pytest
 from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_dataset, write_suite
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.comparison.registry import friction_of
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
@@ -52,7 +52,7 @@ def call(place, monkeypatch, capsys):
 
 LIGHT = """
 import sys
-from frictionid.cli import main
+from frictionid.__main__ import main
 for command in ([], ["compare"], ["fit"], ["evaluate"], ["report"], ["simulate"]):
     sys.argv = ["frictionid", *command, "--help"]
     assert main() == 0, command

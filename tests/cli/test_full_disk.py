@@ -14,7 +14,7 @@ from fixtures.paths import ROOT
 from fixtures.small_disk import NO_MOUNT, enlarge, on_small_disk
 from fixtures.tiny_pendulums import compare_into
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 
 ROOM = 3000  # [bytes] of a file
 

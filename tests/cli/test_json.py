@@ -9,7 +9,7 @@ from fixtures.damage_own_data import TUTORIAL, swing
 from fixtures.damage_targets import small
 from fixtures.tiny_pendulums import write_dataset, write_suite
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 
 
 @pytest.fixture(scope="module")

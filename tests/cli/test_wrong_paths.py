@@ -24,7 +24,7 @@ WRONG = {
 }
 CALL = """
 import json, sys
-from frictionid.cli import main
+from frictionid.__main__ import main
 for line in json.loads(sys.argv[1]):
     sys.argv = ["frictionid", *line.split()]
     assert main() == 2, line

@@ -10,7 +10,7 @@ from fixtures.cluster import Cluster
 from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import compare_into, write_suite
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.comparison import cluster as clusters
 from frictionid.comparison.cluster import check_equal, on_cluster
 from frictionid.errors import InputError

@@ -15,11 +15,12 @@ from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_
 from frictionid.data.state_estimators import RTS, Backward, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true_friction
-from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, Stribeck
-from frictionid.fitting.identifiers import Frictionless, Identifier, LeastSquares, Published
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 from frictionid.fitting.one_step.one_step_fit import checked_fit
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, Stribeck
 
 PROTOCOL = Protocol(horizons=(0.1, 0.3))
 FIT = LeastSquares(CoulombViscous())

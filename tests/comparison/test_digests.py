@@ -8,9 +8,9 @@ from fixtures.tiny_pendulums import dataset, disturbed, recordings
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.friction.laws import CoulombViscous, Stribeck
 
 
 @dataclass(frozen=True)

@@ -14,17 +14,17 @@ from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation.complexity import effective_parameters
-from frictionid.friction import Friction, SpeedRange, along, constraints_of
-from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
 from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.fitting.one_step.covariance import half_widths
 from frictionid.fitting.one_step.one_step_fit import OneStepFit
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
-from frictionid.fitting.shooting import Settings
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting import Settings
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.friction import Friction, SpeedRange, along, constraints_of
+from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset
 from frictionid.simulate import Stribeck as TrueStribeck
 

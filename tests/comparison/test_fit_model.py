@@ -13,10 +13,11 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import BlackBox, LeastSquares, Published, SparseDynamics
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
-from frictionid.fitting.shooting import CalibratedRecipe, DelayBlock, FrictionBlock, Settings, Shooting
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock
+from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
+from frictionid.friction.laws import CoulombViscous
 
 DATA = dataset(recordings=recordings()[:4])
 FIT = LeastSquares(CoulombViscous())

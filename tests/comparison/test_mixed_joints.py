@@ -20,14 +20,14 @@ from frictionid.excitation import (
     limits_of,
     prior_friction_of,
 )
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of, training_problem
+from frictionid.fitting.shooting.result_document import own_base
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.fitting.identifiers import Frictionless, LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of, training_problem
 from frictionid.mechanics import Plant
 from frictionid.report.experiment_design import described
-from frictionid.fitting.shooting.result_document import own_base
 
 FRICTION = Friction(CoulombViscous(), TRUE, position_units=("m", "rad"))
 PROTOCOL = Protocol(horizons=(0.25,), whole=True)

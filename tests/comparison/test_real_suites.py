@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from fixtures.paths import ROOT
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 
 pytestmark = pytest.mark.real
 

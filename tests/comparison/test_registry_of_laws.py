@@ -10,6 +10,7 @@ import pytest
 
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
     AsymmetricCoulombViscous,
@@ -24,7 +25,6 @@ from frictionid.friction.laws import (
     check_law,
 )
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.fitting.identifiers import LeastSquares
 
 
 @pytest.mark.parametrize("name", LAWS)

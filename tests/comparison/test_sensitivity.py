@@ -19,10 +19,10 @@ from frictionid.comparison.sensitivity.split import training_and_test
 from frictionid.comparison.sensitivity.study import with_and_without_inertia
 from frictionid.comparison.sensitivity.variations import Variation, sensitive_parameters, varied
 from frictionid.errors import InputError
+from frictionid.fitting.shooting import Shooting
 from frictionid.report.exhibits import names_of
 from frictionid.report.sections import sections_of
-from frictionid.report.sensitivity_beside import beside
-from frictionid.fitting.shooting import Shooting
+from frictionid.report.sensitivity import beside
 
 NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", "recordings")}
 

@@ -11,9 +11,9 @@ from frictionid.arrays import Array
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
-from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe, training_problem
+from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.simulate import load_rig, noise_free, simulate
 
 

@@ -17,11 +17,11 @@ from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.state_estimators import RTS, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 from frictionid.friction import Friction
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model
-from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 
 
 @pytest.fixture(scope="module")

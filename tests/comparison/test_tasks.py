@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from fixtures.tiny_pendulums import compare_into, recordings, write_dataset, write_suite
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS, load_results, reduction
 from frictionid.errors import InputError
@@ -92,7 +92,7 @@ def started(folder, out, finished):
     # a shell's background jobs ignore the interrupt, and what they start inherits that
     call = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-        "from frictionid.cli import main; sys.exit(main())"
+        "from frictionid.__main__ import main; sys.exit(main())"
     )
     process = subprocess.Popen(
         [sys.executable, "-c", call, "compare", "suite.toml", "--out", out, "--jobs", "2"],

@@ -361,7 +361,7 @@ def test_a_comparison_does_not_read_what_tuning_searches(place):
 
 
 def test_the_command_writes_page_and_suite(place, monkeypatch, capsys):
-    from frictionid.cli import main
+    from frictionid.__main__ import main
 
     suite(place)
     monkeypatch.chdir(place)

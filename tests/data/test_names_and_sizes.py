@@ -10,9 +10,9 @@ from fixtures.tiny_pendulums import dataset, recordings, write_dataset
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
+from frictionid.rig.film.view import View
 from frictionid.simulate import Steps
 from frictionid.simulate.torques import Multisine, Noise
-from frictionid.rig.film.view import View
 
 
 def test_a_table_named_in_bytes_that_are_no_text_is_refused(tmp_path, monkeypatch, capsys):

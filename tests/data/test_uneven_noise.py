@@ -8,10 +8,10 @@ from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoo
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut, relative_noise
 from frictionid.data.state_estimators import RTS
+from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.shooting import refine
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.fitting.shooting import refine
-from frictionid.fitting.parameters import FrictionBlock
 from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck, simulate
 
 RATE = 60.0

@@ -9,7 +9,7 @@ import pytest
 import typer
 from fixtures.paths import ROOT
 
-from frictionid.cli import app
+from frictionid.__main__ import app
 
 PAGES = sorted([ROOT / "README.md", ROOT / "data" / "README.md", *(ROOT / "docs").rglob("*.md")])
 GROUP = typer.main.get_command(app)

@@ -13,18 +13,18 @@ import pytest
 from fixtures.drive_ports import until
 from fixtures.paths import ROOT
 
-from frictionid.rig.align.angles_file import AngleColumns
-from frictionid.rig.protocol import written
-from frictionid.rig.rig_settings import rig_settings_of
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.config import checked
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.readers.reader_names import READERS
 from frictionid.data.readers.ros import RosSettings
 from frictionid.data.signals import sample
+from frictionid.rig.align.angles_file import AngleColumns
+from frictionid.rig.protocol import written
+from frictionid.rig.rig_settings import rig_settings_of
 
-MAIN = "import sys; from frictionid.cli import main; sys.exit(main())"
+MAIN = "import sys; from frictionid.__main__ import main; sys.exit(main())"
 
 
 def commands():

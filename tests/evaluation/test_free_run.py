@@ -35,10 +35,10 @@ from frictionid.evaluation import (
     with_motor_torque,
     with_parameters,
 )
-from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, MotorLoad
 
 MASS, LENGTH, KT, R = 0.5, 0.1, 0.37, 2.9
 TABLE = {"kind": "pendulum", "motor": True, "parameters": {"mass": MASS, "length": LENGTH}}

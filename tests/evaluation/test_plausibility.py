@@ -12,9 +12,9 @@ from frictionid.evaluation.plausibility import (
     lowest_dissipation,
     tail_drop,
 )
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, LuGre
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 
 GRID = np.linspace(-4.0, 4.0, 401)[:, None]
 TRUE = 0.1 * np.sign(GRID) + 0.02 * GRID

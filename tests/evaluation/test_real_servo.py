@@ -20,9 +20,9 @@ from frictionid.evaluation import (
     trajectory_folds,
     with_motor_torque,
 )
-from frictionid.friction.laws import MotorLoad
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.friction.laws import MotorLoad
 
 pytestmark = pytest.mark.real
 

@@ -38,11 +38,11 @@ from frictionid.excitation.information import (
 )
 from frictionid.excitation.search import e_criterion, exchange, simulated
 from frictionid.excitation.smoothing import smoother_gains
-from frictionid.friction import Nodes, along
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import Problem, integral_problem, mask_stiction
+from frictionid.friction import Nodes, along
+from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, linear_axis
 from frictionid.report.experiment_design import command_csv, described
 from frictionid.report.figures.experiment_design import picture

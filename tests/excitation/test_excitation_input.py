@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fixtures.pendulum_experiment import on_pendulum
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.errors import InputError
 from frictionid.excitation import Search, SignalSpace, limits_of, load_mechanism, prior_friction_of
 from frictionid.mechanics import acrobot, mechanism_of, pendulum

@@ -19,9 +19,9 @@ from frictionid.excitation import (
     limits_of,
     prior_friction_of,
 )
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.torque_balance import InverseDynamics
+from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, double_pendulum
 from frictionid.simulate import Camera, Controller, Curve, Drive, Rig, Run, Stribeck, simulate
 

@@ -7,12 +7,12 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
-from frictionid.fitting.torque_balance import TorqueSettings, fit_torques, torque_balance
-from frictionid.mechanics import urdf
 from frictionid.fitting.parameters import BiasBlock, FrictionBlock
+from frictionid.fitting.torque_balance import TorqueSettings, fit_torques, torque_balance
+from frictionid.friction.laws import CoulombViscous
+from frictionid.mechanics import urdf
 
 LINK = '<inertial><origin xyz="0.1 0 0"/><mass value="{m}"/><inertia ixx="0.01" ixy="0" ixz="0" '
 LINK += 'iyy="0.02" iyz="0" izz="0.02"/></inertial>'

@@ -11,13 +11,13 @@ from fixtures.paths import ROOT
 from frictionid.data.plants import plant_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.friction import Friction, Law
-from frictionid.friction.laws import Quadratic as BuiltIn
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of
-from frictionid.mechanics import Plant, double_pendulum
-from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.friction import Friction, Law
+from frictionid.friction.laws import Quadratic as BuiltIn
+from frictionid.mechanics import Plant, double_pendulum
 
 sys.path.append(str(ROOT / "comparisons"))
 from own_friction import Quadratic as Own

@@ -15,8 +15,10 @@ from frictionid.arrays import solve, times
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.shooting import Shooting
+from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import (
     Body,
     Joint,
@@ -26,8 +28,6 @@ from frictionid.mechanics import (
     double_pendulum,
     from_bodies,
 )
-from frictionid.fitting.shooting import Shooting
-from frictionid.fitting.parameters import FrictionBlock
 from frictionid.simulate import write_dataset as write
 
 MJCF = """<mujoco><compiler angle="radian"/><option gravity="0 -{g} 0"><flag contact="disable"/>

@@ -15,7 +15,7 @@ from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
 from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import dataset as tiny
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation.statistics import Standing, choose

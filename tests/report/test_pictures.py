@@ -12,11 +12,11 @@ from frictionid.data.plants import plant_of
 from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loops
 from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
-from frictionid.rig.align.alignment_figure import least_squares_friction
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.style import drawing, styles
 from frictionid.report.figures.tradeoff import loss_against
+from frictionid.rig.align.alignment_figure import least_squares_friction
 
 PLANT = plant_of(tiny.dataset())[0]
 GRID = np.linspace(-10.0, 10.0, 401)[:, None]

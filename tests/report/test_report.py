@@ -23,9 +23,9 @@ from frictionid.comparison.results import describe, load_results
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.friction.laws import CoulombViscous
 from frictionid.report import show
 from frictionid.report.exhibits import exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered

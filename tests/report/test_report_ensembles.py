@@ -12,9 +12,12 @@ from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.tasks import Task, document
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
-from frictionid.fitting.identifiers import BlackBox, CompressedNetwork, LeastSquares, Network, StateNetwork
+from frictionid.fitting.identifiers import BlackBox, LeastSquares
+from frictionid.fitting.networks.compressed import CompressedNetwork
+from frictionid.fitting.networks.network import Network
+from frictionid.fitting.networks.state_network import StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.ensembles import spread_caption, spreads
 from frictionid.report.figures.style import drawing, styles

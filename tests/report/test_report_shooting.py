@@ -18,20 +18,20 @@ from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import describe
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.shooting import Settings, Shooting, refine
+from frictionid.fitting.shooting.result_document import document_of
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.mechanics import mechanism_of
 from frictionid.report import show_refined, write
-from frictionid.report.figures.bands import curve_bands
 from frictionid.report.figures.correlation import STRONG, correlation
+from frictionid.report.figures.ensembles import curve_bands
 from frictionid.report.figures.panels import measured
 from frictionid.report.figures.style import styles
 from frictionid.report.shooting_tables import interval_table
-from frictionid.fitting.shooting import Settings, Shooting, refine
-from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
-from frictionid.fitting.shooting.result_document import document_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}

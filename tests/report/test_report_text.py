@@ -14,13 +14,13 @@ from markdown_it import MarkdownIt
 from frictionid.comparison.results import load_results, model_scores
 from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
-from frictionid.report.difference_table import difference_table
 from frictionid.report.figures.style import styles
 from frictionid.report.recommended import horizons_of
 from frictionid.report.reliability import astray, loose
 from frictionid.report.sections import rollout
 from frictionid.report.tables import escape_latex, latex, markdown
 from frictionid.report.verdict import verdict_of
+from frictionid.report.verdict_table import difference_table
 
 LAST = rollout(1.0)
 

@@ -7,9 +7,9 @@ from fixtures.command_line import run_command
 
 from frictionid.comparison.results import load_results
 from frictionid.report import results_json, show
-from frictionid.report.difference_table import difference_table
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.terminal.terminal import verdict
+from frictionid.report.verdict_table import difference_table
 
 
 def test_the_last_words_are_the_verdict_and_the_path(tmp_path, capsys):

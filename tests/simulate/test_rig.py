@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset

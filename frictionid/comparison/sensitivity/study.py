@@ -19,7 +19,6 @@ from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.digests import digest_of
 from frictionid.comparison.fit_model import fitted
-from frictionid.fitting.method import Method
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import is_sealed, sealed
 from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
@@ -35,8 +34,9 @@ from frictionid.evaluation import curves, prepare, score_model, score_value, ste
 from frictionid.evaluation.curves import curve_error
 from frictionid.files import read_json, write_json
 from frictionid.fitting.identifiers import Frictionless
-from frictionid.fitting.shooting import Shooting
+from frictionid.fitting.method import Method
 from frictionid.fitting.parameters import InertiaBlock
+from frictionid.fitting.shooting import Shooting
 
 FORMAT = 1  # of the result files
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, run
-from frictionid.fitting.method import Method
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space
 from frictionid.comparison.suite import IdentifierEntry, Suite
@@ -23,6 +22,7 @@ from frictionid.comparison.tasks import Task
 from frictionid.config import distinct
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, score_value
+from frictionid.fitting.method import Method
 
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for
 

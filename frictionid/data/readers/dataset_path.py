@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from frictionid.errors import InputError
-from frictionid.shipped import is_shipped, shipped
+from frictionid.files import is_shipped, shipped
 
 TABLES = (".csv", ".csv.gz", ".parquet")  # tables that `frictionid init` describes
 

@@ -1,1 +1,1 @@
-"""api."""
+"""Public functions on fitted models in use."""

@@ -12,10 +12,10 @@ import pandas as pd
 from frictionid.api.models import friction_of
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, stack_calibrations
-from frictionid.errors import InputError
-from frictionid.friction import Friction
 from frictionid.deploy.pooling.meta_regression import Regression, meta_regression
 from frictionid.deploy.pooling.models import Key, bounds_of, check_alike, estimates
+from frictionid.errors import InputError
+from frictionid.friction import Friction
 
 
 @dataclass(frozen=True, eq=False, repr=False)

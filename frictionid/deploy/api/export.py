@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.errors import InputError
 from frictionid.deploy.export.cost import Cost, cost_of, cost_sentence
 from frictionid.deploy.export.exported import ExportedFriction, exported
 from frictionid.deploy.export.formats import ExportSettings, Written, held_by, writer_of
 from frictionid.deploy.export.randomise import randomised
+from frictionid.errors import InputError
 from frictionid.files import write_bytes
 from frictionid.friction import Friction
 from frictionid.outputs import check_outputs

@@ -15,7 +15,6 @@ from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.comparison.registry import LAWS
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
 from frictionid.deploy.monitor.baseline import (
     Baseline,
     check_same_machine,
@@ -28,8 +27,9 @@ from frictionid.deploy.monitor.changes import Changes, prepared_data, recording_
 from frictionid.deploy.monitor.judgement import Judgement, judge
 from frictionid.deploy.monitor.state import Arrival, arriving, load_state
 from frictionid.deploy.report.drift import drift_figure
-from frictionid.report.figures.style import drawn
 from frictionid.deploy.report.monitoring import judgement_frame, judgement_text
+from frictionid.errors import InputError
+from frictionid.report.figures.style import drawn
 
 
 def baseline(

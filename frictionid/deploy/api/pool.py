@@ -14,13 +14,14 @@ from frictionid.api.arguments import count as whole
 from frictionid.api.models import friction_of
 from frictionid.comparison.equal_joints import groups_of
 from frictionid.comparison.registry import LAWS
+from frictionid.deploy.pooling.models import joint_names, pooled
+from frictionid.deploy.pooling.samples import sampled
+from frictionid.deploy.report.pooling import pooled_frame, show_pooled
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
-from frictionid.deploy.pooling.models import joint_names, pooled
-from frictionid.deploy.pooling.samples import pooled_document, sampled
+from frictionid.report.pooled_document import pooled_document
 from frictionid.report.terminal.console import printed
-from frictionid.deploy.report.pooling import pooled_frame, show_pooled
 
 
 @dataclass(frozen=True, eq=False, repr=False)

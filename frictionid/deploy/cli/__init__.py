@@ -1,1 +1,1 @@
-"""cli."""
+"""Commands on fitted models in use."""

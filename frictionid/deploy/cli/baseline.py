@@ -27,11 +27,11 @@ def baseline(
     trust: Trust = False,
 ) -> None:
     """Record the friction of a healthy machine, for `frictionid monitor`."""
-    from frictionid.deploy.api.monitor import baseline as make
     from frictionid.cli.progress import heard
     from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.files import json_text
+    from frictionid.deploy.api.monitor import baseline as make
     from frictionid.deploy.monitor.two_samples import least_rate
+    from frictionid.files import json_text
     from frictionid.outputs import check_outputs
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)

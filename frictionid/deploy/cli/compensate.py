@@ -34,14 +34,14 @@ def compensate(
     """Write the torque that cancels friction along a reference, over the reference's velocity."""
     from dataclasses import replace as renewed
 
-    from frictionid.deploy.api.export import export
     from frictionid.comparison.registry import friction_of
+    from frictionid.deploy.api.export import export
+    from frictionid.deploy.export.formats import ExportSettings
+    from frictionid.deploy.use.compensation import Compensation, compensating, compensation_table
     from frictionid.errors import InputError
     from frictionid.evaluation import known_speeds
-    from frictionid.deploy.export.formats import ExportSettings
     from frictionid.files import json_text, write_bytes
     from frictionid.outputs import check_outputs
-    from frictionid.deploy.use.compensation import Compensation, compensating, compensation_table
 
     friction = friction_of(model)
     settings = Compensation(gain=gain, smooth=smooth, torque_limit=limit)

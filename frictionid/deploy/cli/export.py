@@ -47,8 +47,8 @@ def export(
     trust: Trust = False,
 ) -> None:
     """Write a fitted friction in the format of a simulator, a controller or a drive."""
-    from frictionid.deploy.api.export import export as write
     from frictionid.data.readers.dataset import load_dataset
+    from frictionid.deploy.api.export import export as write
     from frictionid.deploy.export.formats import ExportSettings
     from frictionid.files import json_text
 

@@ -39,11 +39,11 @@ def monitor(
     """
     from functools import partial
 
-    from frictionid.deploy.api.monitor import monitor as judged
     from frictionid.data.readers.dataset import load_dataset
-    from frictionid.files import json_text
+    from frictionid.deploy.api.monitor import monitor as judged
     from frictionid.deploy.report.drift import drift_figure
     from frictionid.deploy.report.monitoring import judgement_document, write_monitoring
+    from frictionid.files import json_text
 
     sets = [load_dataset(path, data, trust=trust) for path in new]
     found = judged(

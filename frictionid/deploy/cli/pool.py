@@ -33,11 +33,11 @@ def pool(
 ) -> None:
     """Pool fitted models of several specimens: means, spread, and ranges of another specimen."""
     from frictionid.deploy.api.pool import pool as pool_models
+    from frictionid.deploy.report.pooling import show_pooled
     from frictionid.errors import InputError
     from frictionid.files import json_text, write_json
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
-    from frictionid.deploy.report.pooling import show_pooled
 
     read = [path for model in models for path in model_paths(model)]
     groups = [[name.strip() for name in group.split(",")] for group in equal or []]
@@ -65,8 +65,8 @@ def pool(
 
 def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: bool) -> None:
     """Print the parameters over a covariate, and write the friction at one value of it."""
-    from frictionid.deploy.api.covariate import over_covariate
     from frictionid.comparison.registry import LAWS
+    from frictionid.deploy.api.covariate import over_covariate
     from frictionid.errors import InputError
     from frictionid.friction.model_files import save_model
 

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.evaluation.curves import slow_speed
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
 from frictionid.deploy.export.nearest import follows_more, sliding
+from frictionid.evaluation.curves import slow_speed
 from frictionid.friction import Friction
 from frictionid.friction.bam_files import GEAR, MODELS, MOTOR
 from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribeck

@@ -7,9 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from frictionid.errors import InputError
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.errors import InputError
 from frictionid.programs.program import Program
 
 try:

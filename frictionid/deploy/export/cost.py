@@ -8,10 +8,10 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import joint_sizes, norm_of
+from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.errors import InputError
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.rollouts import predict
-from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Plant
 

@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from frictionid.config import check_settings, nearest
-from frictionid.errors import InputError
 from frictionid.deploy.export.exported import ExportedFriction
+from frictionid.errors import InputError
 from frictionid.friction import Friction
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from frictionid.errors import InputError
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
 from frictionid.deploy.export.mujoco_callback import callback
@@ -27,6 +26,7 @@ from frictionid.deploy.export.xml_text import (
     replaced,
     with_attributes,
 )
+from frictionid.errors import InputError
 from frictionid.mechanics.mjcf_text import mjcf_of
 
 # tendons stand for parts that turn with several joints, such as motors on moving links

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from frictionid.errors import InputError
 from frictionid.deploy.export import python_code
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings
 from frictionid.deploy.export.nearest import break_away
+from frictionid.errors import InputError
 
 _CLASS = '''
 REST = 1e-4  # [rad/s]: slower joints have frictionloss alone

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
+from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import POINTS, curves, slow_speed
-from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.friction import Friction, Inputs, along, at_rest
 from frictionid.friction.laws import CoulombViscous
 

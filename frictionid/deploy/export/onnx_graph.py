@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.errors import InputError
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.expressions import TRUTHS
 from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.errors import InputError
 from frictionid.programs.program import Line, Operand, Program, Value
 
 try:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
 from frictionid.deploy.export.exported import ExportedFriction
+from frictionid.deploy.pooling.samples import pooled_draws
+from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.deploy.pooling.samples import pooled_document, pooled_draws
+from frictionid.report.pooled_document import pooled_document
 
 FORMAT = "frictionid samples 1"
 _FEWEST = 200  # draws behind the ranges of an engine's own numbers

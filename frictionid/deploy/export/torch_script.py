@@ -9,9 +9,9 @@ from typing import Any
 
 import torch
 
-from frictionid.errors import InputError
 from frictionid.deploy.export.exported import INPUTS, ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.errors import InputError
 from frictionid.friction import Inputs
 from frictionid.programs.program import Program
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import LinearOutside, Table
 

@@ -11,12 +11,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
-from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
-from frictionid.files import read_json, write_json
-from frictionid.friction import Friction, Law, along
-from frictionid.friction.model_files import model_document, read_model
-from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.deploy.monitor.changes import (
     DELAY,
     GAIN,
@@ -27,6 +21,12 @@ from frictionid.deploy.monitor.changes import (
     recording_changes,
     usual_level,
 )
+from frictionid.errors import InputError
+from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
+from frictionid.files import read_json, write_json
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.friction import Friction, Law, along
+from frictionid.friction.model_files import model_document, read_model
 
 FORMAT = "frictionid baseline 1"
 _SLOW = 0.1  # of the fast speed

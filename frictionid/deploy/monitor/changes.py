@@ -31,9 +31,9 @@ from frictionid.evaluation import (
     training_of,
     with_calibration,
 )
-from frictionid.friction import Friction, along
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction, along
 
 PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
 # Standard deviations of what the sensors may have done since: delay [s], gain [1], offset [rad].

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
-from frictionid.files import json_text, read_json, write_json
 from frictionid.deploy.monitor.baseline import Baseline, changes_of, numbers_of
 from frictionid.deploy.monitor.changes import Changes, curve_changes
 from frictionid.deploy.monitor.judgement import without_covariates
 from frictionid.deploy.monitor.martingale import log_bet
+from frictionid.errors import InputError
+from frictionid.files import json_text, read_json, write_json
 
 FORMAT = "frictionid monitor 1"
 

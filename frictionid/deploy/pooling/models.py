@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from frictionid.deploy.pooling.random_effects import random_effects
 from frictionid.errors import InputError
 from frictionid.evaluation import known_speeds
 from frictionid.friction import Friction, Groups
-from frictionid.deploy.pooling.random_effects import random_effects
 
 Key = tuple[str, str, int | None]
 _NORMAL = 1.96  # half-widths of 95 % over standard errors

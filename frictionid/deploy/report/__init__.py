@@ -1,1 +1,1 @@
-"""report."""
+"""Tables and pictures of monitoring and pooling."""

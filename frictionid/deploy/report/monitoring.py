@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.files import json_text
 from frictionid.deploy.monitor.baseline import Baseline
 from frictionid.deploy.monitor.judgement import Judgement
 from frictionid.deploy.monitor.state import Arrival
+from frictionid.files import json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.numbers import short

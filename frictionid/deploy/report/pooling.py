@@ -8,10 +8,10 @@ from typing import Any
 import pandas as pd
 
 from frictionid.errors import printable
-from frictionid.report.terminal.console import console
 from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+from frictionid.report.terminal.console import console
 
 COLUMNS = (
     *("block", "joint", "parameter", "unit", "value", "low_95", "high_95"),

@@ -12,12 +12,12 @@ from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative, Positive, check_settings
+from frictionid.deploy.use.given_friction import given_friction
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.friction import Nodes, along
+from frictionid.friction.law import WrappedLaw
 from frictionid.friction.laws import LinearOutside
-from frictionid.friction.laws.wrapped_law import WrappedLaw
-from frictionid.deploy.use.given_friction import given_friction
 
 _MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
 

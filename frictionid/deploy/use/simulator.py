@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.deploy.use.given_friction import given_friction
 from frictionid.dynamics.rollout import Rollout, begin, diverged, sampled
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step
@@ -17,7 +18,6 @@ from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism, Plant, unit_inertia
-from frictionid.deploy.use.given_friction import given_friction
 
 _SAME = 1e-3  # of a time
 

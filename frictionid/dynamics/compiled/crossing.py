@@ -5,7 +5,6 @@ See `dynamics.zero_crossing` and `dynamics.break_away`.
 
 from __future__ import annotations
 
-from frictionid.programs.loops import Numbers, called
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.torque_balance import (
     balance,
@@ -14,6 +13,7 @@ from frictionid.dynamics.compiled.torque_balance import (
     sliding_torque,
     sticking_torque,
 )
+from frictionid.programs.loops import Numbers, called
 
 
 @called

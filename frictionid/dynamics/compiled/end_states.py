@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import compiled, pointer
 from frictionid.dynamics.compiled import layout as at
+from frictionid.dynamics.compiled import tangent_layout as more
 from frictionid.dynamics.compiled.machine import (
     limit_program,
     machine_of,
@@ -18,14 +18,13 @@ from frictionid.dynamics.compiled.machine import (
     torque_program,
 )
 from frictionid.dynamics.compiled.step import begin_substep, is_near_rest, substep
+from frictionid.dynamics.compiled.tangent import advance_tangent, displace
+from frictionid.dynamics.compiled.tangent_layout import TangentMachine
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.friction import Law
 from frictionid.mechanics import Mechanism
-from frictionid.fitting.shooting import compiled_layout as more
-from frictionid.fitting.shooting.compiled_layout import TangentMachine
-from frictionid.dynamics.compiled.tangent import advance_tangent, displace
-from frictionid.fitting.shooting.motor_torque import MotorTorque
-from frictionid.dynamics.tangent.tangent import MotionModel
 from frictionid.programs.derivative import with_derivatives
+from frictionid.programs.loops import compiled, pointer
 from frictionid.programs.machine_code import machine_code
 from frictionid.programs.program import Program
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import compiled, pointer
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.step import adaptive_step
 from frictionid.mechanics import Plant
+from frictionid.programs.loops import compiled, pointer
 
 
 def rolled_out(

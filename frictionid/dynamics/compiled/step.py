@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from frictionid.programs.loops import Numbers, called, kept
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.crossing import break_away, cross
 from frictionid.dynamics.compiled.stiction import set_stiction
@@ -12,6 +11,7 @@ from frictionid.dynamics.compiled.torque_balance import (
     evaluate_dynamics,
     sliding_torque,
 )
+from frictionid.programs.loops import Numbers, called, kept
 
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from frictionid.programs.loops import Numbers, called
 from frictionid.dynamics.compiled import layout as at
 from frictionid.dynamics.compiled.torque_balance import (
     below_break_away,
@@ -15,6 +14,7 @@ from frictionid.dynamics.compiled.torque_balance import (
     smooth_torque,
     sticking_torque,
 )
+from frictionid.programs.loops import Numbers, called
 
 _FIRM = 0.9  # of the break-away level: joints held by more may break away soon
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import Numbers, called, run_at
 from frictionid.dynamics.compiled import layout as at
+from frictionid.dynamics.compiled import tangent_layout as more
+from frictionid.dynamics.compiled.tangent_layout import TangentMachine
 from frictionid.dynamics.compiled.torque_balance import (
     constrained,
     evaluate_dynamics,
     inverse_of_free,
 )
-from frictionid.fitting.shooting import compiled_layout as more
-from frictionid.fitting.shooting.compiled_layout import TangentMachine
+from frictionid.programs.loops import Numbers, called, run_at
 
 _GRAZE = 0.1  # of a slow speed
 

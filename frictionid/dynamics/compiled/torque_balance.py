@@ -5,8 +5,8 @@ Vectors of the joints are lines of the row's table, given by their numbers.
 
 from __future__ import annotations
 
-from frictionid.programs.loops import Numbers, called, inlined, run_at
 from frictionid.dynamics.compiled import layout as at
+from frictionid.programs.loops import Numbers, called, inlined, run_at
 
 _SWEEPS = 50
 _SETTLED = 1e-12  # [N m]

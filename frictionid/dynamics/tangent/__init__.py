@@ -1,1 +1,1 @@
-"""tangent."""
+"""Derivatives of the physics step."""

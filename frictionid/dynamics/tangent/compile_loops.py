@@ -10,13 +10,12 @@ import numpy as np
 
 from frictionid.dynamics.rollout import MANY, rollout
 from frictionid.dynamics.state import State
+from frictionid.dynamics.tangent.end_states import COMPILED, end_states
+from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, pendulum
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads
-from frictionid.fitting.shooting.motor_torque import MotorTorque
-from frictionid.dynamics.tangent.end_states import COMPILED, end_states
-from frictionid.dynamics.tangent.tangent import MotionModel
 
 
 def compile_loops() -> None:

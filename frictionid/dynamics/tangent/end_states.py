@@ -11,12 +11,17 @@ import numpy as np
 
 from frictionid.arrays import Array, times
 from frictionid.dynamics import step
-from frictionid.dynamics.state import State, velocities
-from frictionid.friction import Memory
 from frictionid.dynamics.compiled.end_states import advanced, tangent_machine_of
-from frictionid.fitting.shooting.motor_torque import MotorTorque
-from frictionid.dynamics.tangent.tangent import MotionModel, Tangent, initial_tangent, inverse_of_free
+from frictionid.dynamics.state import State, velocities
 from frictionid.dynamics.tangent.substep import advance_tangent
+from frictionid.dynamics.tangent.tangent import (
+    MotionModel,
+    MotorTorque,
+    Tangent,
+    initial_tangent,
+    inverse_of_free,
+)
+from frictionid.friction import Memory
 
 COMPILED = 500  # intervals: fewer are done before loops are compiled
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from frictionid.arrays import Array
 from frictionid.dynamics.state import State, inputs
-from frictionid.friction import Memory
 from frictionid.dynamics.tangent.law_derivatives import SPEED, by_memory, by_theta
 from frictionid.dynamics.tangent.tangent import MotionModel, Tangent, rows_of_parts
+from frictionid.friction import Memory
 
 
 class MemoryRates(NamedTuple):

@@ -8,11 +8,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.tangent.end_states import EndStates, MotorTorque
+from frictionid.dynamics.tangent.law_derivatives import SPEED, by_memory, by_theta
+from frictionid.dynamics.tangent.tangent import MotionModel
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.coordinates import torque_map
-from frictionid.dynamics.tangent.law_derivatives import SPEED, by_memory, by_theta
-from frictionid.dynamics.tangent.end_states import EndStates, MotorTorque
-from frictionid.dynamics.tangent.tangent import MotionModel
 
 
 def memory_after_sample(

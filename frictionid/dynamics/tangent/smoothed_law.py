@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from frictionid.friction import Law
-from frictionid.friction.laws.wrapped_law import WrappedLaw
+from frictionid.friction.law import WrappedLaw
 
 
 @dataclass(frozen=True, eq=False, repr=False)

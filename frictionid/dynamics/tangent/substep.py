@@ -13,14 +13,14 @@ import numpy as np
 from frictionid.arrays import Array, solve
 from frictionid.dynamics.sliding_friction import Stiction, braked
 from frictionid.dynamics.state import State, driven, inputs
+from frictionid.dynamics.tangent.law_derivatives import Slopes, by_theta, slopes
+from frictionid.dynamics.tangent.memory import advance_memory, memory_rates
+from frictionid.dynamics.tangent.tangent import MotionModel, Tangent, inverse_of_free
+from frictionid.dynamics.tangent.zero_crossing import cross_tangent
 from frictionid.dynamics.torque_balance import constrained
 from frictionid.dynamics.zero_crossing import Crossing
 from frictionid.friction.coordinates import of_parts, onto_joints
 from frictionid.mechanics import Partials
-from frictionid.dynamics.tangent.zero_crossing import cross_tangent
-from frictionid.dynamics.tangent.law_derivatives import Slopes, by_theta, slopes
-from frictionid.dynamics.tangent.memory import advance_memory, memory_rates
-from frictionid.dynamics.tangent.tangent import MotionModel, Tangent, inverse_of_free
 
 
 def advance_tangent(

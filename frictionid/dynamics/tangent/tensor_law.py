@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
 from frictionid.dynamics.tangent.smoothed_law import SmoothedLaw
+from frictionid.friction import Inputs, Memory
 
 _ROOM = 4_000_000  # numbers of rows' own parameters at a time
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.dynamics.tangent.tangent import Tangent, inverse_of_free, rows_of_parts
 from frictionid.dynamics.zero_crossing import Crossing
 from frictionid.friction.coordinates import of_parts
-from frictionid.dynamics.tangent.tangent import Tangent, inverse_of_free, rows_of_parts
 
 _GRAZE = 0.1  # of a slow speed
 

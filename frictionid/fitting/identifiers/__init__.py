@@ -3,12 +3,8 @@
 from frictionid.fitting.identifiers.black_box import BlackBox
 from frictionid.fitting.identifiers.check_identifier import check_identifier
 from frictionid.fitting.identifiers.frictionless import Frictionless
-from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.identifiers.linear import Linear
-from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.state_network import StateNetwork
 from frictionid.fitting.identifiers.published import Published
 from frictionid.fitting.identifiers.regressor import Regressor
 from frictionid.fitting.identifiers.sindy import SINDy
@@ -16,16 +12,12 @@ from frictionid.fitting.identifiers.sparse_dynamics import SparseDynamics
 
 __all__ = [
     "BlackBox",
-    "CompressedNetwork",
     "Frictionless",
-    "Identifier",
     "LeastSquares",
     "Linear",
-    "Network",
     "Published",
     "Regressor",
     "SINDy",
     "SparseDynamics",
-    "StateNetwork",
     "check_identifier",
 ]

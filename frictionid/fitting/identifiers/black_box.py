@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction, along
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction, along
 
 
 def check_identifier(

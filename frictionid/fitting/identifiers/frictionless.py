@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
-from frictionid.friction.laws import NoFriction
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction
+from frictionid.friction.laws import NoFriction
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import along
 from frictionid.fitting.box_qp import bounded
 from frictionid.fitting.one_step.linearised import Linearised
+from frictionid.friction import along
 
 _RIDGE = 1e-12
 _SWEEPS = 2

@@ -18,14 +18,14 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Groups, Law
-from frictionid.friction.temperature import check_temperature
 from frictionid.fitting.box_qp import bounded
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import huber_factors, normalised
+from frictionid.friction import Friction, Groups, Law
+from frictionid.friction.temperature import check_temperature
 
 _EXACT = 1e-22  # costs below this part of that without friction are rounding
 _DAMPING = (1e-9, 1e9)

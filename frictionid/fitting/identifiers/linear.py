@@ -8,15 +8,15 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import check_settings
-from frictionid.friction import Friction, Groups, Law
 from frictionid.fitting.box_qp import bounded
-from frictionid.fitting.one_step.grams import check_linear, columns, grams
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import check_rows
 from frictionid.fitting.identifiers.least_squares import LeastSquares
+from frictionid.fitting.one_step.grams import check_linear, columns, grams
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.friction import Friction, Groups, Law
 
 _RIDGE = 1e-13
 _CHECKED = 200  # nodes of each joint

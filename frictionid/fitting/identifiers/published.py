@@ -9,9 +9,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import stack_calibrations
 from frictionid.errors import InputError
-from frictionid.friction import Friction
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,12 @@ from pydantic import Field
 from frictionid.arrays import Array, times
 from frictionid.config import check_settings
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, at_rest
-from frictionid.friction.laws.sklearn_law import Predicted, features
-from frictionid.friction.laws.table import Table
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction.laws.sklearn_law import Predicted, features
+from frictionid.friction.laws.table import Table
 
 _FIRST, _PER_DECADE = 0.01, 12  # [rad/s], speeds of a table
 _WIDTH = 0.02  # [rad/s]

@@ -19,8 +19,7 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import NotNegative, check_settings
 from frictionid.errors import InputError
-from frictionid.friction import Friction
-from frictionid.friction.laws.library import Library
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.active_sets import (
     Constraints,
     admissible,
@@ -30,11 +29,12 @@ from frictionid.fitting.identifiers.active_sets import (
     selected,
     unit_columns,
 )
-from frictionid.fitting.one_step.grams import clusters, columns, grams
-from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.pysindy_proposals import proposed_coefficients
+from frictionid.fitting.one_step.grams import clusters, columns, grams
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.friction import Friction
+from frictionid.friction.laws.library import Library
 
 _HALF = 0.5
 _FASTER = 0.98  # quantile of the speeds that must reach where a peak has fallen off

@@ -16,15 +16,15 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.errors import InputError
-from frictionid.friction import Friction
-from frictionid.friction.laws.state_library import StateLibrary
-from frictionid.fitting.identifiers.active_sets import ActiveSet, best_fits, selected, unit_columns
-from frictionid.fitting.one_step.grams import clusters, grams
 from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers.active_sets import ActiveSet, best_fits, selected, unit_columns
 from frictionid.fitting.identifiers.pysindy_proposals import proposed_coefficients
+from frictionid.fitting.identifiers.sindy import Fraction
+from frictionid.fitting.one_step.grams import clusters, grams
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
-from frictionid.fitting.identifiers.sindy import Fraction
+from frictionid.friction import Friction
+from frictionid.friction.laws.state_library import StateLibrary
 
 _NO_COLUMN = 1e-9  # of the longest column
 

@@ -17,9 +17,6 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, Law, at_rest
-from frictionid.friction.laws.ensemble import together
-from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.networks.compressed_problem import Compressed, compressed, node_speeds
 from frictionid.fitting.networks.early_stopping import Share, held_out
@@ -27,6 +24,9 @@ from frictionid.fitting.networks.ensemble_seeds import member_seeds
 from frictionid.fitting.networks.scales import friction_scales
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.friction import Friction, Inputs, Law, at_rest
+from frictionid.friction.laws.ensemble import together
+from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 _SHARP, _CREEP = 1e-9, 1e-6  # [rad/s]: smoothing that does not show at a speed next to zero
 _DAMPING = (1e-8, 1e8)

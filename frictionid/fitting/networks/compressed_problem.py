@@ -15,8 +15,8 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array, hstack
 
 from frictionid.arrays import Array
-from frictionid.friction.smooth_sign import smooth_sign
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction.smooth_sign import smooth_sign
 
 _FINE = 30.0  # how much closer nodes stand at rest than at the highest speed
 

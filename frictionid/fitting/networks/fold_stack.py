@@ -8,8 +8,8 @@ import numpy as np
 import torch
 
 from frictionid.arrays import Array
-from frictionid.friction.laws.network_law import NetworkLaw
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction.laws.network_law import NetworkLaw
 
 Tensor = Any  # of torch
 

@@ -11,10 +11,10 @@ import numpy as np
 import torch
 
 from frictionid.arrays import Array
-from frictionid.friction.laws.layers import count
 from frictionid.fitting.networks.fold_stack import FoldStack, Tensor, WeightedRows
 from frictionid.fitting.networks.lstm_cells import Cells
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction.laws.layers import count
 
 
 class SequenceTrainingSet:

@@ -9,9 +9,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.fitting.networks.fold_stack import FoldStack, Tensor, WeightedRows
 from frictionid.friction import Nodes
 from frictionid.friction.laws.network_law import NetworkLaw
-from frictionid.fitting.networks.fold_stack import FoldStack, Tensor, WeightedRows
 
 
 class RowTrainingSet:

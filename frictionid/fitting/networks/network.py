@@ -18,10 +18,6 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import Count, Positive, check_settings
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Law
-from frictionid.friction.laws.ensemble import together
-from frictionid.friction.laws.mlp import MLP
-from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.networks.adam import Adam
 from frictionid.fitting.networks.batches import batches, padded_items
@@ -31,6 +27,10 @@ from frictionid.fitting.networks.ensemble_seeds import member_seeds
 from frictionid.fitting.networks.scales import friction_scales
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.friction import Friction, Law
+from frictionid.friction.laws.ensemble import together
+from frictionid.friction.laws.mlp import MLP
+from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 if TYPE_CHECKING:
     from frictionid.fitting.networks.fold_stack import FoldStack

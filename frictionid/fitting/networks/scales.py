@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array, times
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction.laws import CoulombViscous
 
 _FAST = 0.99  # quantile of the rows' speeds that counts as the fastest
 _SMALLEST = 0.01  # of the torques that move the joints: less friction hardly matters

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
 from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers.sparse_dynamics import accelerations
 from frictionid.fitting.networks.network import Network
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
-from frictionid.fitting.identifiers.sparse_dynamics import accelerations
+from frictionid.friction import Friction
 
 _SMALLEST = 1e-3  # of the largest speed or torque of any joint
 

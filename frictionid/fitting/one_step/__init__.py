@@ -1,1 +1,1 @@
-"""one_step."""
+"""One-step problems: friction enters affinely."""

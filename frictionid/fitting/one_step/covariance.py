@@ -6,11 +6,11 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
 from frictionid.fitting.one_step.grams import clusters
 from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import huber_factors, normalised
+from frictionid.friction import Friction
 
 
 def half_widths(

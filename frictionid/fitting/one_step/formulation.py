@@ -17,10 +17,15 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
-from frictionid.friction.coordinates import with_units_of
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.one_step_fit import OneStepFit, checked_fit
-from frictionid.fitting.one_step.residual import Problem, euler_problem, integral_problem, mask_stiction
+from frictionid.fitting.one_step.residual import (
+    Problem,
+    euler_problem,
+    integral_problem,
+    mask_stiction,
+)
+from frictionid.friction.coordinates import with_units_of
 from frictionid.mechanics import Mechanism, Plant
 
 SCHEMES = ("euler", "integral")

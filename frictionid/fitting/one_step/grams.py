@@ -13,9 +13,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Law
 from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Law
 
 FEW = 10  # recordings whose scatter says little
 _STRETCHES = 20

@@ -10,6 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.fitting.one_step.residual import Problem, speed_range
 from frictionid.friction import (
     Constraints,
     Friction,
@@ -19,7 +20,6 @@ from frictionid.friction import (
     along,
     constraints_of,
 )
-from frictionid.fitting.one_step.residual import Problem, speed_range
 
 _DIFFERENCE = 1e-6
 _TORQUES = 1e7  # computed at a time

@@ -9,10 +9,10 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Friction
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.covariance import half_widths, standard_errors
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction
 
 
 class ErrorBars(NamedTuple):

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
-from frictionid.fitting.shooting.combination_law import CombinationLaw
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     Parameter,
     ParameterBlock,
     Values,
 )
+from frictionid.fitting.shooting.combination_law import CombinationLaw
 from frictionid.fitting.shooting.torque_samples import TorqueSamples
+from frictionid.friction import Friction
 
 _ITERATIONS = 12  # Gauss-Newton iterations towards wanted torques
 _RIDGE = (1e-4, 10.0)  # of the largest singular value, and its growth after a step too far

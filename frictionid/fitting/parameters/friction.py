@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -16,6 +15,7 @@ from frictionid.fitting.parameters.parameter_block import (
     check_fixed,
     relative_deviation,
 )
+from frictionid.friction import Friction, SpeedRange, constraints_of
 
 
 @dataclass(frozen=True)

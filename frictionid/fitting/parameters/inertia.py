@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics import Mechanism, configurations
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -17,6 +16,7 @@ from frictionid.fitting.parameters.parameter_block import (
     relative_deviation,
     with_known,
 )
+from frictionid.mechanics import Mechanism, configurations
 
 _KEPT = 0.05  # of the nominal mass matrix that is left in any direction
 

@@ -14,15 +14,6 @@
 from frictionid.fitting.shooting.calibrated_recipe import CalibratedRecipe
 from frictionid.fitting.shooting.covariance import Covariance, covariance_of
 from frictionid.fitting.shooting.gauss_newton import Solution, solve
-from frictionid.fitting.parameters import (
-    DelayBlock,
-    Estimate,
-    FrictionBlock,
-    InertiaBlock,
-    Parameter,
-    ParameterBlock,
-)
-from frictionid.fitting.parameters.parameter_block import Values, free_blocks, values_of
 from frictionid.fitting.shooting.problem import Linearisation, ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.recipe import Shooting, refine_folds
 from frictionid.fitting.shooting.refine import Diagnostics, Refined, Segment, refine
@@ -34,15 +25,9 @@ from frictionid.fitting.shooting.window_states import SampleWindows, solve_state
 __all__ = [
     "CalibratedRecipe",
     "Covariance",
-    "DelayBlock",
     "Diagnostics",
-    "Estimate",
-    "FrictionBlock",
-    "InertiaBlock",
     "Intervals",
     "Linearisation",
-    "Parameter",
-    "ParameterBlock",
     "Refined",
     "SampleWindows",
     "Segment",
@@ -50,10 +35,8 @@ __all__ = [
     "Shooting",
     "ShootingProblem",
     "Solution",
-    "Values",
     "covariance_of",
     "document_of",
-    "free_blocks",
     "intervals_of",
     "logged_torque",
     "refine",
@@ -61,5 +44,4 @@ __all__ = [
     "shooting_problem",
     "solve",
     "solve_states",
-    "values_of",
 ]

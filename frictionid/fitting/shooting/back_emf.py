@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from frictionid.arrays import Array
+from frictionid.dynamics.tangent.smoothed_law import SmoothedLaw
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.law import NUMERICAL_WIDTH
-from frictionid.dynamics.tangent.smoothed_law import SmoothedLaw
 
 _SHARPER = 0.2  # of the smoothing of the other law
 

@@ -16,13 +16,13 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError
-from frictionid.friction import Friction
-from frictionid.friction.coordinates import with_units_of
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.one_step.one_step_fit import OneStepFit, checked_fit
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting.recipe import Shooting, ShootingData, check_mechanism, refine_folds
+from frictionid.friction import Friction
+from frictionid.friction.coordinates import with_units_of
 
 # Parts of a calibration that may correct the data, under the names of the blocks that free them.
 PARTS = ("inertia", "delay", "gain", "bias", "offset")

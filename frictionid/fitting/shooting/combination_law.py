@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Inputs, Memory
 from frictionid.dynamics.tangent.smoothed_law import SmoothedLaw
+from frictionid.friction import Inputs, Memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,15 +10,14 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction
-from frictionid.fitting.shooting.gauss_newton import Solution
-from frictionid.fitting.shooting.meaningless_parameters import meaningless
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,
     FreeBlock,
     Parameter,
     values_of,
 )
+from frictionid.fitting.shooting.gauss_newton import Solution
+from frictionid.fitting.shooting.meaningless_parameters import meaningless
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sandwich import (
     SINGULAR,
@@ -27,6 +26,7 @@ from frictionid.fitting.shooting.sandwich import (
     shown_once,
     solve_scaled,
 )
+from frictionid.friction import Friction
 
 _DRAWS = 2000
 # A peak that is not there is searched for at any velocity: over two decades of it, in which

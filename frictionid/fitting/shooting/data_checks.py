@@ -8,11 +8,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction.coordinates import of_parts, turns_of
-from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
+from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, cut_windows
+from frictionid.friction.coordinates import of_parts, turns_of
 
 _TURN = 2 * np.pi
 _FEW = 4  # windows: of fewer, no interval is worth the name

@@ -18,7 +18,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.fitting.box_qp import bounded
-from frictionid.progress import report_step
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -37,6 +36,7 @@ from frictionid.fitting.shooting.window_steps import (
     with_windows_checked,
 )
 from frictionid.fitting.shooting.windows import NormalEquations, eliminate_states
+from frictionid.progress import report_step
 
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _DAMPING = (1e-8, 1e4)

@@ -11,8 +11,8 @@ import numpy as np
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.friction import Friction
 from frictionid.fitting.parameters.parameter_block import ParameterBlock
+from frictionid.friction import Friction
 
 _BLOCKS = ("inertia", "delay", "gain", "bias", "offset", "target_delay", "backlash")
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction, Inputs
 from frictionid.fitting.parameters.parameter_block import Parameter
+from frictionid.friction import Friction, Inputs
 
 _TEMPERATURES = (0.0, 80.0)  # [degC]
 _POINTS, _SPEED, _DECADES = 200, 10.0, 4  # [rad/s], and how much slower the slowest is

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import namespace
-from frictionid.friction import Friction
-from frictionid.fitting.shooting.combination_law import CombinationLaw
+from frictionid.dynamics.tangent.tensor_law import TensorLaw
 from frictionid.fitting.parameters.combinations import CombinationBlock
 from frictionid.fitting.parameters.friction import FrictionBlock
 from frictionid.fitting.parameters.parameter_block import ParameterBlock
-from frictionid.dynamics.tangent.tensor_law import TensorLaw
+from frictionid.fitting.shooting.combination_law import CombinationLaw
 from frictionid.fitting.shooting.torque_samples import TorqueSamples
+from frictionid.friction import Friction
 
 _MOST = 20  # combinations of a joint
 _DEVIATION = 1.0  # standard deviation of the prior of a joint's weights, relative to their size

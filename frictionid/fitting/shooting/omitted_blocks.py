@@ -11,8 +11,6 @@ from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.shooting.data_checks import check_blocks
-from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.parameters import (
     BacklashBlock,
     BiasBlock,
@@ -22,6 +20,8 @@ from frictionid.fitting.parameters import (
     TargetDelayBlock,
 )
 from frictionid.fitting.parameters.parameter_block import Estimate, ParameterBlock
+from frictionid.fitting.shooting.data_checks import check_blocks
+from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sandwich import clusters_of, sandwich, shown_once, solve_scaled
 from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo

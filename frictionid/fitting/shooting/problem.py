@@ -13,12 +13,10 @@ from frictionid.data.calibration import calibrated_dataset, calibrated_plant
 from frictionid.data.signals import sample
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
-from frictionid.friction import Inputs, Nodes, memory_along
-from frictionid.friction.coordinates import at_places, of_last_joints
-from frictionid.friction.temperature import check_temperature
-from frictionid.mechanics import Mechanism, Plant
+from frictionid.dynamics.tangent.end_states import end_states
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
-from frictionid.fitting.shooting.motor_torque import MotorTorque
+from frictionid.dynamics.tangent.sampled_memory import memory_after_sample
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     FreeBlock,
@@ -31,10 +29,11 @@ from frictionid.fitting.parameters.parameter_block import (
     prior_precision,
 )
 from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
-from frictionid.dynamics.tangent.sampled_memory import memory_after_sample
-from frictionid.dynamics.tangent.end_states import end_states
 from frictionid.fitting.shooting.settings import Settings
-from frictionid.dynamics.tangent.tangent import MotionModel
+from frictionid.friction import Inputs, Nodes, memory_along
+from frictionid.friction.coordinates import at_places, of_last_joints
+from frictionid.friction.temperature import check_temperature
+from frictionid.mechanics import Mechanism, Plant
 
 _PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz
 _WHOLE = np.array([0.0, 1.0])  # an interval in one piece

@@ -12,17 +12,17 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import stack_calibrations, with_calibrated_servos
 from frictionid.errors import InputError
-from frictionid.friction import Friction
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe, TrainingData
 from frictionid.fitting.one_step.one_step_fit import ErrorBars, OneStepFit
+from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS
 from frictionid.fitting.shooting.known_calibration import KnownCalibration
-from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting.refine import Refined, fit_blocks
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.fitting.shooting.servo_problem import has_actuator
 from frictionid.fitting.shooting.settings import Settings
+from frictionid.friction import Friction
 
 
 class ShootingData(TrainingData, Protocol):

@@ -14,10 +14,15 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States, slowest_speeds
-from frictionid.friction import Friction, SpeedRange, constraints_of
-from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.fitting.one_step.formulation import states_of
 from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
+from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    ParameterBlock,
+    values_of,
+    with_values,
+)
 from frictionid.fitting.shooting.covariance import Covariance, covariance_of
 from frictionid.fitting.shooting.data_checks import check_blocks, check_data, warnings_of
 from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS, blocks_for
@@ -30,13 +35,6 @@ from frictionid.fitting.shooting.omitted_blocks import (
     omitted_blocks,
     sentences,
 )
-from frictionid.fitting.parameters.friction import on_support
-from frictionid.fitting.parameters.parameter_block import (
-    Estimate,
-    ParameterBlock,
-    values_of,
-    with_values,
-)
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo
@@ -44,6 +42,8 @@ from frictionid.fitting.shooting.settings import Settings
 from frictionid.fitting.shooting.significance import Dropped, least_significant
 from frictionid.fitting.shooting.torque_samples import torque_samples
 from frictionid.fitting.shooting.window_settings import settings_error, smoothing_error
+from frictionid.friction import Friction, SpeedRange, constraints_of
+from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 

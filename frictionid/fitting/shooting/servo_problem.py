@@ -17,9 +17,8 @@ from frictionid.arrays import Array, inverse
 from frictionid.data.integrals import SignalIntegrals, pieces_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo
+from frictionid.dynamics.tangent.end_states import MotorTorque
 from frictionid.errors import InputError
-from frictionid.friction.coordinates import refuse_coupled
-from frictionid.fitting.shooting.back_emf import with_back_emf
 from frictionid.fitting.parameters.actuator import MOTOR
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
@@ -27,11 +26,12 @@ from frictionid.fitting.parameters.parameter_block import (
     ParameterBlock,
     free_blocks,
 )
+from frictionid.fitting.shooting.back_emf import with_back_emf
 from frictionid.fitting.shooting.problem import Linearisation, ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.dynamics.tangent.end_states import MotorTorque
 from frictionid.fitting.shooting.servo_signals import damping, torque_signals
 from frictionid.fitting.shooting.settings import Settings
+from frictionid.friction.coordinates import refuse_coupled
 
 _SHARE = 1e-4  # of a constant, by which it is changed for a difference
 _CHANGE = {"s": 1e-4, "rad": 1e-4, "m": 1e-4}  # of what may be zero

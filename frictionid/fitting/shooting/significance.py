@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
-from frictionid.fitting.shooting.covariance import Covariance
 from frictionid.fitting.parameters.parameter_block import IDEAL, ParameterBlock
+from frictionid.fitting.shooting.covariance import Covariance
 
 
 class Dropped(NamedTuple):

@@ -10,9 +10,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, calibrated_plant
 from frictionid.dynamics.state import State, inputs
+from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
 from frictionid.friction import Friction, Inputs
 from frictionid.mechanics import Mechanism
-from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
 
 _COUNT = 500
 _LINK = 9  # samples through which a memory is followed

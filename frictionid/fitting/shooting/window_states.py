@@ -10,22 +10,21 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
-from frictionid.friction import Friction, Inputs, Memory
-from frictionid.friction.coordinates import at_places
-from frictionid.friction.held import held
-from frictionid.mechanics import Plant
+from frictionid.dynamics.tangent.end_states import end_states
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
-from frictionid.fitting.shooting.motor_torque import MotorTorque
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.fitting.shooting.problem import Linearisation, memory_of
 from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.dynamics.tangent.end_states import end_states
-from frictionid.dynamics.tangent.tangent import MotionModel
 from frictionid.fitting.shooting.windows import (
     START_VELOCITY,
     eliminate_states,
     initial_state_prior,
     predict_windows,
 )
+from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.coordinates import at_places
+from frictionid.friction.held import held
+from frictionid.mechanics import Plant
 
 _ROUNDS = 6
 _STILL = 1e-3  # of the noise, and of the slow velocity: a window whose nodes move less is solved

@@ -10,14 +10,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import stack_calibrations
-from frictionid.friction import Friction
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.one_step.one_step_fit import OneStepFit
-from frictionid.fitting.torque_balance.fit import fit_torques
-from frictionid.fitting.torque_balance.settings import TorqueSettings
-from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
-from frictionid.fitting.shooting.default_blocks import applicable
 from frictionid.fitting.parameters import (
     BiasBlock,
     DelayBlock,
@@ -25,7 +20,12 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     ParameterBlock,
 )
+from frictionid.fitting.shooting.default_blocks import applicable
 from frictionid.fitting.shooting.recipe import ShootingData, ShootingFit, check_mechanism
+from frictionid.fitting.torque_balance.fit import fit_torques
+from frictionid.fitting.torque_balance.settings import TorqueSettings
+from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
+from frictionid.friction import Friction
 
 DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
     FrictionBlock(),

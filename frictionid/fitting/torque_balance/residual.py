@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import along
 from frictionid.fitting.one_step.linearised import torque_gradient
-from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     FreeBlock,
@@ -19,6 +17,8 @@ from frictionid.fitting.parameters.parameter_block import (
     prior_mean,
     prior_precision,
 )
+from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
+from frictionid.friction import along
 
 
 def left_to_friction(balance: TorqueBalance, estimate: Estimate) -> Array:

@@ -11,9 +11,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.parameters.parameter_block import Estimate, values_of, with_values
 from frictionid.fitting.torque_balance.residual import TorqueProblem
 from frictionid.fitting.torque_balance.settings import TorqueSettings
-from frictionid.fitting.parameters.parameter_block import Estimate, values_of, with_values
 
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _ROUNDS = 4  # of weights

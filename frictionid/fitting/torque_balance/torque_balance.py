@@ -25,9 +25,9 @@ from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
+from frictionid.fitting.one_step.residual import GAP, Problem, stiction_mask
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
-from frictionid.fitting.one_step.residual import GAP, Problem, stiction_mask
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.mechanics.momentum_balance import with_midpoints
 

@@ -1,7 +1,12 @@
 """Friction laws, one per file."""
 
 from frictionid.friction.laws.check_law import check_law
-from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
+from frictionid.friction.laws.coulomb_viscous import (
+    AsymmetricCoulombViscous,
+    CoulombViscous,
+    NoFriction,
+    Quadratic,
+)
 from frictionid.friction.laws.dahl import Dahl, DahlMotorLoad
 from frictionid.friction.laws.ensemble import Ensemble, members_of
 from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
@@ -13,10 +18,8 @@ from frictionid.friction.laws.lstm import LSTM
 from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.motor_load import MotorLoad, MotorLoadQuadratic
-from frictionid.friction.laws.none import NoFriction
 from frictionid.friction.laws.per_joint import PerJoint
 from frictionid.friction.laws.play import Play
-from frictionid.friction.laws.quadratic import Quadratic
 from frictionid.friction.laws.ripple import Ripple
 from frictionid.friction.laws.spline import AsymmetricSpline, Spline
 from frictionid.friction.laws.state_library import StateLibrary

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from frictionid.arrays import Array
-from frictionid.friction import Inputs
+from frictionid.arrays import Array, namespace
+from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.law import LinearLaw
 from frictionid.friction.laws.levels import LEVEL, by_side
-from frictionid.friction.laws.linear_law import LinearLaw
 
 
 @dataclass(frozen=True)
@@ -51,3 +51,42 @@ class AsymmetricCoulombViscous(LinearLaw):
 
     def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {2: x.w}
+
+
+@dataclass(frozen=True)
+class NoFriction(Law):
+    """Tf = 0. It has no parameters: theta has shape (..., n, 0)."""
+
+    names: ClassVar[tuple[str, ...]] = ()
+    units: ClassVar[tuple[str, ...]] = ()
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return 0.0 * x.w + theta.sum(-1)  # the empty sum is zero and carries theta's batch axes
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        return (0.0 * x.w)[..., None] + theta
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self.torque(theta, x, ())
+
+
+@dataclass(frozen=True)
+class Quadratic(LinearLaw):
+    """Tf = coulomb sgn(w) + viscous w + drag w |w|, with sgn smoothed over `width`.
+
+    The drag is that of the air, or of oil that is churned; it may also stand for what the torque
+    constant of a motor loses with its speed.
+    """
+
+    width: float = 0.02
+    shape: str = "tanh"
+    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "drag")
+    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "N m s^2/rad^2")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
+
+    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
+        return {0: 1.0}
+
+    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
+        return {1: x.w, 2: x.w * namespace(x.w).abs(x.w)}

@@ -7,10 +7,34 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.bristle import bristle_relaxation
 from frictionid.friction.laws.levels import LEVEL
 from frictionid.friction.laws.motor_load import SHARE
 from frictionid.friction.smooth_sign import smooth_sign
+
+
+def bristle_relaxation(w: Array, steady: Array, dt: Array) -> tuple[Array, Array]:
+    """Where bristles bend at the velocity w, and the share of the way that is left after dt.
+
+    The exact solution: it neither overshoots nor limits the step.
+
+    >>> import numpy as np
+    >>> target, left = bristle_relaxation(np.array([1.0]), np.array([0.01]), np.array([0.01]))
+    >>> target, left.round(3)
+    (array([0.01]), array([0.368]))
+    """
+    xp = namespace(w, steady)
+    return xp.sign(w) * steady, xp.exp(-xp.abs(w) * dt / steady)
+
+
+def bristle_rate(z: Array, w: Array, steady: Array) -> Array:
+    """dz/dt at the velocity w [rad/s].
+
+    >>> import numpy as np
+    >>> bristle_rate(np.array([0.0, 0.01]), np.array([1.0, 1.0]), np.array([0.01, 0.01]))
+    array([1., 0.])
+    """
+    return w - namespace(w).abs(w) * z / steady
+
 
 PRESLIDING = (1e-5, 1.0)  # [rad]
 PRESLIDINGS = (0.002, 0.006, 0.02, 0.06)

@@ -21,8 +21,30 @@ from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory, units_of
 from frictionid.friction.laws.levels import LEVEL, above_zero, on_side, stribeck_factor
-from frictionid.friction.laws.written_sum import written_sum
 from frictionid.friction.smooth_sign import smooth_sign
+
+
+def written_sum(coefficients: Array, half: Array | None, terms: Sequence[str]) -> str:
+    """Text of the sum of coefficients (P,) times terms, but for those that are zero.
+
+    half : (P,), half widths of intervals, written behind those coefficients where they are finite
+
+    >>> written_sum(np.array([-2.0, 0.0, 0.5]), np.array([0.1, 0.1, np.nan]), ["w", "w^2", ""])
+    '-(2 +- 0.1) w + 0.5'
+    """
+    half = np.full(len(terms), np.nan) if half is None else half
+    parts = [
+        ("-" if value < 0 else "+", f"{_number(abs(value), wide)} {term}".rstrip())
+        for value, wide, term in zip(coefficients, half, terms, strict=True)
+        if value != 0
+    ]
+    text = " ".join(f"{sign} {part}" for sign, part in parts) or "+ 0"
+    return text.removeprefix("+ ") if text[0] == "+" else f"-{text[2:]}"
+
+
+def _number(value: float, half: float) -> str:
+    return f"({value:.4g} +- {half:.2g})" if np.isfinite(half) else f"{value:.4g}"
+
 
 _FREE = (-math.inf, math.inf)
 _FALLEN = 1.5  # times its velocity: there a tenth of a peak is left

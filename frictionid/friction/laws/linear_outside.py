@@ -13,7 +13,7 @@ from pydantic import Field
 from frictionid.arrays import Array, like, namespace
 from frictionid.config import Positive
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.wrapped_law import WrappedLaw
+from frictionid.friction.law import WrappedLaw
 
 _LAST = 0.01  # of the speed: the line goes on as the last per cent of the curve
 

@@ -13,8 +13,8 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.law import LinearLaw
 from frictionid.friction.laws.levels import LEVEL, VELOCITIES, StribeckLevel
-from frictionid.friction.laws.linear_law import LinearLaw
 from frictionid.friction.smooth_sign import smooth_sign
 
 _STRIBECK = StribeckLevel()

@@ -18,8 +18,7 @@ from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.bristle import bristle_rate, bristle_relaxation
-from frictionid.friction.laws.dahl import PRESLIDING, PRESLIDINGS
+from frictionid.friction.laws.dahl import PRESLIDING, PRESLIDINGS, bristle_rate, bristle_relaxation
 from frictionid.friction.laws.levels import (
     COARSE_VELOCITIES,
     LEVEL,

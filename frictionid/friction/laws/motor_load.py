@@ -8,8 +8,8 @@ from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs
+from frictionid.friction.law import LinearLaw
 from frictionid.friction.laws.levels import LEVEL, Range
-from frictionid.friction.laws.linear_law import LinearLaw
 
 SHARE: Range = (0.0, 1.0)
 

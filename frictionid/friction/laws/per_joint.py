@@ -17,14 +17,17 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
+from frictionid.friction.laws.coulomb_viscous import (
+    AsymmetricCoulombViscous,
+    CoulombViscous,
+    NoFriction,
+    Quadratic,
+)
 from frictionid.friction.laws.dahl import Dahl, DahlMotorLoad
 from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
 from frictionid.friction.laws.load_dependent import LoadDependent, LoadDependentStribeck
 from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
 from frictionid.friction.laws.motor_load import MotorLoad, MotorLoadQuadratic
-from frictionid.friction.laws.none import NoFriction
-from frictionid.friction.laws.quadratic import Quadratic
 from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
 
 Name = Literal[

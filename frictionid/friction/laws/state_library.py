@@ -21,7 +21,9 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.written_sum import written_sum
+from frictionid.friction.laws.levels import Range
+from frictionid.friction.laws.library import written_sum
+from frictionid.friction.laws.network_law import Scale
 from frictionid.friction.smooth_sign import smooth_sign
 
 _FREE = (-math.inf, math.inf)
@@ -179,3 +181,40 @@ def _name(law: StateLibrary, m: tuple[int, ...]) -> str:
 def _unit(law: StateLibrary, m: tuple[int, ...]) -> str:
     v = _variables(law)
     return " ".join(["rad/s^2", *(v[i].unit for i in m if v[i].unit)])
+
+
+_ABOVE: Range = (1e-9, float("inf"))
+SCALES = (
+    Scale("acceleration", "rad/s^2", _ABOVE, 10.0),
+    Scale("speed", "rad/s", _ABOVE, 5.0),
+    Scale("torque", "N m", _ABOVE, 1.0),
+)
+
+
+def width_of(joints: int, turning: bool) -> int:
+    """Number of features.
+
+    >>> width_of(2, True), width_of(1, False)
+    (10, 4)
+    """
+    return joints * (4 + turning)
+
+
+def state_features(theta: Array, x: Inputs, joints: int, turning: bool, width: float) -> Array:
+    """Features (..., n, a), alike for all n joints: place, w, its smooth sign, and u of each.
+
+    Place is sin q and cos q, or q where the joints slide. Joints beyond `joints` are left out,
+    those that there are not are zero.
+    """
+    xp, n = namespace(theta, x.w), x.w.shape[-1]
+    speed, torque = theta[..., 1], theta[..., 2]
+    zero = 0.0 * (x.w + x.q + x.u + speed)
+    out = []
+    for j in range(joints):
+        if j >= n:
+            out += [zero] * (4 + turning)
+            continue
+        q, w, u = (part[..., j : j + 1] for part in (x.q, x.w, x.u))
+        out += [xp.sin(q), xp.cos(q)] if turning else [q]
+        out += [w / speed, smooth_sign(w, width, "tanh"), u / torque]
+    return xp.stack([f + zero for f in out], axis=-1)

@@ -17,7 +17,7 @@ from frictionid.friction.laws.network_law import (
     Scale,
     stacked,
 )
-from frictionid.friction.laws.state_features import (
+from frictionid.friction.laws.state_library import (
     SCALES,
     state_features,
     width_of,

@@ -9,7 +9,7 @@ from frictionid.config import Count
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.laws.layers import Hidden, outputs
 from frictionid.friction.laws.network_law import Features, NetworkLaw, Scale
-from frictionid.friction.laws.state_features import (
+from frictionid.friction.laws.state_library import (
     SCALES,
     state_features,
     width_of,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from frictionid.programs.loops import inlined
 from frictionid.mechanics.rigid_body.spatial import dot, momentum
+from frictionid.programs.loops import inlined
 
 
 @inlined

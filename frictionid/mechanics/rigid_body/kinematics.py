@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from frictionid.programs.loops import inlined
 from frictionid.mechanics.rigid_body.spatial import cross_motion
+from frictionid.programs.loops import inlined
 
 
 @inlined

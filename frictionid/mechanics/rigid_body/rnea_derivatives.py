@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from frictionid.programs.loops import inlined
 from frictionid.mechanics.rigid_body.inertia import add_to_parents
 from frictionid.mechanics.rigid_body.spatial import (
     cross_force,
@@ -25,6 +24,7 @@ from frictionid.mechanics.rigid_body.spatial import (
     dot,
     momentum,
 )
+from frictionid.programs.loops import inlined
 
 
 @inlined

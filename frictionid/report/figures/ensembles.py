@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.bands import draw_error, near_end
 from frictionid.report.figures.panels import (
     draw_truth,
+    error_to_truth,
     frame,
     label_panels,
     measured,
@@ -20,8 +20,103 @@ from frictionid.report.figures.panels import (
     side_by_side,
     unmeasured_patch,
 )
-from frictionid.report.figures.style import DARK, DASHED, GREY, Style, key_above, line
+from frictionid.report.figures.style import DARK, DASHED, GREY, Style, key_above, line, patch
 from frictionid.report.sections import DataDescription, Model, Section
+
+STRONG, WEAK = 0.5, 0.22  # opacity of the pointwise and the simultaneous band
+
+
+class Band(NamedTuple):
+    """Curve (V,) of a joint at velocities (V,), with half-widths (V,)."""
+
+    velocity: Array
+    curve: Array
+    pointwise: Array
+    simultaneous: Array
+
+
+def curve_bands(
+    fits: Sequence[Model], data: DataDescription, styles: Mapping[str, Style]
+) -> list[Any]:
+    """Pictures of curves and, below each, of the bands about it: a column for each fit."""
+    return [_band_picture(shown, fits, data, styles) for shown in side_by_side(fits)]
+
+
+def _band_picture(
+    shown: Sequence[Model],
+    every: Sequence[Model],
+    data: DataDescription,
+    styles: Mapping[str, Style],
+) -> Any:
+    picture, axes = paired_panels(len(shown), data, 1 / 1.5)
+    for joint in range(len(data.joints)):
+        bands = {model: band_of(model, data, joint) for model in every}
+        high = 1.12 * most([np.abs(band.curve) for band in bands.values()])
+        near = {model: _near_band(model, bands[model], data, joint) for model in every}
+        scale, prefix = prefixed(max(near.values()))
+        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{data.torque_units[joint]}]")
+        for c, model in enumerate(shown):
+            band, colour = bands[model], styles[model.label].colour
+            upper, lower = axes[2 * joint : 2 * joint + 2, c]
+            frame(upper, band.velocity, data, joint, high)
+            _fill(upper, band, band.curve, colour)
+            upper.plot(band.velocity, band.curve, color=colour, linewidth=1.2)
+            draw_truth(upper, data, joint)
+            frame(lower, band.velocity, data, joint, scale * near[model])
+            small = Band(band.velocity, *(scale * part for part in band[1:]))
+            _fill(lower, small, 0.0 * small.curve, colour)
+            lower.axhline(0, color=colour, linewidth=1.2)
+            draw_error(lower, model, data, joint, scale)
+    label_panels(picture, axes, shown, data, styles)
+    key_above(picture, _band_key(data))
+    return picture
+
+
+def draw_error(axis: Any, model: Model, data: DataDescription, joint: int, scale: float) -> None:
+    """The true curve less the fitted one, times a scale, where the truth is known."""
+    off = error_to_truth(model, data, joint)
+    if off is not None:
+        axis.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=DASHED)
+
+
+def band_of(model: Model, data: DataDescription, joint: int) -> Band:
+    """A joint's band; documents without velocities of their own have it on the curves' grid."""
+    own = (model.refined or {})["bands"]
+    velocity = own.get("velocity", data.velocity)
+    curve = own.get("curve", model.curves[-1])
+    parts = (velocity, curve, own["pointwise"], own["simultaneous"])
+    return Band(*(np.asarray(part, dtype=float)[:, joint] for part in parts))
+
+
+def _near_band(model: Model, band: Band, data: DataDescription, joint: int) -> float:
+    """End of the axis of what is about a curve: each fit has its own, to show its bands."""
+    return near_end([band.simultaneous[measured(band.velocity, data, joint)]], model, data, joint)
+
+
+def near_end(parts: list[Array], model: Model, data: DataDescription, joint: int) -> float:
+    """End of an axis that shows all parts, and the truth if it is not far from them."""
+    off = error_to_truth(model, data, joint)
+    if off is not None:
+        # a truth far away must not flatten the rest
+        parts = [*parts, np.minimum(np.abs(off[1]), 4 * most(parts))]
+    return 1.12 * most(parts)
+
+
+def _fill(axis: Any, band: Band, middle: Array, colour: str) -> None:
+    for half, alpha in ((band.simultaneous, WEAK), (band.pointwise, STRONG)):
+        low, high = middle - half, middle + half
+        axis.fill_between(band.velocity, low, high, color=colour, alpha=alpha, linewidth=0)
+
+
+def _band_key(data: DataDescription) -> dict[str, Any]:
+    truth = {} if data.truth is None else {"truth": line(DARK, DASHED, 1)}
+    return {
+        "fit to all data": line(GREY),
+        "95 % at each velocity": patch(GREY, STRONG + WEAK / 2),
+        "95 % at all velocities": patch(GREY, WEAK),
+        "not measured": unmeasured_patch(),
+        **truth,
+    }
 
 
 def ensembles(section: Section) -> list[Model]:

@@ -11,9 +11,9 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, curves, speeds, velocity_grid
 from frictionid.evaluation.ground_truth import steady_state
-from frictionid.friction import Friction
-from frictionid.fitting.identifiers import Identifier
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.friction import Friction
 from frictionid.report.figures.panels import panel_grid, velocity_axis
 from frictionid.report.figures.style import (
     COLOURS,

@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
-from frictionid.report.figures.bands import band_of
+from frictionid.report.figures.ensembles import band_of
 from frictionid.report.figures.panels import most
 from frictionid.report.figures.style import DARK, PALE, Style
 from frictionid.report.html.charts import (

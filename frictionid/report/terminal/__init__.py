@@ -1,1 +1,1 @@
-"""terminal."""
+"""What is printed."""

@@ -10,6 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from frictionid.data.signals import TORQUE_HOLD, Signal, cut
+from frictionid.errors import InputError
+from frictionid.files import read_bytes
+from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.rig.align.angles_file import MeasuredAngles, read_angles
 from frictionid.rig.align.clock import Alignment, Clock, align, by_marker
 from frictionid.rig.align.cross_correlation import around
@@ -20,10 +24,6 @@ from frictionid.rig.controller_clock import ClockRuns
 from frictionid.rig.logfile import Log, read_log
 from frictionid.rig.protocol import SECOND
 from frictionid.rig.rig_settings import RigSettings, rig_settings_of, rig_tables
-from frictionid.data.signals import TORQUE_HOLD, Signal, cut
-from frictionid.errors import InputError
-from frictionid.files import read_bytes
-from frictionid.mechanics import Mechanism, mechanism_of
 
 _EPOCH = 1e8  # [s]: later times count from 1970, as those of other computers do
 _MAX_DIFFERENCE = 600.0  # [s] by which the clocks of two computers may differ

@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.rig.align.align_files import AlignedRecording
-from frictionid.rig.align.drive_response import DriveResponse
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, unit_rows
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.motion import motions_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -26,6 +24,8 @@ from frictionid.report.figures.style import (
     rendered,
 )
 from frictionid.report.numbers import either
+from frictionid.rig.align.align_files import AlignedRecording
+from frictionid.rig.align.drive_response import DriveResponse
 
 _SHOWN = 8.0  # [s] of torque
 _CROWD = 4000  # points

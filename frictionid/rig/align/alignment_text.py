@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from frictionid.mechanics import Mechanism
 from frictionid.rig.align.clock import Alignment
 from frictionid.rig.align.drive_response import DriveResponse
 from frictionid.rig.align.sync_edges import MarkerClock
-from frictionid.mechanics import Mechanism
 
 _WIDE = 1e-3  # [s], half-width of an interval from which on the offset is too uncertain
 _LARGE = 0.1  # share of a viscous coefficient from which on the clock's uncertainty matters

@@ -8,11 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
-from frictionid.rig.align.cross_correlation import CoarseOffset, around, coarse_offset
-from frictionid.rig.align.drifting import Drifting, drifting
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import unit_rows
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.delay import delay_of
 from frictionid.check.motion import motions_of
 from frictionid.check.partial_regression import PARAMETER_PRIOR
@@ -22,23 +19,23 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
-from frictionid.friction.laws import AsymmetricStribeck
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
-from frictionid.mechanics import Mechanism
+from frictionid.fitting.parameters import Estimate, FrictionBlock, InertiaBlock, ParameterBlock
 from frictionid.fitting.shooting import (
     Covariance,
-    Estimate,
-    FrictionBlock,
-    InertiaBlock,
     Intervals,
-    ParameterBlock,
     Settings,
     Solution,
     covariance_of,
     intervals_of,
     solve,
 )
+from frictionid.friction.laws import AsymmetricStribeck
+from frictionid.mechanics import Mechanism
+from frictionid.rig.align.cross_correlation import CoarseOffset, around, coarse_offset
+from frictionid.rig.align.drifting import Drifting, drifting
 
 LAW = AsymmetricStribeck()
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:

@@ -14,11 +14,11 @@ from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second 
 
 from frictionid.arrays import Array
 from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH
-from frictionid.fitting.one_step.balances import Rows
 from frictionid.check.partial_regression import partial_regression
 from frictionid.data.integrals import averages, integrals_of
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
+from frictionid.fitting.one_step.balances import Rows
 from frictionid.mechanics import Mechanism
 
 STEP = 0.01  # [s] between offsets

@@ -13,17 +13,13 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
+from frictionid.fitting.parameters import DelayBlock, Estimate, Parameter, ParameterBlock
+from frictionid.fitting.parameters.parameter_block import Values, free_blocks
 from frictionid.fitting.shooting import (
-    DelayBlock,
-    Estimate,
     Intervals,
     Linearisation,
-    Parameter,
-    ParameterBlock,
     Settings,
     ShootingProblem,
-    Values,
-    free_blocks,
     shooting_problem,
 )
 

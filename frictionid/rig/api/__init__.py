@@ -1,1 +1,1 @@
-"""api."""
+"""Public functions on films and clocks."""

@@ -11,19 +11,19 @@ from typing import Any
 
 import tomli_w
 
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import TORQUE_HOLD
+from frictionid.errors import InputError
+from frictionid.files import write_bytes, write_text
 from frictionid.rig.align.align_files import (
     AlignedRecording,
     AlignmentOptions,
     align_files,
     load_rig,
 )
+from frictionid.rig.align.alignment_figure import alignment_pictures
 from frictionid.rig.align.alignment_text import alignment_document, alignment_text
 from frictionid.rig.align.recording_folder import add_recording, check_place, recording_name
-from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import TORQUE_HOLD
-from frictionid.errors import InputError
-from frictionid.files import write_bytes, write_text
-from frictionid.rig.align.alignment_figure import alignment_pictures
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,15 +11,15 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from frictionid.config import nearest
+from frictionid.errors import InputError
+from frictionid.files import write_bytes, write_text
+from frictionid.outputs import check_outputs
 from frictionid.rig.camera.angles import Angles, angles_csv
 from frictionid.rig.camera.follow import FrameMarkers
 from frictionid.rig.camera.marker_setup import MarkerSetup, load_marker_setup
 from frictionid.rig.camera.source import Source, open_source
 from frictionid.rig.camera.track import track as tracked
-from frictionid.config import nearest
-from frictionid.errors import InputError
-from frictionid.files import write_bytes, write_text
-from frictionid.outputs import check_outputs
 
 METHODS = ("follow", "study")
 

@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from frictionid.arrays import Array
+from frictionid.data.marker_geometry import flattened, mirror
+from frictionid.errors import InputError
 from frictionid.rig.camera.follow import MarkerTracks
 from frictionid.rig.camera.marker_setup import Camera, MarkerSetup
 from frictionid.rig.camera.view_calibration import (
@@ -14,9 +17,6 @@ from frictionid.rig.camera.view_calibration import (
     length_contradiction,
     link_noise,
 )
-from frictionid.arrays import Array
-from frictionid.data.marker_geometry import flattened, mirror
-from frictionid.errors import InputError
 
 FOUND, PREDICTED, LOST = "found", "predicted", "lost"
 _OUTLIER, _PIXELS = 6.0, 1.0  # standard deviations and [px] by which a link may seem too long

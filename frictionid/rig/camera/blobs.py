@@ -14,8 +14,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from frictionid.rig.camera.source import Image
 from frictionid.arrays import Array
+from frictionid.rig.camera.source import Image
 
 _LEVEL = 0.4  # share of the colour from which on a pixel may belong to a dot
 _EDGE = 2.5  # [px] around the dot that belong to its window

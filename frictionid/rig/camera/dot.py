@@ -7,9 +7,9 @@ from collections import deque
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.rig.camera.blobs import Blob, DotModel, Patch, axis_of, centroid
 from frictionid.rig.camera.marker_setup import Marker
-from frictionid.arrays import Array
 
 _AREA_TOLERANCE = 0.1  # by which a dot's area may differ from its median
 _FEW = 5  # dots that make a median

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.rig.camera.blobs import (
     Blob,
     Patch,
@@ -26,7 +27,6 @@ from frictionid.rig.camera.blobs import (
 from frictionid.rig.camera.dot import Dot
 from frictionid.rig.camera.marker_setup import MarkerSetup
 from frictionid.rig.camera.source import Frame, Image
-from frictionid.arrays import Array
 
 _MARGIN = 9.0  # [px] around a predicted dot
 _MARGIN_PER_MISS = 5.0  # [px] more for each frame in which the dot was missing

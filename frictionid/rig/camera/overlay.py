@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.rig.camera.angles import FOUND, LOST, Angles
 from frictionid.rig.camera.source import Frame, Image, Source
-from frictionid.data.video_file import VideoFormat, video_file
 
 _COLOURS = {FOUND: (90, 255, 90), "predicted": (60, 190, 255), LOST: (90, 90, 255)}
 _SHEET, _ACROSS = 12, 4  # pictures of the contact sheet

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.rig.camera.marker_setup import (
     MIN_HUE_DISTANCE,
     Camera,
@@ -22,8 +24,6 @@ from frictionid.rig.camera.marker_setup import (
     hue_distance,
 )
 from frictionid.rig.camera.source import Frame, Image, Source
-from frictionid.arrays import Array
-from frictionid.errors import InputError
 
 _SECONDS, _FRAMES = 5.0, 90  # of the video that are analysed, and how many frames of them
 _CHROMA, _SATURATION = 45.0, 0.33  # from which on a pixel is colourful

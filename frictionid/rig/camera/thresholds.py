@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
+from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.rig.camera.follow import FrameMarkers
 from frictionid.rig.camera.marker_setup import Marker, MarkerSetup
 from frictionid.rig.camera.source import Frame, Image
-from frictionid.arrays import Array
-from frictionid.errors import InputError
 
 _HUE = 15.0  # [deg] of hue that belong to a dot
 _LEVEL = 0.4  # least saturation and value, relative to the dot's

@@ -10,12 +10,12 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from frictionid.errors import InputError
 from frictionid.rig.camera.angles import Angles, angles_of
 from frictionid.rig.camera.follow import FrameMarkers, follow, gather
 from frictionid.rig.camera.marker_setup import MarkerSetup, SyncLed
 from frictionid.rig.camera.source import Frame, Image, Source
 from frictionid.rig.camera.thresholds import follow_by_thresholds
-from frictionid.errors import InputError
 
 Method = Literal["follow", "study"]
 

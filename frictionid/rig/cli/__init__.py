@@ -1,1 +1,1 @@
-"""cli."""
+"""Commands of camera, clocks and drive."""

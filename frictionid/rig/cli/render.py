@@ -26,8 +26,7 @@ def render(
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import InputError
     from frictionid.outputs import check_outputs
-    from frictionid.rig.film.film import video_path, write_film
-    from frictionid.simulate.rig_file import load_film
+    from frictionid.rig.film.film import load_film, video_path, write_film
 
     film, data = load_film(camera), load_dataset(dataset)
     names = [r.name for r in data.recordings]

@@ -41,13 +41,13 @@ def simulate_drive(
     """Play the torque of a recording as a drive would report it, and obey commands."""
     import contextlib
 
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
+    from frictionid.errors import InputError
+    from frictionid.outputs import check_outputs
     from frictionid.rig.rig_settings import load_rig_settings
     from frictionid.rig.virtual_drive.controller import Drive, Faults, torque_of
     from frictionid.rig.virtual_drive.serve import play, plugged
     from frictionid.rig.virtual_drive.terminal import Terminal
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.errors import InputError
-    from frictionid.outputs import check_outputs
 
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")

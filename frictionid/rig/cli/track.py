@@ -47,11 +47,11 @@ def track(
         return _propose(video, rig, replace, json)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
-    from frictionid.rig.camera.marker_setup import load_marker_setup
-    from frictionid.rig.camera.source import open_source
-    from frictionid.rig.api.track import track as tracked
     from frictionid.cli.progress import counted
     from frictionid.outputs import check_outputs
+    from frictionid.rig.api.track import track as tracked
+    from frictionid.rig.camera.marker_setup import load_marker_setup
+    from frictionid.rig.camera.source import open_source
 
     check_outputs((out, sheet, overlay), (Path(video), rig), replace=replace)
     markers = load_marker_setup(rig)
@@ -81,11 +81,11 @@ def track(
 def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
     import tomllib
 
+    from frictionid.files import json_text, write_text
+    from frictionid.outputs import check_outputs
     from frictionid.rig.camera.marker_setup import marker_setup_text
     from frictionid.rig.camera.propose import propose
     from frictionid.rig.camera.source import open_source
-    from frictionid.files import json_text, write_text
-    from frictionid.outputs import check_outputs
 
     check_outputs([rig], [Path(video)], replace=replace)
     markers = propose(open_source(video))

@@ -1,1 +1,1 @@
-"""film."""
+"""The simulated camera: a scene, a view of it, and videos."""

@@ -11,13 +11,14 @@ import cv2
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from frictionid.config import NotNegative, Positive, check_settings
+from frictionid.config import NotNegative, Positive, check_settings, read_toml
 from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
 from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError
 from frictionid.rig.film.scene import Image, Look, Scene, SyncLed
 from frictionid.rig.film.view import View, chain
+from frictionid.simulate.rig_file import settings_of
 
 CLOCK = 90_000  # ticks per second of time stamps
 _STREAK = 1.0  # [px] between two instants of an exposure
@@ -81,6 +82,11 @@ class Film:
             raise InputError(
                 'codec = "mpeg4" has no time stamps for dropped or jittering frames; use "jpeg"'
             )
+
+
+def load_film(path: str | Path) -> Film:
+    """Simulated camera of a camera.toml."""
+    return settings_of(Film, read_toml(Path(path), "name a camera.toml"), str(path))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fixtures.paths import ROOT
 
-from frictionid.cli import main
+from frictionid.__main__ import main
 from frictionid.data.readers import public_collections
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.public_collections import (

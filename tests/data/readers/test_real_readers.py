@@ -16,10 +16,10 @@ from frictionid.data.readers.public_collections import check_file, collections
 from frictionid.data.readers.reader_names import READERS
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, MotorLoad
 
 pytestmark = pytest.mark.real
 

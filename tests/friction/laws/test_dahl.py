@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
 
-from frictionid.friction import Friction, along, at_rest
-from frictionid.friction.laws import CoulombViscous, Dahl, DahlMotorLoad, LuGre, MotorLoad
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.friction import Friction, along, at_rest
+from frictionid.friction.laws import CoulombViscous, Dahl, DahlMotorLoad, LuGre, MotorLoad
 
 THETA = np.array([[0.1, 0.02, 0.01]])
 

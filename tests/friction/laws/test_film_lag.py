@@ -6,9 +6,9 @@ from fixtures.exact_problems import everything, explained_by
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricStribeck, FilmLag, Stribeck
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.mechanics import Plant, pendulum
 
 THETA = np.array([[0.1, 0.06, 1.5, 0.02, 0.05]])

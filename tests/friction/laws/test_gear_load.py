@@ -6,6 +6,8 @@ import torch
 
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, Inputs, Nodes
 from frictionid.friction.laws import (
     CoulombViscous,
@@ -15,8 +17,6 @@ from frictionid.friction.laws import (
     Stribeck,
     check_law,
 )
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.residual import Problem
 
 MOMENT = 0.5
 GEAR = GearLoad(MOMENT)

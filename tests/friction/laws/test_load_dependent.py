@@ -6,10 +6,10 @@ from fixtures.exact_problems import everything, explained_by
 
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import acceleration
-from frictionid.friction import Friction, Inputs, at_rest
-from frictionid.friction.laws import CoulombViscous, LoadDependent, LoadDependentStribeck, Stribeck
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.friction import Friction, Inputs, at_rest
+from frictionid.friction.laws import CoulombViscous, LoadDependent, LoadDependentStribeck, Stribeck
 from frictionid.mechanics import Plant, pendulum
 
 THETA = np.array([[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]])

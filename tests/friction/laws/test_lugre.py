@@ -8,6 +8,8 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import step
 from frictionid.dynamics.step_size import substeps
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import (
     AsymmetricLuGre,
@@ -16,8 +18,6 @@ from frictionid.friction.laws import (
     LuGre,
     Stribeck,
 )
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.mechanics import Plant, pendulum
 
 # coulomb, peak, stribeck_velocity, viscous, presliding, damping, damping_velocity

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from frictionid.friction import Friction, Inputs, Nodes
-from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction, Inputs, Nodes
+from frictionid.friction.laws import CoulombViscous, MotorLoad
 
 THETA = np.array([[0.01, 0.005, 0.3]])
 

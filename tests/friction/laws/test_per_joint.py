@@ -11,12 +11,12 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import CoulombViscous, PerJoint, Stribeck
 from frictionid.friction.laws.per_joint import PARTS
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 

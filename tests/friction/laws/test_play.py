@@ -9,9 +9,9 @@ import frictionid as fid
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, Play, Stribeck, check_law
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.mechanics import Plant, pendulum
 from frictionid.simulate.servo_log import ServoPendulum
 

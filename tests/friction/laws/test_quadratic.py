@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
 
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import AsymmetricCoulombViscous, CoulombViscous, Quadratic
-from frictionid.fitting.identifiers import LeastSquares
 
 THETA = np.array([[0.1, 0.02, 0.003], [0.05, 0.0, 0.001]])
 SIDES = np.array([[0.1, 0.14, 0.02], [0.05, 0.03, 0.01]])

@@ -7,11 +7,11 @@ from fixtures.exact_problems import everything, explained_by
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Ripple, Stribeck
 from frictionid.friction.laws.ripple import BASES
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.fitting.identifiers import LeastSquares
 
 THETA = {
     "coulomb_viscous": [[0.1, 0.02], [0.05, 0.01]],

@@ -8,11 +8,11 @@ from scipy.interpolate import BSpline
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares, Linear
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck
 from frictionid.friction.model_files import load_model, model_document, read_model, save_model
-from frictionid.fitting.identifiers import LeastSquares, Linear
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 DEGREES = pytest.mark.parametrize("degree", [1, 2, 3])

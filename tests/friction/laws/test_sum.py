@@ -6,6 +6,7 @@ from fixtures.exact_problems import everything, explained_by
 
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Inputs
 from frictionid.friction.laws import (
     AsymmetricStribeck,
@@ -16,7 +17,6 @@ from frictionid.friction.laws import (
     Stribeck,
     Sum,
 )
-from frictionid.fitting.identifiers import LeastSquares
 
 X = Inputs(*np.random.default_rng(0).normal(size=(4, 60, 2)))._replace(
     load=np.random.default_rng(1).uniform(1.0, 5.0, (60, 2))

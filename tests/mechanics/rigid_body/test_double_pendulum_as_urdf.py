@@ -7,12 +7,12 @@ import pytest
 
 from frictionid import load_dataset
 from frictionid.data.plants import plant_of
-from frictionid.friction.laws import CoulombViscous
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.mechanics import double_pendulum, urdf
-from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.friction.laws import CoulombViscous
+from frictionid.mechanics import double_pendulum, urdf
 
 PARAMETERS = {"m1": 0.6, "m2": 0.4, "l1": 0.25, "r1": 0.12, "r2": 0.15, "I1": 0.013, "I2": 0.012}
 URDF = """<robot name="pendulum"><link name="base"/>

@@ -1,0 +1,140 @@
+"""The command line: one command per file, everything heavy imported when a command runs."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+
+from frictionid.cli.check import check
+from frictionid.cli.compare import compare
+from frictionid.cli.data import data
+from frictionid.cli.evaluate import evaluate
+from frictionid.cli.fit import fit
+from frictionid.cli.identifiers import identifiers
+from frictionid.cli.init import init
+from frictionid.cli.laws import laws
+from frictionid.cli.mechanisms import mechanisms
+from frictionid.cli.predict import predict
+from frictionid.cli.quick import quick
+from frictionid.cli.quiet import QUIET, without_quiet
+from frictionid.cli.report import report
+from frictionid.cli.sensitivity import sensitivity
+from frictionid.cli.simulate import simulate
+from frictionid.cli.suggest import suggest
+from frictionid.cli.tune import tune
+from frictionid.deploy.cli.baseline import baseline
+from frictionid.deploy.cli.compensate import compensate
+from frictionid.deploy.cli.export import export
+from frictionid.deploy.cli.monitor import monitor
+from frictionid.deploy.cli.pool import pool
+from frictionid.errors import InputError
+from frictionid.rig.cli.align import align
+from frictionid.rig.cli.excite import excite
+from frictionid.rig.cli.log import log
+from frictionid.rig.cli.render import render
+from frictionid.rig.cli.simulate_drive import simulate_drive
+from frictionid.rig.cli.track import track
+
+app = typer.Typer(
+    name="frictionid",
+    rich_markup_mode=None,  # brackets in help are units, not markup
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+)
+for command in (
+    init,
+    quick,
+    check,
+    compare,
+    fit,
+    evaluate,
+    predict,
+    pool,
+    export,
+    compensate,
+    report,
+    baseline,
+    monitor,
+    simulate,
+    suggest,
+    log,
+    excite,
+    align,
+    simulate_drive,
+):
+    app.command()(command)
+app.command()(tune)
+app.command()(sensitivity)
+app.command()(track)
+app.command()(render)
+for listing in (mechanisms, laws, identifiers):
+    app.command()(listing)
+app.add_typer(data, name="data")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"frictionid {version('frictionid')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+    quiet: Annotated[
+        bool, typer.Option(*QUIET, help="Print nothing but errors; after a command, too.")
+    ] = False,
+) -> None:
+    """Identify friction in robot joints from recorded motion, and compare the models fairly."""
+
+
+def main() -> int:
+    """Run the command line; a user's mistake ends in one line and exit status 2."""
+    with without_quiet(sys.argv[1:] or ["--help"]) as words, warnings.catch_warnings():
+        if not sys.warnoptions:  # overflows of damaged numbers end in results that are refused
+            warnings.filterwarnings("ignore", category=RuntimeWarning)
+        return _run(words)
+
+
+def _run(words: list[str]) -> int:
+    try:
+        return int(app(args=words, standalone_mode=False) or 0)
+    except InputError as error:
+        return _complain(str(error), 2)
+    except typer.Exit as stop:
+        return int(stop.exit_code)
+    except KeyboardInterrupt:
+        return _complain("interrupted", 130)
+    except typer.Abort:
+        return _complain("interrupted", 130)
+    except (OSError, MemoryError) as error:  # a full disk, a closed pipe, a small memory
+        return _complain(_environment(error), 2)
+    except Exception as error:
+        shown = getattr(error, "format_message", None)  # click's complaints about arguments
+        if shown is None:
+            raise
+        return _complain(f"{shown()} (see frictionid --help)", 2)
+
+
+def _environment(error: OSError | MemoryError) -> str:
+    """What the computer lacks, where no reader or writer could say it better."""
+    if isinstance(error, MemoryError):
+        return "the memory is too small for this: use fewer or shorter recordings"
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}: make room, or check the place"
+
+
+def _complain(message: str, status: int) -> int:
+    print(f"frictionid: {' '.join(message.split())}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,47 @@
+"""All formats alike: laws of every kind are written or refused, and packages are asked for."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from test_programs import LAWS, friction_by
+
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import FORMATS, ExportSettings, writer_of
+from frictionid.errors import InputError
+
+CODE = ("c", "st", "python", "casadi", "onnx", "torchscript", "yaml", "latex")
+
+
+@pytest.mark.parametrize("to", CODE)
+def test_every_law_is_written_or_refused_in_one_line(to):
+    """No law is refused but networks as equations, and no friction at all as a graph."""
+    refused = set()
+    for name, law in LAWS.items():
+        if law.is_network and name != "mlp":  # whose code is long
+            continue
+        own = exported(friction_by(law, np.random.default_rng(16)), speeds=(2.0, 3.0))
+        try:
+            made = writer_of(to)(own, ExportSettings())
+        except InputError:
+            refused.add(name)
+        else:
+            assert all(made.files.values()) and made.notes
+    assert refused == {"latex": {"mlp"}, "onnx": {"none"}, "torchscript": {"none"}}.get(to, set())
+
+
+PACKAGES = {"casadi": "casadi_functions", "onnx": "onnx_graph", "yaml": "yaml_table"}
+
+
+@pytest.mark.parametrize(("package", "module"), PACKAGES.items())
+def test_a_missing_package_is_asked_for(package, module, monkeypatch):
+    monkeypatch.delitem(sys.modules, f"frictionid.export.{module}", raising=False)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=r"not installed: pip install frictionid\[export\]"):
+        writer_of(package)
+
+
+def test_formats_are_listed():
+    assert set(CODE) < set(FORMATS)

@@ -1,0 +1,85 @@
+"""Coulomb and viscous friction nearest to a model, and what it costs on recorded motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.deploy.export.cost import cost_of, cost_sentence
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.nearest import break_away, differs, nearest
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.friction.laws import AsymmetricCoulombViscous, CoulombViscous, Quadratic, Stribeck
+
+
+@pytest.fixture(scope="module")
+def data():
+    """Two seconds of one recording."""
+    whole = load_dataset("acrobot_clean")
+    run = whole.recordings[0]
+    angle, torque = (
+        s._replace(time=s.time[:120], value=s.value[:120]) for s in (run.angle, run.torque)
+    )
+    run = replace(run, angle=angle, torque=torque, truth=None)
+    return replace(whole, recordings=(run,), truth=None)
+
+
+def test_a_law_without_its_own_terms_is_found_as_it_is():
+    model = Friction(Stribeck(), np.array([[0.1, 0.0, 0.5, 0.02]]))
+    own = exported(model, speeds=(7.0,))
+    np.testing.assert_allclose(nearest(own).theta, [[0.1, 0.02]], atol=1e-12)
+    assert not differs(own, nearest(own))
+
+
+def test_levels_of_two_directions_give_their_mean():
+    model = Friction(AsymmetricCoulombViscous(), np.array([[0.1, 0.3, 0.02]]))
+    np.testing.assert_allclose(nearest(exported(model, speeds=(7.0,))).theta, [[0.2, 0.02]])
+    np.testing.assert_allclose(break_away(model), [0.2])
+
+
+def test_the_level_of_an_arctangent_is_kept_as_the_level():
+    model = Friction(CoulombViscous(width=0.01, shape="arctan"), np.array([[0.1, 0.02]]))
+    own = exported(model, speeds=(7.0,))
+    np.testing.assert_array_equal(nearest(own).theta, model.theta)
+    assert differs(own, nearest(own))
+
+
+def test_no_numbers_without_speeds():
+    model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01]]))
+    with pytest.raises(InputError, match="name the data set"):
+        nearest(exported(model))
+
+
+def test_recorded_motion_weighs_speeds(data):
+    """Of a square law, the line through slow motion is flatter than through all speeds alike."""
+    model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01]] * 2))
+    own = exported(model, data=data, speeds=(30.0, 30.0))
+    alike = exported(model, speeds=(30.0, 30.0))
+    assert (nearest(own).theta[:, 1] < nearest(alike).theta[:, 1]).all()
+
+
+def test_the_cost_is_the_difference_on_the_datas_motion(data):
+    theta = np.array([[0.1, 0.02], [0.05, 0.01]])
+    own = exported(Friction(CoulombViscous(), theta), data=data)
+    same = cost_of(own, own.friction)
+    assert same.torque == (0.0, 0.0) and same.apart == 0.0 and same.own == same.held
+    w = own.prepared.integral.nodes.inputs.w
+    more = cost_of(own, replace(own.friction, theta=theta + [[0.0, 0.01], [0.0, 0.0]]))
+    assert more.torque[0] == pytest.approx(0.01 * np.sqrt((w[:, 0] ** 2).mean()), rel=1e-9)
+    assert more.torque[1] == 0.0 and more.apart > 0.0 and more.held != more.own
+    assert f"{more.apart:.3g} from these" in cost_sentence(own, more)
+
+
+def test_short_recordings_show_the_cost_over_half_of_them(data):
+    run = data.recordings[0]
+    angle, torque = (
+        s._replace(time=s.time[:80], value=s.value[:80]) for s in (run.angle, run.torque)
+    )
+    short = replace(data, recordings=(replace(run, angle=angle, torque=torque),))
+    own = exported(Friction(CoulombViscous(), np.zeros((2, 2))), data=short)
+    assert own.horizon == 0.7  # of 1.3 s
+    assert cost_of(own, own.friction).predictions > 0

@@ -1,0 +1,67 @@
+"""Real motion replayed in MuJoCo, and by BAM's files: rows of comparisons/exported.py in little."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.paths import DATA, ROOT
+
+import frictionid as fid
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.deploy.export.cost import at_horizon
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings
+from frictionid.evaluation.rollouts import predict
+
+sys.path.append(str(ROOT / "comparisons"))
+from exported import halves, row, with_starts
+
+pytestmark = pytest.mark.real
+
+
+@pytest.mark.parametrize(
+    ("law", "theta"),
+    [
+        (fid.CoulombViscous(), [[0.2614, 0.0], [0.1475, 0.003119]]),
+        (fid.Stribeck(), [[0.1257, 0.1337, 3.45, 0.0154], [0.0, 0.1365, 5.851, 0.02012]]),
+    ],
+)
+def test_swing_ups_in_mujoco_err_as_ours(law, theta, real_data):
+    """Of the one-step fits to dfki_c1, rounded."""
+    swingups = load_dataset(DATA / "dfki_c1_swingup", real_data / "dfki_double_pendulum")
+    done = row("swing-ups", fid.Friction(law, np.array(theta)), swingups, swingups, 6)
+    assert done.callback == pytest.approx(done.ours, rel=0.1)
+    assert done.apart < 0.002
+
+
+@pytest.fixture(scope="module")
+def servo(real_data):
+    return load_dataset(DATA / "bam_xl330", real_data / "bam_xl330")
+
+
+def test_a_fitted_servo_is_the_same_after_a_file_of_bam(servo, tmp_path):
+    training, held_out = halves(servo)
+    fit = fid.fit(training, fid.GearLoad(moment=0.48052585))
+    done = fit.export("bam", tmp_path / "m6.json", settings=ExportSettings("xl330"))
+    assert done.lost == ()
+    back = fid.load_model(tmp_path / "m6.json").friction
+    motor = {name: back.parameters[name] for name in ("kt", "R", "rotor", "g")}
+    own = replace(fit.friction, parameters=motor)
+    prepared = exported(back, data=held_out).prepared
+    initial = with_starts(prepared.initial_states, 6)
+    plant = prepared.plant[initial.recording]
+    q = [
+        at_horizon(predict(plant, f[None][np.zeros(len(initial.q), dtype=int)], initial).q, initial)
+        for f in (own, back)
+    ]
+    np.testing.assert_allclose(q[1], q[0], atol=1e-9)
+
+
+def test_the_published_servo_in_mujoco_errs_as_ours(servo):
+    friction = fid.load_model(DATA / "bam_xl330" / "m6.json").friction
+    done = row("M6", friction, *halves(servo), 4)
+    assert done.apart < 0.002
+    assert done.joints_alone > 1.5 * done.ours  # what a file without the callback loses

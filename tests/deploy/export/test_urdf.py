@@ -1,0 +1,85 @@
+"""Friction in a URDF: levels and slopes of joints, all else as it was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.xml_text import elements
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, Stribeck
+
+ROBOT = """<robot name="arm">
+  <!-- two joints -->
+  <link name="base"/> <link name="a"/> <link name="b"/>
+  <joint name="one" type="revolute">
+    <parent link="base"/>
+    <child link="a"/>
+    <dynamics friction='5'/>
+  </joint>
+  <joint name="two" type="prismatic">
+    <parent link="a"/>
+    <child link="b"/>
+  </joint>
+  <transmission name="t"><joint name="one"/></transmission>
+</robot>
+"""
+THETA = np.array([[0.12, 0.02], [3.5, 0.7]])
+
+
+def written(tmp_path, text=ROBOT, law=None, theta=THETA, units=("rad", "m")):
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    model = Friction(law or CoulombViscous(), theta, position_units=units)
+    own = exported(model, ("one", "two"), (5.0, 1.0))
+    return writer_of("urdf")(own, ExportSettings(into=path))
+
+
+def test_levels_and_slopes_stand_in_the_joints_and_all_else_stays(tmp_path):
+    made = written(tmp_path)
+    text = made.files[".urdf"].decode()
+    found = [e.attributes for e in elements(text.encode(), "it") if e.tag == "dynamics"]
+    values = [[float(e["friction"]), float(e["damping"])] for e in found]
+    np.testing.assert_array_equal(values, THETA)
+    assert text == ROBOT.replace("friction='5'", 'friction="0.12" damping="0.02"').replace(
+        '<child link="b"/>', '<child link="b"/>\n    <dynamics damping="0.7" friction="3.5"/>'
+    )
+    assert made.lost == () and made.notes == ("one had friction 5",)
+
+
+def test_marks_of_order_ends_of_lines_and_letters_stay(tmp_path):
+    text = "\ufeff" + ROBOT.replace("two joints", "zwei Gelenke: größer").replace("\n", "\r\n")
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(text.encode())
+    model = Friction(CoulombViscous(), THETA, position_units=("rad", "m"))
+    own = exported(model, ("one", "two"))
+    made = writer_of("urdf")(own, ExportSettings(into=path)).files[".urdf"].decode()
+    new = '<dynamics damping="0.7" friction="3.5"/>'
+    assert made == text.replace("friction='5'", 'friction="0.12" damping="0.02"').replace(
+        '<child link="b"/>', f'<child link="b"/>\r\n    {new}'
+    )
+
+
+def test_what_a_urdf_cannot_hold_is_said(tmp_path):
+    made = written(tmp_path, law=Stribeck(), theta=np.array([[0.1, 0.05, 0.5, 0.02]] * 2))
+    assert any("no Stribeck" in sentence for sentence in made.lost) and made.held is not None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("prismatic", "revolute", "'two' is revolute, .* in m"),
+        ('name="two"', 'name="three"', "no joint 'two', it has one, three"),
+        ('"robot"', '"r', "is no XML|no URDF"),
+        ("</robot>", "", "is no XML"),
+    ],
+)
+def test_files_that_cannot_be_given_friction_are_refused(tmp_path, old, new, words):
+    text = ROBOT.replace(old, new)
+    if old == '"robot"':
+        text = "<sdf/>"
+    with pytest.raises(InputError, match=words):
+        written(tmp_path, text)

@@ -1,0 +1,51 @@
+"""The command writes a compensation as a table or as code, and says in one line what it lacks."""
+
+import csv
+import runpy
+
+import numpy as np
+from fixtures.command_line import run_command
+
+from frictionid.comparison.registry import LAWS
+from frictionid.deploy.use.compensation import Compensation, compensating
+from frictionid.friction import Friction
+from frictionid.friction.laws import Stribeck
+from frictionid.friction.model_files import save_model
+
+FRICTION = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
+SETTINGS = ("--gain", 0.8, "--limit", 0.12, "--smooth", 0.1)
+CURVE = compensating(FRICTION, Compensation(gain=0.8, smooth=0.1, torque_limit=0.12)).curve
+
+
+def run(monkeypatch, capsys, folder, *arguments):
+    save_model(FRICTION, folder / "model.json", LAWS)
+    return run_command(monkeypatch, capsys, folder, "compensate", "model.json", *arguments)
+
+
+def test_a_table(monkeypatch, capsys, tmp_path):
+    given = ("--out", "table.csv", "--speed", 5.0, *SETTINGS)
+    code, out, _ = run(monkeypatch, capsys, tmp_path, *given)
+    assert code == 0 and "table.csv" in out
+    rows = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
+    for j in range(2):
+        own = [row for row in rows if row["joint"] == f"joint {j + 1}"]
+        w, torque = (np.array([float(row[key]) for row in own]) for key in ("velocity", "torque"))
+        np.testing.assert_allclose(torque, CURVE(w)[:, j], atol=1e-8)
+
+
+def test_code(monkeypatch, capsys, tmp_path):
+    for to in ("c", "st"):
+        given = ("--out", f"own.{to}", "--to", to, "--speed", 5.0, *SETTINGS)
+        assert run(monkeypatch, capsys, tmp_path, *given)[0] == 0
+        assert "compensation" in (tmp_path / f"own.{to}").read_text()
+    given = ("--out", "own.py", "--to", "python", "--speed", 5.0, *SETTINGS)
+    assert run(monkeypatch, capsys, tmp_path, *given)[0] == 0
+    module = runpy.run_path(str(tmp_path / "own.py"))
+    for w in (-2.0, -0.01, 0.0, 0.3, 4.0):
+        found = module["torque"]([w, w])
+        np.testing.assert_allclose(found, CURVE(np.array([w]))[0], atol=1e-9)
+
+
+def test_a_model_without_speeds_asks_for_them(monkeypatch, capsys, tmp_path):
+    code, _, err = run(monkeypatch, capsys, tmp_path, "--out", "table.csv")
+    assert code == 2 and "give --speed" in err and len(err.strip().splitlines()) == 1

@@ -1,0 +1,140 @@
+"""Compensation: what it is over velocity, that it halves tracking errors, and no limit cycle."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.paths import ROOT
+
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.use.compensation import (
+    Compensation,
+    compensating,
+    compensation_table,
+    feed_forward,
+)
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.friction.law import at_rest
+from frictionid.friction.laws import (
+    AsymmetricStribeck,
+    CoulombViscous,
+    FilmLag,
+    LuGre,
+    Spline,
+    Stribeck,
+)
+
+sys.path.append(str(ROOT / "comparisons"))
+import compensation as study
+
+W = np.concatenate([-np.linspace(8.0, 0.3, 40), np.linspace(0.3, 8.0, 40)])
+STRIBECK = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
+
+
+def some(law):
+    rng = np.random.default_rng(0)
+    start = np.array(law.initial[0])
+    return Friction(law, np.stack([start, start]) * rng.uniform(0.8, 1.2, (2, len(start))))
+
+
+@pytest.mark.parametrize(
+    "law", [CoulombViscous(), AsymmetricStribeck(), Spline(), FilmLag()], ids=str
+)
+def test_beyond_the_change_of_sides_it_is_the_gain_times_friction(law):
+    friction = some(law)
+    own = compensating(friction, Compensation(gain=0.8, smooth=0.02))
+    np.testing.assert_allclose(own.curve(W), 0.8 * friction.curve(W), atol=1e-5)
+
+
+def test_around_rest_it_is_continuous_and_zero_where_friction_is_symmetric():
+    smooth, w = 0.05, np.linspace(-0.2, 0.2, 4001)
+    u = compensating(STRIBECK, Compensation(smooth=smooth)).curve(w)
+    level = STRIBECK.curve(np.array([1e-3]))[0]
+    assert (np.abs(np.diff(u, axis=0)) <= 1.1 * level * (w[1] - w[0]) / smooth).all()
+    np.testing.assert_allclose(u, -u[::-1], atol=1e-12)
+    assert (np.abs(u[2000]) < 1e-12).all()
+
+
+def test_it_stays_within_the_torque_limits_of_each_joint():
+    u = compensating(STRIBECK, Compensation(torque_limit=(0.05, 0.02))).curve(W)
+    np.testing.assert_array_equal(np.abs(u).max(axis=0), [0.05, 0.02])
+
+
+def test_at_rest_it_follows_the_direction_to_come():
+    w = np.zeros((3, 2))
+    a = np.array([[0.0, 0.0], [40.0, -40.0], [400.0, -400.0]])
+    u = feed_forward(STRIBECK, Compensation(gain=1.0, ahead=0.01), 0.01, w, a)
+    near, far = STRIBECK.curve(np.array([0.4, 4.0]))  # ahead at these speeds
+    assert (u[0] == 0.0).all()
+    np.testing.assert_allclose(u[1:] * [1, -1], [near, far], rtol=1e-5)
+
+
+def test_memory_follows_the_reference():
+    """A bristle of the reference takes the presliding of a reversal; steadily it is the curve."""
+    friction, dt = some(LuGre()), 0.002
+    w = np.repeat(np.sign(np.sin(np.arange(1000) * dt * 2 * np.pi))[:, None], 2, axis=1)
+    u = feed_forward(friction, Compensation(gain=1.0, smooth=1e-3), dt, w)
+    np.testing.assert_allclose(u[240], friction.curve(np.array([1.0]))[0], rtol=1e-3)
+
+
+def test_the_table_is_the_compensation_for_who_interpolates_it():
+    settings = Compensation(gain=0.9, smooth=0.05)
+    table = compensation_table(STRIBECK, settings, (6.0, 8.0), ("a", "b"))
+    curve = compensating(STRIBECK, settings).curve
+    for j, (name, last) in enumerate((("a", 6.0), ("b", 8.0))):
+        own = table[table.joint == name]
+        assert own.velocity.iloc[[0, -1]].tolist() == [-last, last]
+        w = np.linspace(-last, last, 5001)
+        found = np.interp(w, own.velocity, own.torque)
+        np.testing.assert_allclose(found, curve(w)[:, j], atol=0.02 * np.abs(curve(w)).max())
+
+
+def test_exported_programs_compute_it_within_its_limits_at_all_speeds():
+    """Also beyond the speeds of the data, where friction goes on as a straight line."""
+    known = replace(STRIBECK, provenance={"speeds": [3.0, 2.0]})
+    own = compensating(known, Compensation(gain=0.9, torque_limit=0.15))
+    program, rng = exported(own).programs.torque, np.random.default_rng(2)
+    assert np.abs(program.run({"w_1": 50.0, "w_2": -50.0})["Tf"]).tolist() == [0.15, 0.15]
+    for w in rng.normal(scale=2.0, size=(50, 2)):
+        found = program.run({"w_1": w[0], "w_2": w[1]})["Tf"]
+        np.testing.assert_allclose(found, own.torque(at_rest(w)), rtol=1e-9, atol=1e-12)
+
+
+def test_tracking_errors_are_halved_without_a_limit_cycle(monkeypatch):
+    """Also with friction that is 20 % wrong, with noise and delay; a rest follows the moves."""
+    monkeypatch.setattr(study, "POINTS", study.POINTS[:2])
+    monkeypatch.setattr(study, "LAST", 1.4)
+    monkeypatch.setattr(study, "STILL", 0.6)
+    found = study.trial((0,), 0.0)
+    for name in ("fitted", "20 % too small", "20 % too large"):
+        assert (found[name].error < 0.5 * found["none"].error).all(), name
+        assert (found[name].swing < study.SWING).all(), name
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"gain": 1.1}, "gain: .* less than or equal to 1"),
+        ({"gain": 0.0}, "gain: .* greater than 0"),
+        ({"smooth": 0.0}, "smooth"),
+        ({"torque_limit": -1.0}, "torque_limit"),
+        ({"ahead": -0.1}, "ahead"),
+        ({"smooth": (0.1, 0.1, 0.1)}, "smooth has 3 numbers, the friction 2 joints"),
+    ],
+)
+def test_settings_that_would_drive_a_joint_are_refused(settings, reason):
+    with pytest.raises(InputError, match=reason):
+        compensating(STRIBECK, Compensation(**settings))
+
+
+def test_what_has_no_friction_torque_is_refused():
+    with pytest.raises(InputError, match="without physics"):
+        compensating(replace(STRIBECK, mechanism="unit"))
+    with pytest.raises(InputError, match="3 speeds for 2 joints"):
+        compensating(replace(STRIBECK, provenance={"speeds": [1.0, 1.0, 1.0]}))
+    with pytest.raises(InputError, match="must be a Friction or a Fit"):
+        compensating("model.json")
+    with pytest.raises(InputError, match="one above 0 for each of 2 joints"):
+        compensation_table(STRIBECK, Compensation(), (1.0,))

@@ -1,0 +1,109 @@
+"""Networks without physics: a known acceleration found again, files, seeds, refusals."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from fixtures.black_box_pendulum import acceleration, fitted, pendulum
+
+from frictionid.comparison.cross_validate import compare
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.data.plants import unit_inertia_plant
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers import BlackBox, check_identifier
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.networks.network import Network
+from frictionid.fitting.networks.state_network import StateNetwork
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.friction import Friction, along
+from frictionid.friction.laws import StateLSTM, StateMLP, check_law, members_of
+from frictionid.friction.model_files import load_model, save_model
+
+KINDS = ["blackbox_mlp", "blackbox_lstm"]
+# Errors that each stays below: of acceleration, relative, and of the angle after 0.25 s [rad].
+ERRORS = {"blackbox_mlp": (0.1, 0.1), "blackbox_lstm": (0.2, 0.2)}
+SMALL = {"blackbox_mlp": StateMLP(hidden=(4,)), "blackbox_lstm": StateLSTM(hidden=(4,), cells=2)}
+pytestmark = pytest.mark.parametrize("kind", KINDS)
+
+
+@cache
+def box(kind: str) -> Identifier:
+    return identifier_named(kind, {"hidden": [16], "epochs": 60, "batch": 64})
+
+
+@cache
+def learned(kind: str) -> Friction:
+    return fitted(box(kind))
+
+
+def small(kind: str, epochs: int) -> Identifier:
+    return BlackBox(StateNetwork(Network(SMALL[kind], epochs=epochs)))
+
+
+def test_the_acceleration_of_a_pendulum_is_learned(kind: str) -> None:
+    nodes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).nodes
+    true = acceleration(*nodes.inputs[:3])
+    error = -along(learned(kind), nodes) - true
+    assert np.sqrt(np.mean(error**2)) < ERRORS[kind][0] * np.sqrt(np.mean(true**2))
+
+
+def test_it_predicts_what_was_held_out(kind: str) -> None:
+    folds = make_folds(pendulum().recordings, Split(count=2))
+    protocol = Protocol((0.25,), every=0.5)
+    (result,) = compare(pendulum(), {"box": box(kind)}, folds, protocol=protocol).values()
+    changes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).r
+    assert result.value("one_step_integral", "rms") < 0.5 * np.sqrt(np.mean(changes**2))
+    assert result.value("rollout_angle", "median", 0.25) < ERRORS[kind][1]
+    assert np.isnan(result.curves).all()  # it is no friction curve
+
+
+def test_it_keeps_to_the_protocols(kind: str) -> None:
+    check_law(SMALL[kind], level=False)
+    check_identifier(small(kind, epochs=2))
+
+
+def test_another_seed_gives_another_network(kind: str) -> None:
+    problem = synthetic_problem(1)
+    weights = np.ones((1, len(problem.r)))
+    one, two = (small(kind, epochs=1).fit(problem, weights, seed).theta for seed in (0, 1))
+    assert not np.allclose(one, two)
+
+
+def test_a_file_holds_all_of_it(kind: str, tmp_path) -> None:
+    save_model(learned(kind), tmp_path / "box.json", LAWS)
+    back = load_model(tmp_path / "box.json", LAWS)
+    assert back.mechanism == "unit" and back.law == learned(kind).law
+    assert np.array_equal(back.theta, learned(kind).theta)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"hidden": [0]}, "hidden"), ({"epochs": 0}, "epochs"), ({"width": -1.0}, "width")],
+)
+def test_settings_out_of_range_are_refused(kind: str, settings, message) -> None:
+    with pytest.raises(InputError, match=message):
+        identifier_named(kind, settings)
+
+
+def test_problems_with_masked_rows_are_refused(kind: str) -> None:
+    problem = mask_stiction(synthetic_problem(1), 1.0)
+    with pytest.raises(InputError, match="velocity_threshold = 0"):
+        box(kind).fit(problem, np.ones((1, len(problem.r))), 0)
+
+
+def test_an_ensemble_is_the_mean_of_its_members_from_a_file_too(kind: str, tmp_path) -> None:
+    problem = synthetic_problem(1)
+    ensemble = identifier_named(kind, {"members": 2, "epochs": 1})
+    friction = ensemble.fit(problem, np.ones((1, len(problem.r))), 0)[0]
+    each = along(members_of(friction), problem.nodes)
+    assert np.abs(each[0] - each[1]).max() > 0
+    np.testing.assert_allclose(along(friction, problem.nodes), each.mean(axis=0), rtol=1e-12)
+    save_model(friction, tmp_path / "box.json", LAWS)
+    back = load_model(tmp_path / "box.json", LAWS)
+    assert back.law == friction.law and np.array_equal(back.theta, friction.theta)

@@ -1,0 +1,327 @@
+"""The contract of identifiers: ours keep it, and the check finds every violation."""
+
+import pickle
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from fixtures.memory_laws import Sampled
+
+from frictionid.comparison.registry import IDENTIFIERS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published, check_identifier
+from frictionid.fitting.identifiers.synthetic_problem import (
+    synthetic_problem,
+    synthetic_weights,
+    true_friction,
+)
+from frictionid.fitting.networks.compressed import CompressedNetwork
+from frictionid.fitting.networks.network import Network
+from frictionid.friction import Friction, along
+from frictionid.friction.laws import (
+    MLP,
+    AsymmetricStribeck,
+    CoulombViscous,
+    FilmLag,
+    NoFriction,
+    Stribeck,
+)
+
+
+@dataclass(frozen=True)
+class Film(FilmLag):
+    """Film friction within bounds that leave it determined."""
+
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (
+        *((0.0, 1.0), (0.0, 1.0), (0.5, 5.0), (0.0, 1.0), (0.002, 0.5)),
+    )
+
+
+@dataclass(frozen=True)
+class Mean(Identifier):
+    """A user's own: the viscous friction that is best for all joints together."""
+
+    share: float = 1.0
+
+    def fit(self, problem, weights, seed):
+        w = problem.mean(problem.nodes.inputs.w)
+        column = np.einsum("kij,kj->ki", problem.G, w)
+        best = (weights @ (column * problem.r).sum(1)) / (weights @ (column**2).sum(1))
+        n = problem.r.shape[1]
+        theta = np.stack([np.zeros((len(weights), n)), np.repeat(best[:, None], n, 1)], axis=-1)
+        return Friction(CoulombViscous(), self.share * theta)
+
+
+OURS = [
+    Frictionless(),
+    *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), AsymmetricStribeck())),
+    *(LeastSquares(law) for law in (NoFriction(), Sampled())),
+    LeastSquares(Stribeck(), robust=2.0),
+    CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,)),
+    Network(MLP((4,)), epochs=3, inputs="all", members=2),
+    Mean(),
+]
+
+
+@pytest.mark.parametrize("identifier", OURS, ids=str)
+def test_identifiers_keep_to_the_contract(identifier):
+    check_identifier(identifier)
+    fitted = identifier.fit(synthetic_problem(1), synthetic_weights(synthetic_problem(1)), 0)
+    assert fitted.theta.shape[:2] == (3, 1)
+
+
+# What has no default, and less training: the contract holds however well a network fits.
+QUICK = {"epochs": 2}
+SETTINGS = {
+    "gear_load": {"moment": 0.1},
+    "sklearn": {"estimator": "kernel_ridge"},
+    **dict.fromkeys(("lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm"), QUICK),
+}
+
+
+@pytest.mark.parametrize("name", IDENTIFIERS)
+def test_every_identifier_of_the_suites_keeps_to_it(name):
+    if name == "published":
+        check_identifier(Published(true_friction(2)), joints=(2,))
+        assert Published(true_friction(1)) not in OURS
+    else:
+        made = identifier_named(name, SETTINGS.get(name, {}))
+        check_identifier(made, joints=(1,))
+
+
+def test_laws_with_memory_are_fitted_in_the_contract():
+    problem = synthetic_problem(1)
+    identifier = LeastSquares(Film(), iterations=6)
+    check_identifier(identifier, joints=(1,))
+    friction = identifier.fit(problem, synthetic_weights(problem), 0)
+    residual = problem.residual(along(friction, problem.nodes))
+    assert np.abs(residual).mean() < 0.2 * np.abs(problem.r).mean()
+
+
+def test_the_practice_problem_is_explained_by_its_friction_and_has_what_the_contract_needs():
+    for n in (1, 2):
+        problem = synthetic_problem(n, noise=0.0)
+        weights = synthetic_weights(problem)
+        residual = problem.residual(along(true_friction(n), problem.nodes))
+        np.testing.assert_allclose(residual, 0.0, atol=1e-15)
+        assert problem.r.shape == (120, n)
+        assert problem.history == 4
+        assert (weights > 0).any(axis=1).all()
+        assert (weights == 0).all(axis=0).any()
+        speed = np.abs(problem.nodes.inputs.w)
+        assert ((1.0 < speed.max(0)) & (speed.max(0) < 10.0)).all()
+        assert (np.diff(np.sign(problem.nodes.inputs.w), axis=0) != 0).any(axis=0).all()
+        same = pickle.dumps(synthetic_problem(n)) == pickle.dumps(synthetic_problem(n))
+        assert same
+
+
+# What the check finds: one identifier for each rule, which breaks it.
+
+INNER = LeastSquares(CoulombViscous())
+
+
+@dataclass(frozen=True)
+class Ill(Identifier):
+    """An identifier to break: what a subclass changes is all that is wrong."""
+
+    def fit(self, problem, weights, seed):
+        return self.after(INNER.fit(problem, weights, seed), problem, weights)
+
+    def after(self, friction, problem, weights):
+        return friction
+
+
+class Bare(Ill):
+    def after(self, friction, problem, weights):
+        return friction.theta
+
+
+class Single(Ill):
+    def after(self, friction, problem, weights):
+        return friction[0]
+
+
+class Undefined(Ill):
+    def after(self, friction, problem, weights):
+        return replace(friction, theta=friction.theta * np.nan)
+
+
+class Leaking(Ill):
+    def after(self, friction, problem, weights):
+        return replace(friction, theta=0.0 * friction.theta + friction.theta.mean(0))
+
+
+class Absolute(Ill):
+    def after(self, friction, problem, weights):
+        size = weights.sum(1)[:, None, None]
+        return replace(friction, theta=friction.theta * size / (10.0 + size))
+
+
+class Unweighted(Ill):
+    def after(self, friction, problem, weights):
+        return INNER.fit(problem, np.ones_like(weights), 0)
+
+
+class Random(Ill):
+    def after(self, friction, problem, weights):
+        off = 1.0 + 1e-9 * np.random.default_rng().standard_normal()
+        return replace(friction, theta=friction.theta * off)
+
+
+class Spoiling(Ill):
+    def after(self, friction, problem, weights):
+        problem.r[...] *= 2.0
+        return friction
+
+
+class Wasting(Ill):
+    def after(self, friction, problem, weights):
+        weights[...] = 1.0
+        return friction
+
+
+@dataclass
+class Learning(Identifier):
+    calls: int = 0
+
+    def fit(self, problem, weights, seed):
+        self.calls += 1
+        return INNER.fit(problem, weights, seed)
+
+
+class Nameless(Identifier):
+    def fit(self, problem, weights, seed):
+        return INNER.fit(problem, weights, seed)
+
+
+@dataclass(frozen=True)
+class Shapeless(CoulombViscous):
+    def torque(self, theta, x, memory):
+        return super().torque(theta, x, memory)[..., :1, :]
+
+
+@dataclass(frozen=True)
+class Pulling(CoulombViscous):
+    def limit(self, theta, x, memory):
+        return -super().limit(theta, x, memory)
+
+
+@dataclass(frozen=True)
+class Jointless(CoulombViscous):
+    def torque(self, theta, x, memory):
+        return CoulombViscous().torque(theta, x, memory)
+
+    def limit(self, theta, x, memory):
+        return theta[..., 0, 0]
+
+
+@dataclass(frozen=True)
+class Wild(CoulombViscous):
+    def torque(self, theta, x, memory):
+        return super().torque(theta, x, memory) * np.where(x.w > 1.0, np.inf, 1.0)
+
+
+@dataclass(frozen=True)
+class Forgetful(CoulombViscous):
+    def __reduce__(self):
+        return Forgetful, ()
+
+
+@dataclass(frozen=True)
+class Mixing(CoulombViscous):
+    def torque(self, theta, x, memory):
+        return super().torque(theta + theta.mean(0), x, memory)
+
+
+@dataclass(frozen=True)
+class OtherLaw(Ill):
+    """Friction of another law than the one that was fitted."""
+
+    law: CoulombViscous
+
+    def after(self, friction, problem, weights):
+        return replace(friction, law=self.law)
+
+
+@dataclass(frozen=True)
+class Forgotten(Ill):
+    def after(self, friction, problem, weights):
+        return replace(friction, law=Forgetful(width=1.0))
+
+
+@dataclass(frozen=True)
+class Local(Ill):
+    def after(self, friction, problem, weights):
+        return replace(friction, provenance={"by": lambda: None})
+
+
+@dataclass(frozen=True)
+class Drawing(Identifier):
+    """Says that no seed changes what it finds, and draws."""
+
+    seeded = False
+
+    def fit(self, problem, weights, seed):
+        friction = INNER.fit(problem, weights, seed)
+        return replace(friction, theta=friction.theta * (1.0 + 1e-3 * seed))
+
+
+class Foreign:
+    def fit(self, problem, weights, seed):
+        return INNER.fit(problem, weights, seed)
+
+
+VIOLATIONS = [
+    (Foreign(), "it must derive from Identifier"),
+    (Bare(), "fit must give a Friction"),
+    (Single(), r"theta must have shape \(3, 1, 2\), not \(1, 2\)"),
+    (Undefined(), "theta must be finite; a failed fit raises"),
+    (Leaking(), "fold 0 must be the same alone"),
+    (Absolute(), "doubling all weights must change nothing"),
+    (Unweighted(), "must have no influence"),
+    (Random(), "the same seed must give the same numbers"),
+    (Drawing(), "another seed must give the same numbers"),
+    (Spoiling(), "fit must not change the problem"),
+    (Wasting(), "fit must not change the weights"),
+    (Learning(), "fit must not change the settings"),
+    (Nameless(), "repr must say its settings"),
+    (OtherLaw(Shapeless()), "torque must be .* along the nodes"),
+    (OtherLaw(Pulling()), "limit must not be negative"),
+    (OtherLaw(Jointless()), "limit must be .* at the nodes"),
+    (OtherLaw(Wild()), "torque must be finite along the nodes"),
+    (OtherLaw(Mixing()), "fold 0 must be the same alone"),
+    (Forgotten(), "pickled friction must give the same torque"),
+    (Local(), "its friction must pickle"),
+]
+
+
+@pytest.mark.parametrize(
+    ("identifier", "rule"), VIOLATIONS, ids=lambda v: "" if isinstance(v, str) else type(v).__name__
+)
+def test_the_check_names_the_broken_rule(identifier, rule):
+    with pytest.raises(AssertionError, match=rule) as raised:
+        check_identifier(identifier, joints=(1,))
+    assert "\n" not in str(raised.value)
+    assert type(identifier).__name__ in str(raised.value)
+
+
+def test_an_identifier_that_cannot_go_to_another_process_is_told_so():
+    class Inner(Ill):
+        pass
+
+    with pytest.raises(AssertionError, match="it must pickle .*: define its class in a module"):
+        check_identifier(Inner(), joints=(1,))
+
+
+def test_the_ill_one_without_an_illness_passes():
+    check_identifier(Ill())
+    assert repr(Ill()) == "Ill()"
+
+
+def test_the_tolerance_is_of_the_torques_size():
+    with pytest.raises(AssertionError, match="differ by .* of their size"):
+        check_identifier(Leaking(), joints=(2,), tolerance=1e-3)
+    with pytest.raises(AssertionError, match="doubling"):
+        check_identifier(Absolute(), joints=(1,), tolerance=0.03)

@@ -1,0 +1,113 @@
+"""`compile` and `device` of networks: the same numbers, or one line before anything is computed."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from fixtures import tiny_pendulums as tiny
+
+from frictionid.__main__ import main
+from frictionid.comparison.suite_identifiers import identifier_named, on_device
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.networks.compiled import compiled, compiler
+from frictionid.fitting.networks.network import Network
+from frictionid.friction import along
+from frictionid.friction.laws import MLP
+
+TINY = Network(MLP((2,)), epochs=2, batch=64)
+NO_CUDA = pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
+
+
+@pytest.mark.skipif(not compiler(), reason="no C++ compiler, which PyTorch needs, is found")
+def test_a_compiled_network_learns_the_same():
+    from torch._inductor import config as inductor  # takes seconds
+
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    eager = along(TINY.fit(problem, weights, 0), problem.nodes)
+    # code for no particular processor, without optimisation: most of the time is the compiler's
+    plain = {"cpp.simdlen": 1, "aot_inductor.debug_compile": True, "compile_threads": 1}
+    with inductor.patch({**plain, "cpp_cache_precompile_headers": False}):
+        quick = along(replace(TINY, compile=True).fit(problem, weights, 0), problem.nodes)
+    np.testing.assert_allclose(quick, eager, rtol=0, atol=1e-9 * np.abs(eager).max())
+
+
+def test_what_cannot_be_compiled_is_told_in_one_line(monkeypatch):
+    def broken(*_):
+        raise RuntimeError("InvalidCxxCompiler: No working C++ compiler\nand much more")
+
+    monkeypatch.setattr(torch, "compile", lambda _: broken)
+    with pytest.raises(InputError, match=r"compile = true.*No working.*leave compile out") as told:
+        compiled(torch.sin)(torch.ones(1))
+    assert "\n" not in str(told.value)
+
+
+@pytest.fixture
+def refused(tmp_path, monkeypatch, capsys):
+    """What the command line says of a suite whose second identifier has these settings."""
+
+    def told(settings, *others):
+        network = {"kind": "mlp", "solver": "adam", **settings}
+        changes = [("identifiers", [{"kind": "none"}, network])]
+        file = tiny.write_suite(tmp_path, changes)
+        arguments = ["frictionid", "compare", str(file), "--out", str(tmp_path / "out"), *others]
+        monkeypatch.setattr(sys, "argv", arguments)
+        assert main() == 2
+        assert not (tmp_path / "out").exists()  # nothing has been computed
+        out, err = capsys.readouterr()
+        assert err.startswith("frictionid: ") and err.count("\n") == 1 and not out
+        return err
+
+    return told
+
+
+@NO_CUDA
+@pytest.mark.parametrize("kind", ["mlp", "window_mlp", "lstm", "blackbox_mlp", "blackbox_lstm"])
+def test_a_device_that_is_not_there_is_refused_when_a_network_is_made(kind):
+    settings = {"solver": "adam"} if kind == "mlp" else {}
+    with pytest.raises(InputError, match="PyTorch sees no CUDA device here: leave"):
+        identifier_named(kind, {**settings, "device": "cuda"})
+
+
+@NO_CUDA
+def test_a_suite_with_a_device_that_is_not_there_computes_nothing(refused):
+    told = refused({"device": "cuda"})
+    assert re.search(
+        "identifier 'mlp'.*PyTorch sees no CUDA device here: leave the device out", told
+    )
+
+
+def test_a_suite_without_a_compiler_computes_nothing(refused, monkeypatch):
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    told = refused({"compile": True})
+    assert re.search("identifier 'mlp'.*needs a C.. compiler.*'no-such-compiler'.*leave comp", told)
+
+
+@pytest.mark.parametrize("settings", [{"compile": True}, {"device": "cuda"}])
+def test_levenberg_marquardt_says_that_it_takes_neither(settings):
+    (name,) = settings
+    with pytest.raises(InputError, match=f'{name}.*needs solver = "adam"'):
+        identifier_named("mlp", settings)
+
+
+@NO_CUDA
+def test_the_command_names_a_device_for_all_networks(refused):
+    assert "PyTorch sees no CUDA device here: leave the device out" in refused({}, "--device=cuda")
+
+
+def test_a_device_is_that_of_networks_alone():
+    network = identifier_named("lstm", {})
+    hybrid = identifier_named("blackbox_mlp", {})
+    assert on_device(network, "cpu") == network and on_device(hybrid, "cpu") == hybrid
+    static = identifier_named("mlp", {})  # by Levenberg-Marquardt, without PyTorch
+    assert on_device(static, "cuda") == static
+    if not torch.cuda.is_available():
+        for learned in (network, hybrid):
+            with pytest.raises(InputError, match="sees no CUDA device"):
+                on_device(learned, "cuda")

@@ -1,0 +1,53 @@
+"""The identifier `none`: no friction, whatever the data."""
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import everything, explained_by
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.friction import along
+from frictionid.friction.laws import CoulombViscous, NoFriction
+from frictionid.friction.model_files import load_model, save_model
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_it_predicts_the_motion_without_friction(n):
+    problem = synthetic_problem(n)
+    friction = Frictionless().fit(problem, synthetic_weights(problem), 0)
+    assert friction.theta.shape == (3, n, 0)
+    torque = along(friction, problem.nodes)
+    np.testing.assert_array_equal(torque, np.zeros((3, *problem.nodes.inputs.w.shape)))
+    np.testing.assert_array_equal(problem.residual(torque)[2], problem.r)
+
+
+def test_it_is_exact_on_motion_without_friction_and_there_others_find_none():
+    problem = explained_by(NoFriction(), np.zeros((2, 0)))
+    np.testing.assert_array_equal(problem.r, np.zeros((120, 2)))
+    found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)
+    np.testing.assert_array_equal(found.theta, np.zeros((1, 2, 2)))
+
+
+def test_it_neither_holds_a_joint_nor_has_a_curve():
+    friction = Frictionless().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
+    np.testing.assert_array_equal(friction.curve(np.array([-3.0, 3.0])), np.zeros((2, 2)))
+    x = synthetic_problem(2).nodes.inputs
+    np.testing.assert_array_equal(friction.law.limit(friction.theta, x, ()), np.zeros(x.w.shape))
+
+
+def test_it_prints_and_keeps_itself(tmp_path):
+    friction = Frictionless().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
+    assert str(friction) == "NoFriction()"
+    save_model(friction, tmp_path / "none.json", LAWS)
+    again = load_model(tmp_path / "none.json", LAWS)
+    assert again.law == NoFriction()
+    assert again.theta.shape == (2, 0)
+
+
+def test_it_has_no_settings():
+    assert identifier_named("none", {}) == Frictionless()
+    with pytest.raises(InputError, match="'width'"):
+        identifier_named("none", {"width": 0.1})

@@ -1,0 +1,328 @@
+"""Least squares of any law: steps within bounds, weights, data that decide nothing, speed."""
+
+import time
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import by_scipy, cost, everything, explained_by, on_problem
+from fixtures.memory_laws import Sampled
+from fixtures.paths import DATA
+from scipy.optimize import lsq_linear
+from threadpoolctl import threadpool_limits
+
+from frictionid.arrays import times
+from frictionid.data.plants import plant_of
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import Split, make_folds
+from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.initial_guess import best_initial_guess
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.friction import Friction, Law, along
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag, Stribeck
+
+CLEAN = DATA / "acrobot_clean"
+STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
+
+
+def fit(law, problem, weights, robust=None, **settings):
+    return LeastSquares(law, robust=robust, **settings).fit(problem, weights, 0)
+
+
+# Steps within bounds.
+
+
+@pytest.mark.parametrize("N", [1, 4, 8, 12])
+def test_quadratic_problems_within_bounds_are_solved_as_scipy_does(N):
+    rng = np.random.default_rng(N)
+    A = rng.normal(size=(50, 2 * N, N)) * 10.0 ** rng.uniform(-2, 2, N)
+    A[:, :, 0] = A[:, :, -1] + 1e-3 * A[:, :, 0]  # nearly the same column twice
+    b = rng.normal(size=(50, 2 * N))
+    low = -np.abs(rng.normal(size=(50, N))) * (rng.uniform(size=(50, N)) < 0.7)
+    free = rng.uniform(size=(50, N)) < 0.5
+    high = np.where(free, np.inf, 1e-3 + np.abs(rng.normal(size=(50, N))))
+    d = bounded(np.swapaxes(A, 1, 2) @ A, np.einsum("bki,bk->bi", A, b), low, high)
+    assert ((low <= d) & (d <= high)).all()
+    for i in range(50):
+        exact = lsq_linear(A[i], b[i], (low[i], high[i]), method="bvls", tol=1e-14, max_iter=999)
+        assert np.sum((A[i] @ d[i] - b[i]) ** 2) <= 2 * exact.cost * (1 + 1e-9)
+
+
+def test_columns_that_are_nearly_alike_do_not_send_the_pivots_in_circles():
+    rng = np.random.default_rng(1)
+    for N in (3, 5, 8):
+        A = rng.normal(size=(500, N + 1, N))
+        A[:, :, 1:] += rng.uniform(0, 30, (500, 1, 1)) * A[:, :, :1]
+        H, g = np.swapaxes(A, 1, 2) @ A, 10 * rng.normal(size=(500, N))
+        low = -np.abs(rng.normal(size=(500, N))) * (rng.uniform(size=(500, N)) < 0.5)
+        high = 1e-3 + np.abs(rng.normal(size=(500, N)))
+        d = bounded(H, g, low, high)
+        slope = (g - np.einsum("bij,bj->bi", H, d)) / np.abs(g).max(axis=1, keepdims=True)
+        assert (slope[d > low] > -1e-7).all()
+        assert (slope[d < high] < 1e-7).all()
+
+
+def test_what_has_no_influence_stays_and_what_stands_beside_does_not_matter():
+    H = np.array([[[2.0, 0.0], [0.0, 0.0]], [[1.0, 0.5], [0.5, 1.0]]])
+    g, wide = np.array([[1.0, 0.0], [3.0, 1.0]]), np.full((2, 2), 9.0)
+    both = bounded(H, g, -wide, wide)
+    np.testing.assert_allclose(both[0], [0.5, 0.0])
+    for i in range(2):
+        alone = bounded(H[i : i + 1], g[i : i + 1], -wide[:1], wide[:1])
+        np.testing.assert_array_equal(both[i], alone[0])
+
+
+# Any law.
+
+
+@dataclass(frozen=True)
+class Drag(Law):
+    """coulomb tanh(w/0.1) + drag |w|^power sgn(w): not linear, without a gradient."""
+
+    names: ClassVar[tuple[str, ...]] = ("coulomb", "drag", "power")
+    units: ClassVar[tuple[str, ...]] = ("N m", "N m", "1")
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0), (0.0, 1.0), (0.5, 3.0))
+    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.01, 1.0), (0.1, 0.1, 2.5))
+
+    def torque(self, theta, x, memory):
+        shape = np.abs(x.w) ** theta[..., 2] * np.sign(x.w)
+        return theta[..., 0] * np.tanh(x.w / 0.1) + theta[..., 1] * shape
+
+    def limit(self, theta, x, memory):
+        return theta[..., 0] + 0.0 * x.w
+
+
+@pytest.mark.parametrize("theta", [[[0.1, 0.02, 1.4]], [[0.1, 0.02, 1.4], [0.05, 0.01, 2.2]]])
+def test_laws_without_a_gradient_find_their_truth(theta):
+    problem = explained_by(Drag(), theta)
+    found = fit(Drag(), problem, everything(problem)).theta[0]
+    np.testing.assert_allclose(found, theta, rtol=1e-6)
+
+
+@dataclass(frozen=True)
+class Strict(Drag):
+    """A law that is not defined outside its bounds."""
+
+    def torque(self, theta, x, memory):
+        low, high = np.transpose(self.bounds)
+        assert ((low <= theta) & (theta <= high)).all()
+        return super().torque(theta, x, memory)
+
+
+def test_numeric_derivatives_never_leave_the_bounds():
+    truth = np.array([[0.1, 0.001, 3.0]])  # the best power is its upper bound
+    problem = explained_by(Strict(), truth)
+    found = fit(Strict(), problem, everything(problem)).theta[0]
+    np.testing.assert_allclose(found, truth, rtol=1e-6)
+
+
+def test_a_start_that_is_the_truth_is_taken_by_each_joint():
+    truth = np.array([[0.1, 0.02, 1.4], [0.05, 0.01, 2.2]])
+    starts = ((0.3, 0.1, 0.8), *truth, (0.0, 0.5, 2.9))
+    law = type("Started", (Drag,), {"initial": starts})()
+    problem = explained_by(Drag(), truth)
+    begin, end = best_initial_guess(
+        on_problem(law, problem, everything(problem)[0]), everything(problem)
+    )
+    np.testing.assert_array_equal(begin, truth.reshape(1, 6))
+    np.testing.assert_allclose(end, begin, rtol=1e-6)
+
+
+def test_laws_without_a_gradient_are_scipys_least_squares():
+    theta = [[0.1, 0.02, 1.4], [0.05, 0.01, 2.2]]
+    problem = explained_by(Drag(), theta, 1e-3, np.random.default_rng(0))
+    weights = synthetic_weights(problem)
+    for f, found in enumerate(fit(Drag(), problem, weights).theta):
+        np.testing.assert_allclose(
+            found, by_scipy(Drag(), problem, weights[f], theta), rtol=1e-5, atol=1e-8
+        )
+
+
+class Film(FilmLag):
+    bounds: ClassVar[tuple[tuple[float, float], ...]] = (
+        *((0.0, 1.0), (0.0, 1.0), (0.5, 5.0), (0.0, 1.0), (0.002, 0.5)),
+    )
+
+
+def test_laws_with_memory_find_their_truth():
+    theta = np.array([[0.10, 0.08, 2.0, 0.02, 0.1]])
+    problem = explained_by(Film(), theta)
+    np.testing.assert_allclose(fit(Film(), problem, everything(problem)).theta[0], theta, rtol=1e-4)
+    problem = explained_by(Sampled(), [[0.2], [0.1]])
+    found = fit(Sampled(), problem, everything(problem)).theta[0]
+    np.testing.assert_allclose(found, [[0.2], [0.1]], rtol=1e-8)
+
+
+def test_each_joint_takes_its_own_start():
+    theta = np.array([[0.1, 0.08, 0.5, 0.01], [0.05, 0.06, 9.0, 0.002]])
+    problem = explained_by(Stribeck(), theta)
+    at_once = fit(Stribeck(), problem, everything(problem), iterations=1)
+    np.testing.assert_allclose(at_once.theta[0, :, 2], theta[:, 2], rtol=0.25)
+
+
+# Data that decide nothing, or wrongly.
+
+
+def resting(problem, joint):
+    """The problem with one joint that never moves."""
+    x = problem.nodes.inputs
+    w = np.where(np.arange(x.w.shape[1]) == joint, 0.0, x.w)
+    return replace(problem, nodes=problem.nodes._replace(inputs=x._replace(w=w)))
+
+
+def test_a_joint_that_never_moves_is_named():
+    problem = resting(synthetic_problem(2), joint=1)
+    with pytest.raises(InputError, match="joint 2 slides in 0 rows of fold 0, too few for the 2"):
+        fit(CoulombViscous(), problem, everything(problem))
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_so_is_one_that_only_creeps_where_joints_at_rest_are_left_open(n):
+    problem = synthetic_problem(n)
+    x, last = problem.nodes.inputs, np.arange(n) == n - 1
+    slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))
+    with pytest.raises(InputError, match=f"joint {n} slides in 0 rows of fold 0"):
+        fit(Stribeck(), mask_stiction(replace(problem, nodes=slow), 0.2), everything(problem))
+
+
+def test_so_is_the_fold_in_which_it_does_not():
+    problem = synthetic_problem(2)
+    G = np.where((problem.recording == 1)[:, None, None], [[0.0, 1.0], [0.0, 1.0]], 1.0) * problem.G
+    only = problem.recording == np.arange(3)[:, None]
+    with pytest.raises(InputError, match="joint 1 slides in 0 rows of fold 1"):
+        fit(Stribeck(), replace(problem, G=G), only.astype(float))
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_fewer_rows_than_parameters_are_refused(rows):
+    problem = synthetic_problem(2)
+    weights = (np.arange(120) < rows)[None] * 1.0
+    with pytest.raises(InputError, match=f"joint 1 slides in {rows} rows of fold 0, too few for"):
+        fit(Stribeck(), problem, weights)
+
+
+def test_a_direction_that_never_occurs_keeps_its_start():
+    problem = explained_by(AsymmetricStribeck(), [[0.1, 0.2, 0.04, 0.05, 1.5, 0.02]])
+    forward = (problem.nodes.inputs.w[problem.stencil] > 0).all(axis=(1, 2))
+    found = fit(AsymmetricStribeck(), problem, forward[None] * 1.0).theta[0, 0]
+    np.testing.assert_allclose(found[[0, 2, 4, 5]], [0.1, 0.04, 1.5, 0.02], rtol=1e-4)
+    np.testing.assert_array_equal(found[[1, 3]], [0.0, 0.0])
+
+
+@pytest.mark.parametrize("field", ["r", "G"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_rows_that_are_not_finite_never_pass_in_silence(field, value):
+    problem = synthetic_problem(2)
+    spoilt = getattr(problem, field).copy()
+    spoilt[7] = value
+    with np.errstate(all="ignore"), pytest.raises(InputError, match="not finite"):
+        fit(Stribeck(), replace(problem, **{field: spoilt}), everything(problem))
+
+
+@dataclass(frozen=True)
+class Cliff(Drag):
+    """A law that is not defined at some of the parameters that its bounds allow."""
+
+    edge: float = 1.0
+    met: ClassVar[list[bool]] = []
+
+    def torque(self, theta, x, memory):
+        outside = theta[..., 2] > self.edge
+        self.met.append(bool(outside.any()))
+        return super().torque(theta, x, memory) + np.where(outside, np.nan, 0.0)
+
+
+def started(law, *start):
+    return type("Started", (type(law),), {"initial": (start,)})(law.edge)
+
+
+def test_steps_that_leave_a_laws_domain_are_taken_back():
+    problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
+    Cliff.met.clear()
+    found = fit(started(Cliff(1.6), 0.0, 0.1, 0.9), problem, everything(problem))
+    assert any(Cliff.met)
+    np.testing.assert_allclose(found.theta[0], [[0.1, 0.02, 1.4]], rtol=1e-6)
+
+
+@pytest.mark.parametrize("start", [0.9, 1.2])
+def test_a_law_that_is_not_finite_at_its_start_or_at_the_best_fit_is_an_error(start):
+    problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
+    with pytest.raises(InputError, match="look for such rows in the problem, and for parameters"):
+        fit(started(Cliff(1.0), 0.1, 0.02, start), problem, everything(problem))
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e9])
+def test_units_do_not_matter(size):
+    """Torques a thousand million times larger or smaller give levels that are as much."""
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3, np.random.default_rng(3))
+    weights = everything(problem)
+    scaled = replace(problem, G=problem.G / size)
+    usual, other = (fit(Stribeck(), p, weights).theta[0] for p in (problem, scaled))
+    np.testing.assert_allclose(other / [size, size, 1.0, size], usual, rtol=1e-5)
+
+
+def test_fewer_iterations_give_a_worse_fit_and_more_never_do():
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3, np.random.default_rng(4))
+    weights = everything(problem)
+    costs = [
+        cost(problem, weights, fit(Stribeck(), problem, weights, iterations=i))[0]
+        for i in range(1, 9)
+    ]
+    assert costs[0] > costs[-1] * (1 + 1e-6)
+    assert (np.diff(costs) <= 1e-12 * costs[0]).all()
+
+
+# Real size.
+
+
+@pytest.fixture(scope="module")
+def clean():
+    dataset = load_dataset(CLEAN)
+    return dataset, plant_of(dataset), make_folds(dataset.recordings, Split(count=10))
+
+
+@pytest.mark.parametrize("recipe", [INTEGRAL, STUDY], ids=lambda recipe: recipe.name)
+@pytest.mark.parametrize("law", [Stribeck(), AsymmetricStribeck()], ids=["symmetric", "asymmetric"])
+def test_ten_folds_of_8575_samples_take_less_than_a_second(clean, recipe, law):
+    dataset, plant, folds = clean
+    problem = training_problem(dataset, plant, recipe)
+    weights = folds.training(problem.recording, problem.time)
+    assert sum(len(r.angle.time) for r in dataset.recordings) == 8575
+    assert weights.shape[0] == 10
+    seconds = []
+    with threadpool_limits(1):
+        for _ in range(3):  # the quickest: a busy machine delays some
+            begin = time.process_time()
+            friction = LeastSquares(law, robust=None).fit(problem, weights, 0)
+            seconds.append(time.process_time() - begin)
+            if seconds[-1] < 1.0:
+                break
+    assert min(seconds) < 1.0
+    plain = fit(CoulombViscous(), problem, weights)
+    assert (cost(problem, weights, friction) < cost(problem, weights, plain)).all()
+
+
+def test_scipy_finds_nothing_better_on_the_simulated_acrobot(clean):
+    dataset, plant, _ = clean
+    problem = training_problem(dataset, plant, INTEGRAL)
+    weights = everything(problem)
+    found = fit(Stribeck(), problem, weights)
+    start = [[0.1, 0.02, 1.0, 0.001]] * 2
+    other = by_scipy(Stribeck(), problem, weights[0], start, jac="ours")
+    friction = Friction(Stribeck(), other[None])
+    assert cost(problem, weights, found) <= cost(problem, weights, friction) * (1 + 1e-9)
+
+
+def test_the_equation_of_motion_is_what_is_fitted():
+    """The residual of a fit is G applied to friction that is missing, to first order in theta."""
+    problem = explained_by(CoulombViscous(), [[0.1, 0.02]])
+    short = Friction(CoulombViscous(), np.array([[0.09, 0.02]]))
+    missing = Friction(CoulombViscous(), np.array([[0.01, 0.0]]))
+    off = problem.residual(along(short, problem.nodes))
+    expected = times(problem.G, problem.mean(along(missing, problem.nodes)))
+    np.testing.assert_allclose(off, expected, atol=1e-15)

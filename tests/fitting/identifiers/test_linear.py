@@ -1,0 +1,150 @@
+"""The identifier `spline`, and others that are linear: one Gram matrix for each fold."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import cost, everything, explained_by, stationarity
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares, Linear, check_identifier
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
+from frictionid.friction import Friction
+from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck, Table
+from frictionid.friction.model_files import load_model, save_model
+
+KNOTS = (0.5, 1.5, 3.0, 6.0)
+LAWS_ = (Spline(KNOTS), Spline(KNOTS, 1), AsymmetricSpline(KNOTS), Table((0.5, 1.5, 3.0)))
+ALL = pytest.mark.parametrize("law", LAWS_, ids=["spline", "hats", "sided", "table"])
+
+
+def drawn(law, n=2):
+    """Parameters whose level stays above zero."""
+    theta = 0.01 * np.random.default_rng(0).normal(size=(n, len(law.names)))
+    level = [not name.startswith("rise") for name in law.names]
+    return theta + 0.2 * np.array(level)
+
+
+@ALL
+@pytest.mark.parametrize("n", [1, 2])
+def test_truth_in_truth_out(law, n):
+    theta = drawn(law, n)
+    problem = explained_by(law, theta)
+    found = Linear(law).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6, atol=1e-9)
+
+
+@ALL
+def test_it_is_least_squares_by_another_route(law):
+    problem = explained_by(Stribeck(), np.array([[0.1, 0.04, 1.5, 0.02]] * 2), 2e-3, rng(1))
+    weights = synthetic_weights(problem)
+    ours = Linear(law).fit(problem, weights, 0)
+    theirs = LeastSquares(law, robust=None).fit(problem, weights, 0)
+    np.testing.assert_allclose(
+        cost(problem, weights, ours), cost(problem, weights, theirs), rtol=1e-9
+    )
+    np.testing.assert_allclose(ours.theta, theirs.theta, atol=1e-6)
+
+
+def rng(seed):
+    return np.random.default_rng(seed)
+
+
+@ALL
+def test_it_keeps_to_the_contract(law):
+    check_identifier(Linear(law))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_levels_are_not_negative_and_at_zero_the_gradient_points_outwards(seed):
+    law = Spline(KNOTS)
+    theta = drawn(law) - 0.3 * rng(seed).uniform(size=(2, len(law.names)))
+    problem = explained_by(law, np.abs(theta) * [-1, *[1] * (len(law.names) - 1)], 1e-3, rng(seed))
+    weights = everything(problem)
+    found = Linear(law).fit(problem, weights, 0)
+    assert (found.theta[..., 0] >= 0).all()
+    assert np.abs(stationarity(law, problem, weights[0], found.theta[0])).max() < 2e-6
+
+
+def test_where_the_curve_would_drive_it_is_fitted_by_steps():
+    """A level below zero counts as zero, and then the law is no longer linear."""
+    law = Spline((1.0, 4.0), 1)
+    problem = explained_by(law, np.array([[0.1, -0.15]]))
+    found = Linear(law).fit(problem, everything(problem), 0)
+    same = LeastSquares(law, robust=None).fit(problem, everything(problem), 0)
+    np.testing.assert_array_equal(found.theta, same.theta)
+    assert (found[0].curve(np.array([3.0, 5.0]))[:, 0] >= 0).all()
+
+
+def test_gram_matrices_add_up_what_the_rows_say():
+    problem = synthetic_problem(2)
+    A, label = columns(Spline(KNOTS), problem), clusters(problem)
+    folds = (problem.recording != np.arange(3)[:, None]) * [[1.0], [2.0], [0.5]]
+    for weights in (folds, synthetic_weights(problem)):
+        G = grams(A, weights, label)
+        for f, c in ((0, 0), (1, 8), (2, 20)):
+            rows = A[label == c]
+            direct = np.einsum("k,kia,kib->ab", weights[f, label == c], rows, rows)
+            np.testing.assert_allclose(G[f, c], direct, rtol=1e-10, atol=1e-15)
+        np.testing.assert_allclose(grams(A, weights)[:, 0], G.sum(1), rtol=1e-9, atol=1e-13)
+
+
+def test_rows_that_all_weigh_differently_come_to_the_same(monkeypatch):
+    problem = synthetic_problem(2)
+    A, weights = columns(Spline(KNOTS), problem), synthetic_weights(problem)
+    together = grams(A, weights, clusters(problem))
+    monkeypatch.setattr(import_module("frictionid.fitting.one_step.grams"), "_CELLS", 3)
+    np.testing.assert_allclose(grams(A, weights, clusters(problem)), together, atol=1e-12)
+
+
+def test_clusters_are_recordings_where_there_are_enough_and_else_stretches():
+    problem = synthetic_problem(1)
+    label = clusters(problem)
+    assert len(np.unique(label)) >= 20
+    for c in np.unique(label):
+        own = np.flatnonzero(label == c)
+        assert len(set(problem.recording[own])) == 1 and (np.diff(own) == 1).all()
+    many = replace(problem, recording=np.arange(len(problem.r)) % FEW * 3)
+    assert len(np.unique(clusters(many))) == FEW
+
+
+def test_it_comes_back_from_its_file(tmp_path):
+    for law in LAWS_:
+        problem = explained_by(law, drawn(law))
+        found = Linear(law).fit(problem, np.repeat(everything(problem), 2, axis=0), 0)
+        save_model(found, tmp_path / "model.json", LAWS)
+        again = load_model(tmp_path / "model.json", LAWS)
+        assert again.law == law
+        np.testing.assert_array_equal(again.theta, found.theta)
+
+
+def test_a_table_is_straight_between_its_speeds_and_level_beyond():
+    law = Table((1.0, 2.0, 4.0))
+    friction = Friction(law, np.array([[0.3, 0.1, 0.2, 0.5, 0.5, 0.5]]))
+    w = np.array([0.3, 1.0, 1.5, 2.0, 3.0, 4.0, 40.0])
+    np.testing.assert_allclose(friction.curve(w)[:, 0], [0.3, 0.3, 0.2, 0.1, 0.15, 0.2, 0.2])
+    np.testing.assert_allclose(friction.curve(-w)[:, 0], -0.5)
+
+
+@pytest.mark.parametrize("speeds", [(1.0,), (0.0, 1.0), (2.0, 1.0), (1.0, "fast")])
+def test_speeds_of_a_table_that_mean_nothing_are_refused(speeds):
+    with pytest.raises(InputError, match="Table: speeds"):
+        Table(speeds)
+
+
+def test_its_settings_choose_the_law():
+    assert identifier_named("spline", {"degree": 1}) == Linear(Spline(degree=1))
+    with pytest.raises(InputError, match=r"Stribeck\(.*is not linear"):
+        Linear(Stribeck())
+
+
+def test_a_joint_that_hardly_slides_is_refused():
+    problem = synthetic_problem(2)
+    G = problem.G.copy()
+    G[3:, :, 1] = 0.0
+    with pytest.raises(InputError, match="joint 2 slides in 3 rows of fold 0"):
+        Linear(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)

@@ -1,0 +1,113 @@
+"""Long recordings: the same numbers stretch by stretch, and little more memory for more rows."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.fitting.identifiers import LeastSquares, least_squares, linearised
+from frictionid.fitting.identifiers.initial_guess import _grams
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.one_step.linearised import Given, Linearised
+from frictionid.friction import Nodes, along
+from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
+
+
+def _repeated(problem, times):
+    """The rows of a problem several times, each with nodes of their own."""
+    S = len(problem.nodes.time)
+    inputs = problem.nodes.inputs.each(lambda x: np.tile(x, (times, 1)))
+    nodes = Nodes(inputs, np.tile(problem.nodes.time, times), problem.nodes.first)
+    shifts = np.repeat(np.arange(times), len(problem.r))[:, None] * S
+    return replace(
+        problem,
+        nodes=nodes,
+        r=np.tile(problem.r, (times, 1)),
+        G=np.tile(problem.G, (times, 1, 1)),
+        stencil=np.tile(problem.stencil, (times, 1)) + shifts,
+        **{key: np.tile(getattr(problem, key), times) for key in ("recording", "time", "dt")},
+    )
+
+
+@pytest.mark.parametrize("law", [Stribeck(), CoulombViscous(), LuGre()], ids=repr)
+@pytest.mark.parametrize("joints", [1, 2])
+def test_stretches_change_no_number(law, joints, monkeypatch):
+    problem = synthetic_problem(joints)
+    weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
+    fit = Linearised.of(law, problem, weights, Given({}, {}))
+    theta = np.random.default_rng(1).uniform(0.1, 1.0, (3, joints * len(law.names)))
+    whole = fit.normal_equations(theta, fit.residual(theta), weights)
+    monkeypatch.setattr(linearised, "_ROWS", 37)
+    # of a law with memory whole recordings: here three
+    assert len(list(fit.stretches())) == (3 if law.has_memory else 4)
+    parts = fit.normal_equations(theta, fit.residual(theta), weights)
+    for a, b in zip(whole, parts, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(a).max())
+
+
+def test_a_fit_by_stretches_is_the_fit(monkeypatch):
+    problem = synthetic_problem(2)
+    weights = np.ones((1, len(problem.r)))
+    whole = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    monkeypatch.setattr(linearised, "_ROWS", 37)
+    parts = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    np.testing.assert_allclose(whole.theta, parts.theta, rtol=1e-6)
+
+
+@pytest.mark.parametrize("robust", [None, 3.0])
+def test_many_rows_are_fitted_as_without_beginning_with_some(robust, monkeypatch):
+    problem = synthetic_problem(2, noise=0.03)
+    weights = np.random.default_rng(0).uniform(0.5, 1, (3, len(problem.r)))
+    identifier = LeastSquares(CoulombViscous(), robust=robust)
+    whole = identifier.fit(problem, weights, seed=0)
+    looks = []
+    every = Linearised.every
+    monkeypatch.setattr(Linearised, "every", lambda *own: looks.append(own[1]) or every(*own))
+    monkeypatch.setattr(least_squares, "_ENOUGH", 40)
+    begun = identifier.fit(problem, weights, seed=0)
+    assert looks == [3]
+    tolerance = 1e-9 if robust is None else 1e-3  # robust weights are found in two rounds
+    np.testing.assert_allclose(begun.theta, whole.theta, rtol=tolerance)
+
+
+def test_where_some_rows_determine_nothing_all_rows_do(monkeypatch):
+    problem = synthetic_problem(1)
+    weights = np.zeros((1, len(problem.r)))
+    weights[:, 1::3] = 1.0  # none of those that a fit would begin with
+    whole = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    monkeypatch.setattr(least_squares, "_ENOUGH", 40)
+    begun = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+    np.testing.assert_array_equal(begun.theta, whole.theta)
+
+
+def test_more_rows_need_little_more_memory(monkeypatch):
+    monkeypatch.setattr(linearised, "_ROWS", 2_000)
+    peaks, rows = [], []
+    for times in (50, 100):
+        problem = _repeated(synthetic_problem(1), times)
+        weights = np.ones((1, len(problem.r)))
+        tracemalloc.start()
+        LeastSquares(Stribeck()).fit(problem, weights, seed=0)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        rows.append(len(problem.r))
+    assert (peaks[1] - peaks[0]) / (rows[1] - rows[0]) < 600  # bytes per row; once 3,800
+
+
+def test_grams_by_pairs_of_joints_are_those_of_the_whole_columns(monkeypatch):
+    problem, law = synthetic_problem(2), Stribeck()
+    weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
+    fit = Linearised.of(law, problem, weights, Given({}, {}))
+    values = np.repeat(np.array(law.initial)[:5, None], 2, axis=1)
+    J = fit.jacobian(values.reshape(5, -1))
+    torque = problem.mean(along(fit.friction(values), problem.nodes))
+    columns = np.concatenate([J, -(problem.G * torque[:, :, None])[..., None]], axis=-1)
+    A = np.moveaxis(columns, 0, 2).reshape(problem.r.size, -1)
+    A = np.column_stack([A, problem.r.ravel()])
+    monkeypatch.setattr(linearised, "_ROWS", 37)
+    for gram, weight in zip(_grams(fit, values, weights), weights, strict=True):
+        whole = (A.T * np.repeat(weight, 2)) @ A
+        np.testing.assert_allclose(gram, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())

@@ -1,0 +1,252 @@
+"""The identifier `lstm`: cells that read velocity samples, trained on pieces of recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from fixtures.exact_problems import cost, everything, explained_by
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares, check_identifier
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.networks.fold_stack import FoldStack
+from frictionid.fitting.networks.lstm_cells import Cells
+from frictionid.fitting.networks.lstm_training_set import SequenceTrainingSet
+from frictionid.fitting.networks.network import Network, check_device
+from frictionid.friction import Friction, along, at_rest, memory_along
+from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law
+from frictionid.friction.model_files import load_model, save_model
+
+FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
+SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)
+
+
+def drawn(law, folds=3, n=2, seed=0):
+    rng = np.random.default_rng(seed)
+    theta = law.initial_parameters(np.full((folds, n, 2), [0.1, 5.0]), rng)
+    return theta + 0.5 * rng.standard_normal(theta.shape) * (np.array(law.units) == "1")
+
+
+@pytest.mark.parametrize("odd", [False, True])
+@pytest.mark.parametrize("free", [False, True])
+def test_it_keeps_to_the_contract_of_laws(odd, free):
+    check_law(LSTM(2, hidden=(2,), odd=odd, dissipative=not free, monotone_tail=not free))
+
+
+def test_a_free_network_keeps_to_the_contract_too():
+    check_law(FREE)
+    check_identifier(replace(SMALL, law=FREE), joints=(2,))
+
+
+def test_a_free_network_makes_friction_of_the_samples_alone():
+    theta, x = drawn(FREE), at_rest(np.full(2, 2.0))
+    memory = FREE.advance(theta, x, FREE.start(theta, x), np.full((1,), FREE.sample_time))
+    before, after = (FREE.torque(theta, at_rest(np.full(2, w)), memory) for w in (2.0, -0.1))
+    np.testing.assert_array_equal(before, after)  # of any sign, and held until the next sample
+    assert (FREE.limit(theta, x, memory) == 0).all()
+    later = FREE.advance(theta, at_rest(np.full(2, -0.1)), memory, np.full((1,), 0.02))
+    assert (np.abs(FREE.torque(theta, x, later) - before) > 1e-6).all()
+
+
+@pytest.mark.parametrize("odd", [False, True])
+def test_friction_of_the_mirrored_motion_is_mirrored_where_it_is_odd(odd):
+    law, nodes = LSTM(3, hidden=(4,), odd=odd), synthetic_problem(2).nodes
+    friction = Friction(law, drawn(law)[0])
+    mirrored = nodes._replace(inputs=nodes.inputs._replace(w=-nodes.inputs.w))
+    off = np.abs(along(friction, nodes) + along(friction, mirrored)).max()
+    assert (off < 1e-12) == odd
+
+
+@pytest.mark.parametrize("law", [LSTM(3, hidden=(4, 2)), LSTM(2, hidden=(3,), odd=True), FREE])
+def test_slopes_in_the_memory_are_those_of_differences(law):
+    rng = np.random.default_rng(2)
+    theta = drawn(law)[0]
+    x = at_rest(3.0 * rng.normal(size=(6, 2)))
+    memory = tuple(z + 0.3 * rng.normal(size=z.shape) for z in law.start(theta, x))
+    for i, slope in enumerate(law.memory_slopes(theta, x, memory)):
+        more, less = ((*memory[:i], memory[i] + s, *memory[i + 1 :]) for s in (1e-6, -1e-6))
+        rise = law.torque(theta, x, more) - law.torque(theta, x, less)
+        np.testing.assert_allclose(slope, rise / 2e-6, atol=1e-8)
+
+
+def test_it_never_drives_a_joint_whatever_its_weights():
+    nodes = synthetic_problem(2).nodes
+    for seed in range(4):
+        law = LSTM(3, hidden=(4,))
+        torque = along(Friction(law, drawn(law, seed=seed)), nodes)
+        assert (torque * nodes.inputs.w >= 0).all()
+        free = LSTM(3, hidden=(4,), dissipative=False)
+        theta = drawn(free, seed=seed)
+        theta[..., -1] -= 2.0
+        assert (along(Friction(free, theta), nodes) * nodes.inputs.w < 0).any()
+
+
+def test_beyond_the_reach_the_level_does_not_fall():
+    law = LSTM(3, hidden=(4,))
+    w = np.linspace(5.0, 60.0, 40)
+    levels = Friction(law, drawn(law)).curve(w)
+    assert (np.diff(levels, axis=1) >= -1e-12).all()
+
+
+def test_it_remembers_and_forgets():
+    law = LSTM(4, hidden=(4,))
+    theta, x = drawn(law), at_rest(np.full(2, 2.0))
+    fast = x.each(lambda v: 3.0 * v)
+    dt = np.full((1,), law.sample_time)
+    memory = [law.start(theta, x)]
+    for first in (x, fast):
+        state = memory[0]
+        for _ in range(10):
+            state = law.advance(theta, first, state, dt)
+        memory.append(state)
+    slow, other = (law.torque(theta, x, m) for m in memory[1:])
+    assert (np.abs(slow - other) > 1e-5).any()
+    for _ in range(400):
+        memory = [law.advance(theta, x, m, dt) for m in memory]
+    np.testing.assert_allclose(law.torque(theta, x, memory[1]), law.torque(theta, x, memory[2]))
+
+
+def test_numpy_and_torch_agree():
+    law = LSTM(3, hidden=(4,), odd=True)
+    theta, w = drawn(law), np.random.default_rng(1).normal(0.0, 3.0, (5, 2))
+    states = []
+    for kind in (np.asarray, torch.tensor):
+        numbers = kind(theta[:, None])
+        memory = law.start(numbers, at_rest(kind(w)))
+        for step in range(4):
+            x = at_rest(kind(w * (1 + step)))
+            memory = law.advance(numbers, x, memory, kind(np.full((1,), 0.02)))
+        states.append(np.asarray(law.torque(numbers, x, memory)))
+    np.testing.assert_allclose(*states, rtol=1e-12)
+
+
+def test_the_loop_back_through_time_is_the_derivative_of_the_loop_forth():
+    torch.manual_seed(0)
+    read = torch.randn(5, 2, 3, 4, dtype=torch.float64)  # five samples of three numbers, two sets
+    weights = torch.randn(2, 3 + 2 + 1, 8, dtype=torch.float64, requires_grad=True)
+    for burn_in in (0, 2):
+        assert torch.autograd.gradcheck(Cells.apply, (weights, read, burn_in))
+
+
+@pytest.mark.parametrize(
+    "law", [LSTM(3, hidden=(4,)), LSTM(3, hidden=(4,), odd=True), FREE], ids=["", "odd", "free"]
+)
+def test_cost_of_the_pieces_is_that_of_the_rows(law):
+    problem = synthetic_problem(2)
+    # the pieces read the first sample some times before the second: rows by which that is forgotten
+    late = np.concatenate([np.arange(40) >= 25] * 3)
+    weights, theta = synthetic_weights(problem) * late, drawn(law)
+    a, b = law.gate_sizes
+    theta[..., 3 + a * b + law.cells : 3 + a * b + 2 * law.cells] -= 2.0
+    stack = FoldStack(law, problem, theta, "cpu")
+    pieces = SequenceTrainingSet(stack, weights, 40, 8)
+    items = stack.tensor(np.tile(np.arange(pieces.items), (3, 1)))
+    found = pieces.cost(stack.tensor(theta), items) * pieces.items * pieces.rows_per_item
+    memories = memory_along(Friction(law, theta), problem.nodes)
+    assert len(memories[0]) == 2 * law.cells * (1 + law.odd)
+    scale = (weights > 0).sum(1) / (weights @ (problem.r**2).sum(1))
+    exact = [
+        scale[f] * cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1]))[0]
+        for f in range(3)
+    ]
+    np.testing.assert_allclose(found, exact, rtol=1e-4)
+
+
+def test_it_finds_what_a_static_law_cannot():
+    theta = np.array([[0.05, 0.12, 1.5, 0.01, 0.1]])
+    problem = explained_by(FilmLag(), theta, 5e-4, np.random.default_rng(0))
+    weights = everything(problem)
+    static = LeastSquares(Stribeck()).fit(problem, weights, 0)
+    learner = Network(LSTM(4, hidden=(8,)), epochs=300, batch=120, rate=2e-2, patience=300)
+    learner = replace(learner, targets=20)
+    found = learner.fit(problem, weights, 0)
+    assert found.law.sample_time == pytest.approx(0.02)
+    assert cost(problem, weights, found) < 0.5 * cost(problem, weights, static)
+
+
+def test_it_keeps_to_the_contract_of_identifiers():
+    check_identifier(SMALL, joints=(2,))
+
+
+def test_seeds_differ():
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    one, other = (SMALL.fit(problem, weights, seed).theta for seed in (0, 1))
+    assert np.abs(one - other).max() > 1e-3
+
+
+def test_it_comes_back_from_its_files(tmp_path):
+    problem = synthetic_problem(1)
+    found = replace(SMALL, epochs=1).fit(problem, synthetic_weights(problem), 0)
+    save_model(found, tmp_path / "model.json", LAWS)
+    again = load_model(tmp_path / "model.json", LAWS)
+    assert again.law == found.law
+    np.testing.assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
+
+
+def test_its_settings_choose_the_law():
+    assert identifier_named("lstm", {}) == Network(LSTM())
+    made = identifier_named("lstm", {"cells": 4, "odd": True, "epochs": 5})
+    assert made == Network(LSTM(4, odd=True), epochs=5)
+    bare = {"free": True, "dissipative": False, "monotone_tail": False}
+    assert identifier_named("lstm", bare) == Network(replace(FREE, cells=8, hidden=(16,)))
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"cells": 0}, "cells"),
+        ({"free": True}, "add dissipative = false"),
+        ({"hidden": []}, "hidden"),
+        ({"rate": 0.0}, "rate"),
+        ({"device": "tpu"}, "device"),
+        ({"cels": 3}, "did you mean 'cells'"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, complaint):
+    with pytest.raises(InputError, match=complaint):
+        identifier_named("lstm", settings)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: LSTM(cells=0),
+        lambda: LSTM(sample_time=0.0),
+        lambda: replace(FREE, odd=True),
+        lambda: Network(LSTM(), targets=0),
+        lambda: Network(LSTM(), burn_in=-1),
+        lambda: Network(LSTM(), device="tpu"),
+        lambda: Network(Stribeck()),
+    ],
+)
+def test_objects_that_mean_nothing_are_refused(make):
+    with pytest.raises(InputError):
+        make()
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
+def test_a_device_that_is_not_there_is_told_in_one_line():
+    with pytest.raises(InputError, match="sees no CUDA device") as told:
+        check_device("cuda")
+    assert "\n" not in str(told.value)
+    with pytest.raises(InputError, match="sees no CUDA device"):
+        problem = synthetic_problem(1)
+        replace(SMALL, device="cuda").fit(problem, synthetic_weights(problem), 0)
+
+
+def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_rows():
+    problem = synthetic_problem(1)
+    longest = len(problem.r)
+    one, two = (
+        replace(SMALL, epochs=1, targets=t, batch=b).fit(problem, everything(problem), 0)
+        for t, b in ((longest, 256), (10**7, 10**12))
+    )
+    np.testing.assert_allclose(one.theta, two.theta, rtol=1e-6, atol=1e-9)
+    rows = Network(MLP((4,)), epochs=1, batch=10**12)
+    assert np.isfinite(rows.fit(problem, everything(problem), 0).theta).all()
+    with pytest.raises(InputError, match="burn_in = 100000 samples .* longest recording"):
+        replace(SMALL, burn_in=100000).fit(problem, everything(problem), 0)

@@ -1,0 +1,238 @@
+"""The identifier `mlp`: a static network, by Levenberg-Marquardt on compressed squares."""
+
+import json
+from itertools import product
+
+import numpy as np
+import pytest
+import torch
+from fixtures.exact_problems import cost, everything, explained_by
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.evaluation import curve_error
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import (
+    synthetic_problem,
+    synthetic_weights,
+    true_friction,
+)
+from frictionid.fitting.networks.compressed import CompressedNetwork, _torque
+from frictionid.fitting.networks.compressed_problem import compressed, node_speeds
+from frictionid.fitting.networks.early_stopping import held_out
+from frictionid.friction import Friction, along, at_rest
+from frictionid.friction.laws import MLP, AsymmetricStribeck, Stribeck, check_law
+from frictionid.friction.model_files import load_model, save_model
+
+OPTIONS = list(product([False, True], repeat=3))
+TRUTH = np.array([[0.10, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]])
+SMALL = CompressedNetwork(MLP((8,)), prior_deviations=(0.3, 1.0))
+
+
+def drawn(law, n=2, seed=0):
+    rng = np.random.default_rng(seed)
+    theta = law.initial_parameters(np.full((3, n, 2), [0.1, 5.0]), rng)
+    return theta + 0.7 * rng.standard_normal(theta.shape) * (np.array(law.units) == "1")
+
+
+def curve(law, theta, w):
+    return Friction(law, theta).curve(w)
+
+
+@pytest.mark.parametrize(("options", "others"), [*zip(OPTIONS, [0, 1] * 4, strict=True)])
+def test_it_keeps_to_the_contract_of_laws(options, others):
+    law = MLP((2, 2), *options, others=others)
+    check_law(law, level=law.dissipative)
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_options_keep_their_promise_at_all_weights(options):
+    law = MLP((6, 5), *options)
+    w = np.linspace(0.2, 40.0, 300)
+    promised = {"odd": False, "dissipative": False, "monotone_tail": False}
+    for seed in range(5):
+        theta = drawn(law, seed=seed)
+        up, down = curve(law, theta, w), -curve(law, theta, -w)
+        fast = np.diff(up[:, w > 5.0], axis=1), np.diff(down[:, w > 5.0], axis=1)
+        promised["odd"] |= not np.allclose(up, down, rtol=1e-9)
+        promised["dissipative"] |= min(up.min(), down.min()) < 0
+        promised["monotone_tail"] |= min(fast[0].min(), fast[1].min()) < -1e-12
+    assert promised == dict(zip(promised, (not option for option in options), strict=True))
+
+
+def test_beyond_its_reach_the_level_goes_on_nearly_straight():
+    law = MLP((6, 5))
+    theta, w = drawn(law), np.linspace(5.0, 200.0, 60)
+    torque = curve(law, theta, w)
+    slope = np.diff(torque, axis=1) / (w[1] - w[0])
+    steepest = theta[..., 0] / theta[..., 1] * np.log1p(np.exp(theta[..., 2]))
+    assert (slope <= steepest[:, None] * (1 + 1e-9)).all()
+    assert (np.abs(np.diff(slope, n=1, axis=1)) <= 0.2 * steepest[:, None]).all()
+
+
+def test_numpy_and_torch_agree_in_torque_and_slopes():
+    law = MLP((5, 4), others=1)
+    theta = drawn(law)[:, None]
+    w = np.random.default_rng(1).normal(0.0, 3.0, (7, 2))
+    leaf = torch.tensor(theta, requires_grad=True)
+    torque = law.torque(leaf, at_rest(torch.tensor(w)), ())
+    np.testing.assert_allclose(torque.detach(), law.torque(theta, at_rest(w), ()), rtol=1e-12)
+    torque.sum().backward()
+    slopes = law.gradient(theta, at_rest(w)).sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(leaf.grad, slopes, rtol=1e-9, atol=1e-12)
+
+
+def test_other_joints_count_when_they_are_asked_for():
+    theta = drawn(MLP((4,), others=1))
+    here, there = (
+        MLP((4,), others=1).torque(theta, at_rest(np.array(w)), ())
+        for w in ([1.0, 2.0], [1.0, -2.0])
+    )
+    assert (np.abs(here - there)[:, 0] > 1e-6).all()
+    alone = MLP((4,))
+    theta = drawn(alone)
+    here, there = (alone.torque(theta, at_rest(np.array(w)), ()) for w in ([1.0, 2.0], [1.0, -2.0]))
+    np.testing.assert_array_equal(here[:, 0], there[:, 0])
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_it_finds_a_curve_that_is_none_of_its_own(n):
+    problem = explained_by(AsymmetricStribeck(), TRUTH[:n], 5e-4, np.random.default_rng(1))
+    found = CompressedNetwork(MLP()).fit(problem, everything(problem), 0)
+    fast = np.quantile(np.abs(problem.nodes.inputs.w), 0.95)
+    w = np.linspace(-fast, fast, 401)
+    grid = np.repeat(w[:, None], n, axis=1)
+    error = curve_error(found.curve(w)[0], Friction(AsymmetricStribeck(), TRUTH[:n]).curve(w), grid)
+    assert (error < 0.05).all()
+    line = LeastSquares(Stribeck()).fit(problem, everything(problem), 0)
+    weights = everything(problem)
+    assert cost(problem, weights, found) < cost(problem, weights, line)
+
+
+def test_a_wider_prior_costs_less_in_training():
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
+    strict, free = (
+        CompressedNetwork(MLP((8,)), prior_deviations=(deviation,)).fit(problem, weights, 0)
+        for deviation in (0.03, 1.0)
+    )
+    assert (cost(problem, weights, free) < cost(problem, weights, strict)).all()
+
+
+def test_compressed_squares_are_those_of_the_rows():
+    problem, law = synthetic_problem(2), MLP((6, 6))
+    weights, theta = synthetic_weights(problem), drawn(law)[:, :2]
+    speeds = node_speeds(problem, weights.max(axis=0), 200)
+    squares = compressed(problem, weights, speeds, law.width, law.shape)
+    assert squares.speeds.shape == (2, 400)
+    exact = [cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1])) for f in range(3)]
+    np.testing.assert_allclose(
+        squares.cost(_torque(law, theta, speeds)), np.ravel(exact), rtol=1e-3
+    )
+    true = true_friction(2)
+    true = Friction(true.law, np.repeat(true.theta[None], 3, axis=0))
+    assert (squares.c > 100 * cost(problem, weights, true)).all()
+
+
+def test_a_fold_is_the_same_alone_whatever_its_neighbours():
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
+    together = along(SMALL.fit(problem, weights, 3), problem.nodes)
+    for f in range(len(weights)):
+        alone = along(SMALL.fit(problem, weights[f : f + 1], 3), problem.nodes)[0]
+        np.testing.assert_allclose(together[f], alone, rtol=1e-6, atol=1e-9)
+
+
+def test_seeds_differ_a_little_and_the_same_seed_not_at_all():
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    one, again, other = (SMALL.fit(problem, weights, seed).theta for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, again)
+    torques = [along(Friction(SMALL.law, theta), problem.nodes) for theta in (one, other)]
+    assert 0.0 < np.abs(torques[0] - torques[1]).max() < 0.2 * np.abs(torques[0]).max()
+
+
+def test_rows_held_out_inside_a_fold_are_whole_recordings_or_pieces_of_it():
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    rows = held_out(problem, weights, 0.2, 0)
+    assert (rows <= (weights > 0)).all()
+    share = (rows * weights).sum(1) / weights.sum(1)
+    assert ((share >= 0.2) & (share < 0.4)).all()
+
+
+def test_it_comes_back_from_its_files_and_prints_no_weights(tmp_path):
+    problem = synthetic_problem(2)
+    found = SMALL.fit(problem, synthetic_weights(problem), 0)
+    assert len(str(found)) < 200
+    for friction in (found, found[1]):
+        save_model(friction, tmp_path / "model.json", LAWS)
+        assert "joints" not in json.loads((tmp_path / "model.json").read_text())
+        again = load_model(tmp_path / "model.json", LAWS)
+        assert again.law == SMALL.law
+        np.testing.assert_array_equal(again.theta, friction.theta)
+
+
+def test_weights_that_are_lost_or_of_another_fit_are_refused(tmp_path):
+    law = MLP((3,))
+    for name, seed in (("a", 0), ("b", 1)):
+        save_model(Friction(law, drawn(law, seed=seed)[0]), tmp_path / f"{name}.json", LAWS)
+    (tmp_path / "a.safetensors").write_bytes((tmp_path / "b.safetensors").read_bytes())
+    with pytest.raises(InputError, match="other weights than were saved"):
+        load_model(tmp_path / "a.json", LAWS)
+    (tmp_path / "a.safetensors").write_bytes(b"no weights")
+    with pytest.raises(InputError, match="holds no tensor"):
+        load_model(tmp_path / "a.json", LAWS)
+    (tmp_path / "a.safetensors").unlink()
+    with pytest.raises(InputError, match="cannot be read"):
+        load_model(tmp_path / "a.json", LAWS)
+    document = json.loads((tmp_path / "b.json").read_text())
+    document["theta"]["file"] = "../b.safetensors"
+    (tmp_path / "b.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match="beside it"):
+        load_model(tmp_path / "b.json", LAWS)
+
+
+def test_its_settings_choose_the_law():
+    assert identifier_named("mlp", {}) == CompressedNetwork(MLP())
+    made = identifier_named("mlp", {"hidden": [8], "odd": True, "width": 0.1})
+    assert made == CompressedNetwork(MLP((8,), odd=True, width=0.1))
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"hidden": []}, "hidden"),
+        ({"hidden": [0]}, "hidden"),
+        ({"odd": "perhaps"}, "odd.*'perhaps'"),
+        ({"width": 0.0}, "width"),
+        ({"hiden": [8]}, "'hiden'.* did you mean 'hidden'"),
+        ({"epochs": 5}, 'epochs = 5 needs solver = "adam"'),
+        ({"rate": 0.1, "solver": "levenberg_marquardt"}, 'rate = 0.1 needs solver = "adam"'),
+        ({"batch": 32}, "batch = 32 needs"),
+        ({"patience": 1}, "patience = 1 needs"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, complaint):
+    with pytest.raises(InputError, match=complaint):
+        identifier_named("mlp", settings)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: MLP(hidden=()),
+        lambda: MLP(hidden=(2.5,)),
+        lambda: MLP(others=-1),
+        lambda: MLP(shape="step"),
+        lambda: CompressedNetwork(MLP(others=1)),
+        lambda: CompressedNetwork(Stribeck()),
+        lambda: CompressedNetwork(MLP(), nodes=1),
+        lambda: CompressedNetwork(MLP(), prior_deviations=()),
+        lambda: CompressedNetwork(MLP(), share=0.9),
+    ],
+)
+def test_objects_that_mean_nothing_are_refused(make):
+    with pytest.raises(InputError):
+        make()

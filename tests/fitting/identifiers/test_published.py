@@ -1,0 +1,101 @@
+"""The identifier `published`: other people's friction, as it stands in their file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import explained_by
+from fixtures.paths import DATA
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import Published
+from frictionid.fitting.identifiers.synthetic_problem import (
+    synthetic_problem,
+    synthetic_weights,
+    true_friction,
+)
+from frictionid.friction import Friction, along
+from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.friction.model_files import save_model
+
+DFKI = DATA / "dfki_c1"
+NUMBERS = np.array([[0.3, 0.01], [0.1, 0.02]])
+OTHERS = Friction(CoulombViscous(), NUMBERS, {"m1": 0.5}, {"source": "a paper"})
+
+
+def test_it_is_the_same_in_every_fold_whatever_data_weights_and_seed():
+    problem = synthetic_problem(2)
+    other = replace(problem, r=problem.r + 1.0)
+    found = Published(OTHERS).fit(problem, synthetic_weights(problem), 0)
+    again = Published(OTHERS).fit(other, np.ones((3, len(problem.r))), 5)
+    np.testing.assert_array_equal(found.theta, np.broadcast_to(NUMBERS, (3, 2, 2)))
+    np.testing.assert_array_equal(again.theta, found.theta)
+
+
+def test_it_brings_its_law_its_parameters_and_where_it_comes_from():
+    problem = synthetic_problem(2)
+    found = Published(OTHERS).fit(problem, synthetic_weights(problem), 0)
+    assert found.law is OTHERS.law
+    assert found.parameters == {"m1": 0.5}
+    assert found.provenance == {"source": "a paper"}
+
+
+def test_the_true_numbers_leave_no_residual():
+    friction = true_friction(2)
+    problem = explained_by(friction.law, friction.theta)
+    found = Published(friction).fit(problem, np.ones((1, len(problem.r))), 0)
+    residual = problem.residual(along(found, problem.nodes))
+    np.testing.assert_allclose(residual, 0.0, atol=1e-15)
+    assert np.abs(problem.r).max() > 0.1
+
+
+def test_nobody_can_change_the_published_numbers_through_a_fit():
+    problem = synthetic_problem(2)
+    found = Published(OTHERS).fit(problem, synthetic_weights(problem), 0)
+    found.theta[...] = 0.0
+    np.testing.assert_array_equal(OTHERS.theta, [[0.3, 0.01], [0.1, 0.02]])
+
+
+@pytest.mark.parametrize(
+    ("friction", "joints"),
+    [(OTHERS, 1), (OTHERS[:1], 2), (replace(OTHERS, theta=NUMBERS[None]), 2)],
+)
+def test_friction_of_another_number_of_joints_or_of_many_folds_is_refused(friction, joints):
+    problem = synthetic_problem(joints)
+    with pytest.raises(InputError, match=rf"theta of shape .*, the data {joints} joints"):
+        Published(friction).fit(problem, synthetic_weights(problem), 0)
+
+
+def test_a_file_is_its_setting(tmp_path):
+    save_model(OTHERS, tmp_path / "other.json", LAWS)
+    made = identifier_named("published", {"file": str(tmp_path / "other.json")})
+    problem = synthetic_problem(2)
+    found = made.fit(problem, np.ones((1, len(problem.r))), 0)
+    np.testing.assert_array_equal(found.theta[0], NUMBERS)
+    assert found.parameters == {"m1": 0.5}
+
+
+def test_a_file_that_is_not_there_is_an_error_with_its_name():
+    with pytest.raises(InputError, match=r"nowhere\.json: no such file"):
+        identifier_named("published", {"file": "nowhere.json"})
+
+
+@pytest.mark.parametrize("version", ["1.0", "2.0"])
+def test_the_models_of_the_real_acrobot_hold_friction_and_their_own_inertias(version):
+    made = identifier_named("published", {"file": str(DFKI / f"model_{version}.json")})
+    problem = synthetic_problem(2)
+    found = made.fit(problem, synthetic_weights(problem), 0)
+    assert found.theta.shape == (3, 2, len(found.law.names))
+    assert {"m1", "m2", "l1", "I1", "I2"} <= set(found.parameters)
+    level = found.law.limit(found.theta[0], problem.nodes.inputs, ())
+    assert ((level > 0.01) & (level < 1.0)).all()
+
+
+def test_stribeck_from_elsewhere_serves_as_well():
+    published = Published(Friction(Stribeck(), np.array([[0.1, 0.05, 1.0, 0.01]])))
+    found = published.fit(synthetic_problem(1), np.ones((2, 120)), 0)
+    np.testing.assert_allclose(
+        found.curve(np.array([100.0]))[:, 0, 0], 0.1 + 0.01 * 100.0, rtol=1e-12
+    )

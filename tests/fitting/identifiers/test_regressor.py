@@ -1,0 +1,206 @@
+"""The identifier `sklearn`: any regressor, taught the torque that the rows leave to friction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import everything, explained_by
+from sklearn.dummy import DummyRegressor
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.linear_model import LinearRegression
+from sklearn.neighbors import KNeighborsRegressor
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import Regressor, check_identifier
+from frictionid.fitting.identifiers.estimators import NAMED, estimator_named
+from frictionid.fitting.identifiers.regressor import torques
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.friction import Friction, along
+from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
+from frictionid.friction.model_files import load_model, save_model
+
+TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
+SPEEDS = np.array([0.6, 1.0, 2.0, 3.5])
+RIDGE = KernelRidge(alpha=0.01, kernel="rbf", gamma=1.0)
+
+
+def fit(problem, estimator=RIDGE, weights=None, seed=0, **settings):
+    weights = everything(problem) if weights is None else weights
+    return Regressor(estimator, **settings).fit(problem, weights, seed)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_torques_of_rows_are_the_mean_true_torques(n):
+    problem = explained_by(Stribeck(), TRUTH[:n])
+    x, torque, share = torques(problem)
+    true = along(Friction(Stribeck(), TRUTH[:n]), problem.nodes)
+    np.testing.assert_allclose(torque, problem.mean(true), atol=1e-10)
+    np.testing.assert_allclose(x.w, problem.mean(problem.nodes.inputs.w))
+    assert (share > 0).all()
+
+
+def test_shares_are_inverse_variances_and_joints_at_rest_have_none():
+    problem = mask_stiction(synthetic_problem(2), 0.5)
+    still = ~problem.G.any(axis=1)
+    assert still.any() and not still.all()
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal((4000, *problem.r.shape))
+    _, _, share = torques(problem)
+    assert (share[still] == 0).all() and (share[~still] > 0).all()
+    some = np.flatnonzero(~still.any(axis=1))[:5]
+    for k in some:
+        drawn = noise[:, k] @ np.linalg.pinv(problem.G[k]).T
+        np.testing.assert_allclose(drawn.var(axis=0), 1.0 / share[k], rtol=0.15)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_each_named_estimator_finds_the_curve(name):
+    problem = explained_by(Stribeck(), TRUTH)
+    found = fit(problem, estimator_named(name, {}))[0]
+    for side in (1.0, -1.0):
+        true = Friction(Stribeck(), TRUTH).curve(side * SPEEDS)
+        np.testing.assert_allclose(found.curve(side * SPEEDS), true, rtol=0.2)
+    assert found.law.names[0].startswith("up_")
+
+
+def test_a_linear_regression_in_sign_and_speed_finds_coulomb_friction():
+    problem = explained_by(CoulombViscous(), [[0.1, 0.0], [0.05, 0.0]])
+    found = fit(problem, LinearRegression())[0]
+    curve = found.curve(np.array([-3.0, -1.0, 1.0, 3.0]))
+    np.testing.assert_allclose(curve, np.outer([-1, -1, 1, 1], [0.1, 0.05]), rtol=0.05)
+
+
+def test_the_curve_holds_beyond_the_data_and_friction_does_not_drive():
+    problem = explained_by(Stribeck(), TRUTH)
+    found = fit(problem)[0]
+    fastest = np.abs(problem.nodes.inputs.w).max()
+    far = found.curve(np.array([fastest, 2 * fastest, 50.0]))
+    np.testing.assert_allclose(far[1:], far[:1].repeat(2, axis=0))
+    driving = replace(problem, r=-problem.r)
+    w = np.linspace(-9, 9, 80)
+    assert (fit(driving)[0].curve(w) * w[:, None] >= 0).all()
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [RIDGE, KNeighborsRegressor(5), estimator_named("gradient_boosting", {"n_estimators": 10})],
+    ids=["ridge", "knn", "boosting"],
+)
+def test_it_keeps_to_the_contract(estimator):
+    check_identifier(Regressor(estimator, bins=50))
+
+
+def test_the_seed_goes_to_the_estimator():
+    problem = explained_by(Stribeck(), TRUTH, 1e-3, np.random.default_rng(0))
+    forest = estimator_named("random_forest", {"n_estimators": 5})
+    one, same, other = (fit(problem, forest, seed=seed).theta for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one, other)
+    assert forest.random_state is None
+
+
+def test_fewer_bins_are_means_of_more_rows():
+    problem = explained_by(Stribeck(), TRUTH, 2e-3, np.random.default_rng(0))
+    flat = fit(problem, DummyRegressor(), bins=3).theta
+    np.testing.assert_allclose(flat, fit(problem, DummyRegressor(), bins=80).theta, atol=1e-9)
+    assert not np.array_equal(fit(problem, bins=10).theta, fit(problem, bins=80).theta)
+
+
+def test_with_angle_and_torque_it_sees_what_a_curve_cannot():
+    law = Ripple()
+    truth = np.array([[0.1, 0.01, 0.0, 0.6]])
+    problem = explained_by(law, truth)
+    true = problem.mean(along(Friction(law, truth), problem.nodes))
+    errors = []
+    for inputs in (("w",), ("w", "q")):
+        found = fit(problem, KNeighborsRegressor(3), inputs=inputs)
+        errors.append(np.abs(problem.mean(along(found, problem.nodes))[0] - true).mean())
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_with_other_inputs_it_keeps_to_the_contract_and_is_not_saved(tmp_path):
+    identifier = Regressor(KNeighborsRegressor(5), ("w", "q", "u"))
+    check_identifier(identifier)
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
+    found = identifier.fit(problem, weights, 0)
+    torque = along(found, problem.nodes)
+    for f in range(len(weights)):
+        np.testing.assert_array_equal(along(found[f], problem.nodes), torque[f])
+    with pytest.raises(InputError, match="cannot be saved: regressors of more than the velocity"):
+        save_model(found, tmp_path / "model.json", LAWS)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_curve_comes_back_from_its_file(tmp_path):
+    found = fit(synthetic_problem(2), speeds=(0.5, 1.0, 4.0))
+    assert found.law.speeds == (0.5, 1.0, 4.0)
+    save_model(found, tmp_path / "model.json", LAWS)
+    again = load_model(tmp_path / "model.json", LAWS)
+    assert again.law == found.law
+    np.testing.assert_array_equal(again.theta, found.theta)
+
+
+def test_its_settings_choose_the_estimator():
+    made = identifier_named("sklearn", {"estimator": "knn", "settings": {"n_neighbors": 4}})
+    assert repr(made) == repr(Regressor(KNeighborsRegressor(n_neighbors=4)))
+    dotted = identifier_named("sklearn", {"estimator": "sklearn.linear_model.LinearRegression"})
+    assert repr(dotted) == repr(Regressor(LinearRegression()))
+    colon = identifier_named("sklearn", {"estimator": "sklearn.dummy:DummyRegressor", "bins": 9})
+    assert repr(colon) == repr(Regressor(DummyRegressor(), bins=9))
+
+
+@pytest.mark.parametrize(
+    ("settings", "rule"),
+    [
+        ({"estimator": "gradient_bosting"}, "did you mean 'gradient_boosting'"),
+        ({"estimator": "sklearn.svm.Nothing"}, "cannot be imported"),
+        ({"estimator": "no.such.Thing"}, "is of no installed package"),
+        ({"estimator": "sklearn.base.clone"}, "sklearn: "),
+        ({"estimator": "sklearn.preprocessing.StandardScaler"}, "no class with fit and predict"),
+        ({"estimator": "knn", "settings": {"neighbours": 4}}, "neighbours"),
+        ({"estimator": "knn", "settings": {"n_neighbors": -4}}, "n_neighbors"),
+        ({"estimator": "knn", "bins": 1}, "bins"),
+        ({"estimator": "knn", "speeds": [2.0, 1.0]}, r"speeds = \[2.0, 1.0\] .* increase"),
+        ({"estimator": "sklearn.svm.SVC"}, r"SVC\(\) is no regressor"),
+        ({"estimator": "sklearn.cluster.KMeans"}, r"KMeans\(\) is no regressor"),
+        ({}, "estimator"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, rule):
+    with pytest.raises(InputError, match=rule):
+        identifier_named("sklearn", settings)
+    with pytest.raises(InputError, match=r"inputs = .* must include w"):
+        Regressor(RIDGE, ("q",))
+
+
+def test_a_joint_that_never_slides_is_refused():
+    problem = synthetic_problem(2)
+    G = problem.G.copy()
+    G[:, :, 1] = 0.0
+    with pytest.raises(InputError, match="joint 2 slides in no row of fold 0"):
+        fit(replace(problem, G=G))
+
+
+@pytest.mark.parametrize(("neighbours", "bins"), [(1000, 200), (9, 2)])
+def test_what_an_estimator_says_only_when_it_learns_is_one_line_too(neighbours, bins):
+    with pytest.raises(InputError, match=r"cannot learn from \d+ samples: .*n_neighbors") as caught:
+        fit(synthetic_problem(1), KNeighborsRegressor(neighbours), bins=bins)
+    assert "\n" not in str(caught.value)
+
+
+def test_estimators_inside_others_and_of_ones_own_are_regressors():
+    from sklearn.pipeline import make_pipeline
+
+    class Own:
+        def fit(self, x, y):
+            return self
+
+        def predict(self, x):
+            return x[:, 0]
+
+    for estimator in (make_pipeline(LinearRegression()), Own()):
+        assert Regressor(estimator).estimator is estimator

@@ -1,0 +1,356 @@
+"""Laws of one-step problems: the true friction leaves nothing, whatever acts enters affinely."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from frictionid.arrays import inverse, times
+from frictionid.data.integrals import averages
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Signal, sample
+from frictionid.data.state_estimators import States
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.dynamics.step import euler_step
+from frictionid.errors import InputError
+from frictionid.fitting.one_step.residual import (
+    euler_problem,
+    integral_problem,
+    mask_stiction,
+    stiction_mask,
+)
+from frictionid.friction import Friction, along, at_rest, memory_along
+from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
+from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
+
+MACHINE = double_pendulum()
+PROBLEMS = {"euler": euler_problem, "integral": integral_problem}
+SMOOTH = Friction(CoulombViscous(width=4.0), np.array([[0.1, 0.02], [0.05, 0.01]]))
+SHARP = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
+LAG = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
+
+
+def plant_of(count, **parameters):
+    """Plant with one entry for each recording."""
+    own = {name: np.broadcast_to(value, count) for name, value in parameters.items()}
+    return Plant.from_parameters(MACHINE, {"m1": np.full(count, 0.5), **own})
+
+
+@pytest.fixture(params=PROBLEMS)
+def build(request):
+    return PROBLEMS[request.param]
+
+
+def made_up(rng, length=30, torque_length=200):
+    """A recording and states that obey nothing: laws of algebra hold for them as well."""
+    time = np.cumsum(rng.uniform(0.005, 0.03, length))
+    clock = np.linspace(-0.02, time[-1] + 0.02, torque_length)  # another clock
+    torque = Signal(clock, rng.normal(size=(torque_length, 2)), "previous")
+    q, w = rng.normal(size=(length, 2)), 3 * rng.normal(size=(length, 2))
+    return Recording("r", Signal(time, q), torque), States(time, q, w)
+
+
+# ---------------------------------------------------------------- the true friction leaves nothing
+
+
+def true_motion(dt, duration=0.6):
+    """Recording and exact states of a motion under a torque with corners every 0.1 s."""
+    knots = np.arange(0, duration + 0.05, 0.1)
+    rng = np.random.default_rng(1)
+    torque = Signal(knots, 0.4 * rng.normal(size=(len(knots), 2)), "linear")
+    plant = Plant.from_parameters(MACHINE, {})
+
+    def rate(t, y):
+        M, h = plant.dynamics(y[:2], y[2:])
+        u = [np.interp(t, knots, column) for column in torque.value.T]
+        return np.concatenate([y[2:], np.linalg.solve(M, h + u - SMOOTH.torque(at_rest(y[2:])))])
+
+    time = np.arange(round(duration / dt) + 1) * dt
+    y, parts = np.array([1.0, -0.5, 4.0, -5.0]), []
+    for begin, end in zip(knots[:-1], knots[1:], strict=True):  # smooth between the corners
+        inside = np.clip(time[(time >= begin - 1e-9) & (time < end - 1e-9)], begin, end)
+        found = solve_ivp(
+            rate, (begin, end), y, "DOP853", np.append(inside, end), rtol=1e-12, atol=1e-12
+        )
+        parts.append(found.y.T[:-1])
+        y = found.y[:, -1]
+    motion = np.concatenate([*parts, y[None]])
+    states = States(time, motion[:, :2], motion[:, 2:])
+    return Recording("true", Signal(time, states.q), torque), states
+
+
+@pytest.mark.parametrize(("name", "order"), [("euler", 2), ("integral", 5)])
+def test_the_residual_of_the_true_friction_vanishes_with_the_order_of_the_rule(name, order):
+    steps, residuals = (1 / 80, 1 / 160, 1 / 320), []
+    for dt in steps:
+        recording, states = true_motion(dt)
+        problem = PROBLEMS[name](plant_of(1), [recording], [states])
+        residual = problem.residual(along(SMOOTH, problem.nodes))
+        residuals.append(np.sqrt((residual**2).mean()))
+    slope = np.polyfit(np.log(steps), np.log(residuals), 1)[0]
+    assert slope == pytest.approx(order, abs=0.1)
+
+
+def test_at_60_hz_the_integral_is_exact_to_a_thousandth_of_eulers_residual():
+    recording, states = true_motion(1 / 60)
+    rms = {}
+    for name, build in PROBLEMS.items():
+        problem = build(plant_of(1), [recording], [states])
+        rms[name] = np.sqrt((problem.residual(along(SMOOTH, problem.nodes)) ** 2).mean())
+    assert rms["integral"] < 1e-3 * rms["euler"]
+    assert rms["integral"] < 2e-5 < 0.05 < rms["euler"]  # [rad/s]
+
+
+def test_constant_acceleration_is_exact_under_both_rules(build):
+    machine = pendulum()
+    plant = Plant.from_parameters(
+        machine, {"mass": np.array([2.0]), "length": 0.5, "g": 0.0}
+    )  # 0.5 kg m^2
+    time = np.array([0.0, 0.1, 0.15, 0.4])
+    w = (1.0 + 0.6 * time)[:, None]
+    q = (1.0 * time + 0.3 * time**2)[:, None]
+    torque = Signal(time, np.full((4, 1), 0.5))  # 0.3 N m accelerate, the rest is friction
+    problem = build(plant, [Recording("r", Signal(time, q), torque)], [States(time, q, w)])
+    friction = np.full_like(problem.nodes.inputs.w, 0.2)
+    np.testing.assert_allclose(problem.residual(friction), 0.0, atol=1e-14)
+
+
+# ---------------------------------------------------------------- by hand
+
+
+def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measurement():
+    recording, states = made_up(np.random.default_rng(2))
+    problem = euler_problem(plant_of(1), [recording], [states])
+    begin = State(states.q[:-1], states.w[:-1])
+    dt = np.diff(states.time)[:, None]
+    u = averages(recording.torque, states.time)
+    predicted = euler_step(plant_of(1)[0], SHARP, begin, u, dt)
+    residual = problem.residual(along(SHARP, problem.nodes))
+    np.testing.assert_allclose(residual, predicted.w - states.w[1:], rtol=0, atol=1e-12)
+
+
+def test_the_euler_residual_is_the_first_sample_of_an_euler_rollout():
+    recording, states = made_up(np.random.default_rng(3))
+    problem = euler_problem(plant_of(1), [recording], [states])
+    u, dt = averages(recording.torque, states.time), np.diff(states.time)
+    begin = State(states.q[:-1], states.w[:-1])
+    motion = rollout(plant_of(1)[0], SHARP, begin, u[None], dt[None], method="euler")
+    residual = problem.residual(along(SHARP, problem.nodes))
+    np.testing.assert_allclose(residual, motion.w[1] - states.w[1:], rtol=0, atol=1e-12)
+
+
+def test_the_integral_residual_is_the_momentum_balance():
+    recording, states = made_up(np.random.default_rng(4))
+    plant = plant_of(1)[0]
+    problem = integral_problem(plant_of(1), [recording], [states])
+    residual = problem.residual(along(SHARP, problem.nodes))
+    u = averages(recording.torque, states.time)
+    for k in (0, 7, 28):
+        (q0, q1), (w0, w1) = states.q[k : k + 2], states.w[k : k + 2]
+        dt = states.time[k + 1] - states.time[k]
+        q = (q0 + q1) / 2 + dt / 8 * (w0 - w1)
+        w = 1.5 * (q1 - q0) / dt - (w0 + w1) / 4
+        a, m, b = plant.terms(q0, w0), plant.terms(q, w), plant.terms(q1, w1)
+        Tf = [SHARP.torque(at_rest(x)) for x in (w0, w, w1)]
+        force = (a.dLdq + 4 * m.dLdq + b.dLdq) / 6 + u[k] - (Tf[0] + 4 * Tf[1] + Tf[2]) / 6
+        predicted = np.linalg.solve(b.M, a.M @ w0 + dt * force)
+        np.testing.assert_allclose(residual[k], predicted - w1, rtol=0, atol=1e-11)
+
+
+def test_joints_without_motor_feel_no_torque(build):
+    recording, states = made_up(np.random.default_rng(5))
+    plant = Plant.from_parameters(acrobot(), {"m4": np.zeros(1)})
+    value = recording.torque.value * [100.0, 1.0]
+    loud = Recording("r", recording.angle, recording.torque._replace(value=value))
+    a, b = (build(plant, [r], [states]) for r in (recording, loud))
+    np.testing.assert_array_equal(a.r, b.r)
+
+
+# ---------------------------------------------------------------- affine in friction
+
+
+def test_the_residual_is_affine_in_the_friction_torques(build):
+    recording, states = made_up(np.random.default_rng(6))
+    problem = build(plant_of(1), [recording], [states])
+    rng = np.random.default_rng(7)
+    a, b = rng.normal(size=(2, *problem.nodes.inputs.w.shape))
+    mixed = 0.3 * problem.residual(a) + 0.7 * problem.residual(b)
+    np.testing.assert_allclose(problem.residual(0.3 * a + 0.7 * b), mixed, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(problem.residual(0 * a), problem.r)
+
+
+def test_folds_at_once_are_each_fold_alone(build):
+    recording, states = made_up(np.random.default_rng(8))
+    problem = build(plant_of(1), [recording], [states])
+    many = Friction(SHARP.law, SHARP.theta * np.linspace(0.5, 1.5, 4)[:, None, None])
+    together = problem.residual(along(many, problem.nodes))
+    for f in range(4):
+        alone = problem.residual(along(many[f], problem.nodes))
+        np.testing.assert_array_equal(together[f], alone)
+
+
+def test_G_is_what_an_impulse_of_friction_does(build):
+    recording, states = made_up(np.random.default_rng(9))
+    problem = build(plant_of(1), [recording], [states])
+    at = states.q[:-1] if build is euler_problem else states.q[1:]
+    M = plant_of(1)[0].mechanism.inertia(plant_of(1).p[0], at)
+    dt = np.diff(states.time)
+    np.testing.assert_allclose(problem.G, inverse(M) * dt[:, None, None], rtol=1e-12)
+    np.testing.assert_array_equal(problem.dt, dt)
+    one = np.ones_like(problem.nodes.inputs.w)
+    np.testing.assert_allclose(problem.r - problem.residual(one), problem.G.sum(-1), atol=1e-12)
+
+
+# ---------------------------------------------------------------- recordings, history, clocks
+
+
+def three(rng):
+    pairs = [made_up(rng, length) for length in (12, 25, 18)]
+    return [list(column) for column in zip(*pairs, strict=True)]
+
+
+def test_several_recordings_are_each_alone_with_its_own_parameters(build):
+    recordings, states = three(np.random.default_rng(10))
+    plant = plant_of(3, m2=np.array([0.3, 0.5, 0.6]))
+    together = build(plant, recordings, states)
+    residual = together.residual(along(LAG, together.nodes))
+    for i in range(3):
+        alone = build(plant[i : i + 1], recordings[i : i + 1], states[i : i + 1])
+        rows = together.recording == i
+        np.testing.assert_array_equal(together.r[rows], alone.r)
+        np.testing.assert_array_equal(together.G[rows], alone.G)
+        own = alone.residual(along(LAG, alone.nodes))
+        np.testing.assert_allclose(residual[rows], own, rtol=0, atol=1e-13)
+    other = build(plant_of(3), recordings, states)
+    assert (np.abs(other.r - together.r).max(axis=1) > 0)[together.recording == 0].all()
+
+
+def test_history_drops_the_first_rows_of_each_recording_and_nothing_else(build):
+    recordings, states = three(np.random.default_rng(11))
+    whole, late = (build(plant_of(3), recordings, states, history=h) for h in (0, 5))
+    first = np.concatenate([s.time[:5] for s in states])
+    keep = ~np.isin(whole.time, first)
+    assert late.history == 5 and keep.sum() == 11 + 24 + 17 - 15
+    for name in ("r", "G", "stencil", "recording", "time", "dt"):
+        np.testing.assert_array_equal(getattr(late, name), getattr(whole, name)[keep])
+    for friction in (SHARP, LAG):  # memory still begins with the recording
+        residual = whole.residual(along(friction, whole.nodes))
+        np.testing.assert_array_equal(late.residual(along(friction, late.nodes)), residual[keep])
+
+
+def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_error(build):
+    recordings, states = three(np.random.default_rng(12))
+    problem = build(plant_of(3), recordings, states, history=17)
+    assert set(problem.recording) == {1}
+    with pytest.raises(InputError, match="no recording is longer than the 24 samples of history"):
+        build(plant_of(3), recordings, states, history=24)
+
+
+@pytest.mark.parametrize("build", [euler_problem, integral_problem])
+def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
+    recordings, states = three(np.random.default_rng(15))
+    whole = build(plant_of(3), recordings, states)
+    s = states[1]
+    lost = slice(8, 16)  # of 25 samples
+    holed = States(*(np.delete(part, lost, axis=0) for part in s.motion))
+    problem = build(plant_of(3), recordings, [states[0], holed, states[2]])
+    assert problem.dt.max() < 2 * np.median(np.diff(s.time))
+    gone = (whole.recording == 1) & (whole.time >= s.time[7] - 1e-9) & (whole.time < s.time[16])
+    np.testing.assert_array_equal(problem.r, whole.r[~gone])
+
+
+def test_nodes_are_in_order_and_rows_find_theirs():
+    recordings, states = three(np.random.default_rng(13))
+    problem = integral_problem(plant_of(3), recordings, states, history=2)
+    nodes = problem.nodes
+    np.testing.assert_array_equal(np.diff(nodes.first), [23, 49, 35])
+    assert nodes.per_sample == 2 and len(nodes.time) == nodes.first[-1]
+    for i, s in enumerate(states):
+        own = slice(nodes.first[i], nodes.first[i + 1])
+        assert (np.diff(nodes.time[own]) > 0).all()
+        np.testing.assert_array_equal(nodes.time[own][::2], s.time)
+        np.testing.assert_array_equal(nodes.inputs.w[own][::2], s.w)
+        rows = problem.stencil[problem.recording == i]
+        assert (nodes.first[i] <= rows).all() and (rows < nodes.first[i + 1]).all()
+    begin, middle, end = nodes.time[problem.stencil.T]
+    np.testing.assert_array_equal(begin, problem.time)
+    np.testing.assert_allclose(middle, (begin + end) / 2)
+    np.testing.assert_allclose(end - begin, problem.dt)
+    memories = memory_along(LAG, nodes)
+    assert len(memories) == 49 and memories[0][0].shape == (3, 2)
+    np.testing.assert_array_equal(memories[0][0], np.abs(nodes.inputs.w[nodes.first[:-1]]))
+
+
+def test_the_stencil_averages():
+    recordings, states = three(np.random.default_rng(14))
+    for build, place in ((euler_problem, 0.0), (integral_problem, 0.5)):
+        problem = build(plant_of(3), recordings, states)
+        line = 2.0 + 3.0 * problem.nodes.time[:, None]
+        at = problem.time + place * problem.dt
+        np.testing.assert_allclose(problem.mean(line)[:, 0], 2.0 + 3.0 * at, rtol=1e-14)
+
+
+def test_a_torque_on_another_clock_counts_by_its_mean(build):
+    recording, states = made_up(np.random.default_rng(15))
+    mean = averages(recording.torque, states.time)
+    own = Signal(states.time[:-1], mean, "previous")
+    same_clock = Recording("r", recording.angle, own)
+    a, b = (build(plant_of(1), [r], [states]) for r in (recording, same_clock))
+    np.testing.assert_allclose(a.r, b.r, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(a.G, b.G)
+
+
+def test_laws_see_torque_and_bearing_load_at_their_nodes():
+    recording, states = made_up(np.random.default_rng(16))
+    plant = plant_of(1)[0]
+    nodes = integral_problem(plant_of(1), [recording], [states]).nodes
+    np.testing.assert_array_equal(nodes.inputs.u[1::2], averages(recording.torque, states.time))
+    np.testing.assert_array_equal(nodes.inputs.u[::2], sample(recording.torque, states.time))
+    np.testing.assert_array_equal(nodes.inputs.load, plant.load(*nodes.inputs[:3]))
+
+
+# ---------------------------------------------------------------- joints at rest
+
+
+def slow(rng, build):
+    """A problem in which joints now and then are slow or reverse."""
+    recording, states = made_up(rng, 60)
+    w = 1.0 + rng.random(states.w.shape)
+    w *= rng.choice([1.0, 1.0, 1.0, 0.01, -1.0], states.w.shape)
+    q = np.cumsum(w * np.gradient(states.time)[:, None], axis=0)
+    return build(plant_of(1), [recording], [states._replace(q=q, w=w)])
+
+
+def test_the_stiction_mask_marks_joints_that_are_slow_at_a_node_or_reverse(build):
+    problem = slow(np.random.default_rng(17), build)
+    mask = stiction_mask(problem, 0.2)
+    for k, nodes in enumerate(problem.stencil):
+        for j, w in enumerate(problem.nodes.inputs.w[nodes].T):
+            assert mask[k, j] == (np.abs(w).min() < 0.2 or w.min() < 0 < w.max())
+
+
+def test_masked_rows_do_not_depend_on_the_friction_of_masked_joints(build):
+    rng = np.random.default_rng(17)
+    problem = slow(rng, build)
+    masked, mask = mask_stiction(problem, 0.2), stiction_mask(problem, 0.2)
+    row = rng.normal(size=mask.shape)
+    change = times(masked.G, np.where(mask, row, 0.0))
+    np.testing.assert_allclose(change, 0.0, atol=1e-10)
+    untouched = ~mask.any(axis=1)
+    assert 5 < untouched.sum() < len(mask) - 5
+    np.testing.assert_allclose(masked.r[untouched], problem.r[untouched], rtol=1e-14)
+    np.testing.assert_allclose(masked.G[untouched], problem.G[untouched], rtol=1e-14)
+    both = mask.all(axis=1)
+    assert both.any()
+    np.testing.assert_allclose(masked.r[both], 0.0, atol=1e-9)
+
+
+def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leaves(build):
+    problem = slow(np.random.default_rng(18), build)
+    masked, mask = mask_stiction(problem, 0.2), stiction_mask(problem, 0.2)
+    torque = along(SHARP, problem.nodes)
+    residual, least = problem.residual(torque), masked.residual(torque)
+    for k in np.flatnonzero(mask.any(axis=1)):
+        free = problem.G[k][:, mask[k]]
+        left = residual[k] - free @ np.linalg.lstsq(free, residual[k], rcond=None)[0]
+        np.testing.assert_allclose(least[k], left, rtol=0, atol=1e-9)

@@ -1,0 +1,337 @@
+"""The identifier `sindy`: which candidates friction has, and their coefficients."""
+
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import cost, everything, explained_by
+from fixtures.paths import DATA
+from pysindy import FourierLibrary, PolynomialLibrary
+
+from frictionid.__main__ import main
+from frictionid.comparison.equations import with_equations
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.data.plants import plant_of
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.errors import InputError
+from frictionid.files import read_json
+from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, check_identifier
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.one_step.covariance import half_widths
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.fitting.shooting.recipe import ShootingFit, refine_folds
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.friction import Friction, Inputs, along, at_rest
+from frictionid.friction.laws import CoulombViscous, Library, Spline, Stribeck, check_law
+from frictionid.friction.model_files import load_model, save_model
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write_dataset
+from frictionid.simulate import Stribeck as SimulatedStribeck
+
+LAW = Library()
+COULOMB = np.array([[0.10, 0.02], [0.05, 0.01]])
+STRIBECK = np.array([[0.10, 0.05, 0.9, 0.02], [0.05, 0.04, 3.2, 0.01]])  # between the grid's ws
+EVERYTHING = Library(harmonics=(1, 2), gear=2.0, load=True, direction=True, other=True)
+
+
+def fit(problem, weights=None, **settings):
+    weights = everything(problem) if weights is None else weights
+    return SINDy(**settings).fit(problem, weights, 0)
+
+
+def terms(friction):
+    """Names of the candidates of each joint, of one friction (n, P)."""
+    names = friction.law.names
+    return [[names[i] for i in np.flatnonzero(row)] for row in friction.theta]
+
+
+def made_of(law, theta, noise=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    return explained_by(law, theta, noise, rng)
+
+
+def theta_of(law, *joints):
+    """Coefficients (n, P) from names and values."""
+    return np.array([[joint.get(name, 0.0) for name in law.names] for joint in joints])
+
+
+def test_ten_seeds_of_coulomb_and_viscous_friction_give_that_and_nothing_else():
+    found = [terms(fit(made_of(CoulombViscous(), COULOMB, 1e-3, seed))[0]) for seed in range(10)]
+    assert found.count([["sign", "viscous"]] * 2) >= 9
+
+
+def test_ten_seeds_of_stribeck_friction_give_the_nearest_peak_and_nothing_else():
+    expected = [["sign", "viscous", "peak_1"], ["sign", "viscous", "peak_3.4"]]
+    found = [terms(fit(made_of(Stribeck(), STRIBECK, 1e-3, seed))[0]) for seed in range(10)]
+    assert found.count(expected) >= 9
+
+
+@pytest.mark.parametrize("optimizer", ["stlsq", "sr3"])
+def test_truth_in_truth_out(optimizer):
+    truth = theta_of(
+        LAW, {"sign": 0.1, "cubic": 1e-4}, {"sign": 0.05, "drag": 1e-3, "peak_3.4": 0.03}
+    )
+    found = fit(made_of(LAW, truth), optimizer=optimizer)
+    np.testing.assert_allclose(found.theta[0], truth, rtol=1e-6, atol=1e-9)
+
+
+def test_candidates_on_request_are_found_where_they_are_true():
+    law = Library(harmonics=(1,), direction=True, other=True, velocities=(1.0, 3.0))
+    truth = theta_of(
+        law,
+        {"sign": 0.1, "viscous": 0.02, "sin_1": -0.03, "offset_sign": 0.02},
+        {"sign": 0.05, "peak_3": 0.03, "other": 0.004},
+    )
+    found = fit(made_of(law, truth, 1e-5), library=law)
+    assert terms(found[0]) == terms(Friction(law, truth))
+    np.testing.assert_allclose(found.theta[0], truth, atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def acrobot():
+    """One-step problem of simulated recordings: set-valued truth, noise and a camera."""
+    dataset = load_dataset(DATA / "acrobot_clean")
+    return training_problem(dataset, plant_of(dataset), INTEGRAL)
+
+
+@pytest.mark.parametrize(("identifier", "seconds"), [(SINDy(), 0.5), (Linear(Spline()), 0.1)])
+def test_ten_folds_take_less_processor_time_than_promised(acrobot, identifier, seconds):
+    weights = (acrobot.recording % 10 != np.arange(10)[:, None]) * 1.0
+    identifier.fit(acrobot, weights[:1], 0)  # imports
+    times = []
+    for _ in range(3):
+        begin = time.process_time()
+        identifier.fit(acrobot, weights, 0)
+        times.append(time.process_time() - begin)
+    assert min(times) < seconds
+
+
+def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms(acrobot):
+    """The true peaks are at 2 rad/s, between 1.5 and 2.3."""
+    problem = acrobot
+    friction = fit(problem)[0]
+    assert terms(friction) == [["sign", "viscous"], ["sign", "viscous", "peak_2.3"]]
+    sided = fit(problem, library=Library(direction=True))[0]
+    expected = ["sign", "viscous", "peak_2.3", "offset_sign", "offset_peak_2.3"]
+    assert terms(sided) == [["sign", "viscous"], expected]
+    half = half_widths(friction, problem, everything(problem)[0])
+    coulomb = LAW.names.index("sign")
+    assert friction.theta[0, coulomb] == pytest.approx(0.165, rel=0.03)
+    assert (half[friction.theta != 0] < 0.2 * friction.theta[friction.theta != 0]).all()
+    assert np.isnan(half[friction.theta == 0]).all()
+
+
+def test_on_its_active_set_it_is_least_squares():
+    problem = made_of(Stribeck(), STRIBECK, 1e-3)
+    weights = synthetic_weights(problem)
+    found = fit(problem, weights)
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        off = found.theta * (1 + 1e-3 * rng.standard_normal(found.theta.shape))
+        assert (cost(problem, weights, Friction(LAW, off)) >= cost(problem, weights, found)).all()
+
+
+def test_columns_are_those_of_pysindys_libraries():
+    w = np.linspace(0.5, 3, 7)[:, None]
+    x = at_rest(w)._replace(q=2 * w)
+    law = Library(width=1e-9, widths=(), velocities=(), harmonics=(1, 2))
+    ours = law.gradient(np.zeros((1, len(law.names))), x)[:, 0]
+    powers = PolynomialLibrary(degree=3, include_bias=False).fit_transform(w)
+    waves = FourierLibrary(n_frequencies=2, include_sin=True).fit_transform(x.q)
+    np.testing.assert_allclose(ours[:, 1:4], powers)
+    np.testing.assert_allclose(ours[:, 4:], np.asarray(waves)[:, [1, 0, 3, 2]])
+
+
+def test_ensembles_say_how_often_a_term_is_there():
+    problem = made_of(CoulombViscous(), COULOMB, 1e-3)
+    sindy = SINDy(Library(velocities=(1.0, 3.0), widths=()), ensemble=12)
+    given = problem, everything(problem), 0
+    share, found = sindy.inclusion(*given, draws=12)[0], sindy.fit(*given)
+    assert (share[:, [sindy.library.names.index(n) for n in ("sign", "viscous")]] > 0.9).all()
+    assert terms(found[0]) == [["sign", "viscous"]] * 2
+    for line, own in zip(found.provenance["inclusion"], share, strict=True):
+        assert line.count("%") == (own > 0).sum() and f" {100 * own.max():.0f} %" in line
+    np.testing.assert_array_equal(share.clip(0, 1), sindy.inclusion(*given, draws=12)[0])
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"optimizer": "sr3"}, {"search_sets": False}, {"ensemble": 3}], ids=str
+)
+def test_it_keeps_to_the_contract(settings):
+    check_identifier(SINDy(Library(velocities=(0.5, 1.5, 5.0)), **settings))
+
+
+def test_the_law_keeps_to_the_contract_with_all_candidates():
+    check_law(replace(EVERYTHING, direction=False, harmonics=()))
+    check_law(EVERYTHING, level=False)
+    narrow = replace(EVERYTHING, width=1e-9)
+    theta = np.abs(np.random.default_rng(0).standard_normal((2, len(narrow.names))))
+    x = Inputs(*np.random.default_rng(1).uniform(0, 1, (4, 9, 2)))
+    for side in (1.0, -1.0):  # nothing but `other`, which is no level, sees the other joint
+        near = at_rest(side * 1e-6 + 0 * x.w)._replace(q=x.q, load=x.load)
+        level = side * narrow.torque(theta, near, ())
+        np.testing.assert_allclose(narrow.limit(theta, near, ()), np.maximum(level, 0), atol=1e-4)
+
+
+def test_shooting_frees_its_terms_only():
+    friction = Friction(LAW, theta_of(LAW, {"sign": 0.1, "peak_1": 0.03}, {"viscous": 0.01}))
+    (block,) = on_support((FrictionBlock(),), friction)
+    places = [(0, LAW.names.index("sign")), (0, LAW.names.index("peak_1"))]
+    assert list(block.support) == [*places, (1, LAW.names.index("viscous"))]
+    whole = Friction(CoulombViscous(), 0.0 * COULOMB)
+    assert on_support((FrictionBlock(),), whole) == (FrictionBlock(),)
+
+
+def recorded():
+    """A pendulum with Coulomb and viscous friction."""
+    runs = tuple(
+        Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
+        for k in range(4)
+    )
+    curve = Curve((0.02,), (0.02,), (0.002,))
+    told = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
+    camera = Camera(samples=80, angle_noise=0.0016)
+    return simulate(Rig("pendulum", told, SimulatedStribeck(curve), camera, runs), 5)
+
+
+def test_each_fold_is_refined_on_the_terms_that_it_has():
+    dataset = recorded()
+    law = Library(velocities=(1.0,), widths=(), powers=(1, 2))
+    own = ({"sign": 0.03, "viscous": 0.001}, {"sign": 0.03, "drag": 1e-4}, {"sign": 0.03})
+    start = Friction(law, np.stack([theta_of(law, one) for one in own]))
+    intervals = intervals_of(dataset)
+    training = np.ones((3, len(intervals.dt)))
+    training[:2] = intervals.recording[None] != np.arange(2)[:, None]
+    recipe = Shooting(settings=Settings(windows=(0.2, 0.33)))
+    friction, whole = refine_folds(start, intervals, recipe, training)
+    np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
+    assert [p.name for p in whole.covariance.parameters] == ["sign of joint 1"]
+    np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
+    shot = with_equations(ShootingFit(friction, whole)).provenance
+    (line,) = shot["equation"]
+    assert shot["equation_errors"] == "95 % intervals"
+    assert line.startswith("Tf1 = (0.02") and "+-" in line
+
+
+def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
+    write_dataset(recorded(), tmp_path / "data")
+    model = tmp_path / "model.json"
+    words = ["fit", tmp_path / "data", "--identifier", "sindy", "--out", model]
+    monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])
+    assert main() == 0
+    lines = capsys.readouterr().out.splitlines()
+    meaning = "standard errors of the noise alone, bias of the smoothing not included"
+    place = lines.index(f"with {meaning}:")
+    assert lines[place + 1].startswith("  Tf1 = (0.0") and "s(w" in lines[place + 1]
+    assert read_json(model)["provenance"]["equation"] == [lines[place + 1].strip()]
+    assert read_json(model)["provenance"]["equation_errors"] == meaning
+    assert "95 %" not in " ".join(lines)
+    assert not any(" 0 N m" in line for line in lines)
+
+
+def test_it_writes_its_equation_with_units_and_intervals():
+    problem = made_of(CoulombViscous(), COULOMB, 1e-3)
+    found = fit(problem)
+    own = OneStepFit(found, problem, everything(problem)[0])
+    lines = with_equations(own).provenance["equation"]
+    assert len(lines) == 2 and lines[0].startswith("Tf1 = (0.1")
+    assert "N m s(w) + (0.0" in lines[0] and lines[1].endswith("N m s/rad w")
+    assert lines[0].count("+-") == 2
+    other = replace(found, law=CoulombViscous(), theta=COULOMB[None], provenance={})
+    assert with_equations(replace(own, friction=other)).provenance == {}
+    assert LAW.equation(0.0 * found.theta[0])[0] == "Tf1 = 0"
+    axis = Library(velocities=()).equation(np.array([[1.0, 0, 0, -2.0, 0, 0]]), None, ("m",))
+    assert axis == ["Tf1 = 1 N s(w) - 2 N s/m w"]
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say():
+    inside = []
+    for seed in range(40):
+        problem = made_of(CoulombViscous(), COULOMB, 1e-3, seed)
+        found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)[0]
+        half = half_widths(found, problem, everything(problem)[0])
+        inside.append(np.abs(found.theta - COULOMB) < half)
+    assert 0.85 < np.mean(inside) < 0.995
+
+
+def test_rows_that_a_fit_weighs_less_widen_its_intervals_less():
+    """Wild rows in one of the recordings, by Huber's weights of the fit and without them."""
+    problem, law = made_of(CoulombViscous(), COULOMB, 1e-3), LeastSquares(CoulombViscous())
+    weights = everything(problem)
+    wild = problem.r.copy()
+    wild[::25] += np.random.default_rng(3).choice([-1.0, 1.0], wild[::25].shape)
+    bad = replace(problem, r=wild)
+    clean, found = (law.fit(own, weights, 0)[0] for own in (problem, bad))
+    usual = half_widths(clean, problem, weights[0], robust=law.robust)
+    held = half_widths(found, bad, weights[0], robust=law.robust)
+    plain = half_widths(found, bad, weights[0])
+    assert (held < 0.25 * plain).all() and (usual < 0.25 * plain).all()
+
+
+def test_a_fold_that_trains_on_noise_alone_has_no_friction():
+    problem = synthetic_problem(2)
+    noise = np.random.default_rng(0).standard_normal(problem.r.shape)
+    found = fit(replace(problem, r=noise))
+    assert (found.theta[0] != 0).sum() <= 2
+    assert along(found, problem.nodes).shape == (1, *problem.nodes.inputs.w.shape)
+
+
+def test_it_comes_back_from_its_file(tmp_path):
+    friction = fit(made_of(Stribeck(), STRIBECK, 1e-3), library=Library(harmonics=(1,), load=True))
+    save_model(friction, tmp_path / "model.json", LAWS)
+    again = load_model(tmp_path / "model.json", LAWS)
+    assert again.law == friction.law
+    np.testing.assert_array_equal(again.theta, friction.theta)
+
+
+def test_settings_of_older_suites_are_read():
+    old, new = {"sets": False, "sure": 1.5}, SINDy(search_sets=False, n_standard_errors=1.5)
+    assert identifier_named("sindy", old) == new
+
+
+def test_its_settings_choose_library_and_optimiser():
+    assert identifier_named("sindy", {}) == SINDy()
+    assert identifier_named("sindy", {"sets": False}) == SINDy(search_sets=False)
+    made = identifier_named(
+        "sindy",
+        {"velocities": [1.0, 2.0], "harmonics": [1], "optimizer": "sr3", "ensemble": 5},
+    )
+    library = Library(velocities=(1.0, 2.0), harmonics=(1,))
+    assert made == SINDy(library, optimizer="sr3", ensemble=5)
+
+
+@pytest.mark.parametrize(
+    ("settings", "rule"),
+    [
+        ({"optimizer": "lasso"}, "optimizer.*lasso"),
+        ({"velocities": [1.0, 1.0]}, r"velocities = \[1.0, 1.0\] must differ"),
+        ({"widths": [0.02]}, "widths = .* repeat width"),
+        ({"powers": [0]}, "powers"),
+        ({"thresholds": [2.0]}, r"thresholds\[0\]: it should be less than 1, not 2.0"),
+        ({"velocity": [1.0]}, "did you mean 'velocities'"),
+        ({"gear": 0.0}, "gear"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, rule):
+    with pytest.raises(InputError, match=rule):
+        identifier_named("sindy", settings)
+
+
+def test_a_soft_sign_and_a_level_at_rest_exclude_each_other():
+    names, conflicts = LAW.names, LAW.conflicts
+    pair = {(names[i], names[j]) for i, j in np.argwhere(conflicts)}
+    assert ("sign_1", "peak_1") in pair and ("peak_1", "peak_1.5") in pair
+    assert ("sign", "peak_1") not in pair and ("sign_1", "viscous") not in pair
+    assert (conflicts == conflicts.T).all() and conflicts.diagonal().all()
+
+
+def test_problems_without_motion_are_refused():
+    problem = synthetic_problem(1)
+    with pytest.raises(InputError, match="no joint slides in the rows of fold 0"):
+        fit(replace(problem, G=0.0 * problem.G))

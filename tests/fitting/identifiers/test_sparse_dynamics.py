@@ -1,0 +1,177 @@
+"""Sparse dynamics without physics: known accelerations found again, files, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from frictionid.comparison.cross_validate import compare
+from frictionid.comparison.fit_model import fit_model
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.data.recordings import Dataset
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared_for, score_model
+from frictionid.fitting.identifiers import BlackBox, SparseDynamics, check_identifier
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.one_step.residual import mask_stiction
+from frictionid.fitting.shooting import Shooting
+from frictionid.friction import Friction, Inputs
+from frictionid.friction.laws import StateLibrary, check_law
+from frictionid.friction.model_files import load_model, save_model
+from frictionid.mechanics import Plant, unit_inertia
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
+
+MASS, LENGTH, VISCOUS = 0.5, 0.4, 0.05
+BOX = BlackBox(SparseDynamics(degree=2, n_standard_errors=2.0))
+
+
+@cache
+def pendulum() -> Dataset:
+    """A driven pendulum with viscous friction alone: its acceleration has three terms."""
+    runs = [Run(f"{i}", (0.5 + 0.2 * i,), (), (Sine(4.0, 0.6 + 0.2 * i),)) for i in range(5)]
+    viscous = Stribeck(Curve((0.0,), (0.0,), (VISCOUS,)))
+    machine = {"kind": "pendulum", "parameters": {"mass": MASS, "length": LENGTH}}
+    camera = Camera(240, 120.0, 1e-4)
+    return simulate(Rig("viscous", machine, viscous, camera, tuple(runs), substeps=4))
+
+
+@cache
+def found() -> Friction:
+    return fit_model(pendulum(), BOX, protocol=Protocol(history=0.0))
+
+
+def test_the_equation_of_a_pendulum_is_found_and_nothing_else() -> None:
+    law, theta = found().law, found().theta
+    J = MASS * LENGTH**2
+    wanted = {"sin1": 9.81 / LENGTH, "w1": VISCOUS / J, "u1": -1 / J}
+    got = {name: -value for name, value in zip(law.names, theta[0], strict=True) if value != 0}
+    assert set(got) == set(wanted)
+    # theta is a sum in the acceleration, Tf its negative
+    for name, value in wanted.items():
+        assert got[name] == pytest.approx(value, rel=0.05)
+
+
+def test_what_it_finds_predicts_as_the_truth_does() -> None:
+    box = found()
+    start, u = State(np.array([0.8]), np.array([0.0])), np.full((120, 1), 0.3)
+    dt = np.full(120, 1 / 120)
+    q = rollout(Plant.from_parameters(unit_inertia(("rad",)), {}), box, start, u, dt).q[:, 0]
+    angle, speed, part = 0.8, 0.0, 1 / 12000
+    for _ in range(12000):  # Euler's rule, a hundred times finer
+        torque = 0.3 - MASS * 9.81 * LENGTH * np.sin(angle) - VISCOUS * speed
+        speed += part * torque / (MASS * LENGTH**2)
+        angle += part * speed
+    assert q[-1] == pytest.approx(angle, abs=0.01)
+
+
+def test_it_keeps_to_the_contract() -> None:
+    check_identifier(BlackBox(SparseDynamics(degree=1)))
+    check_law(StateLibrary(joints=2, degree=2), level=False)
+
+
+def test_unit_mechanism_knows_nothing_of_the_machine() -> None:
+    problem = synthetic_problem(2)
+    friction = BOX.fit(problem, synthetic_weights(problem), 0)
+    assert friction.mechanism == "unit" and not friction.parameters
+    M, h = unit_inertia(("rad", "rad")).dynamics(np.ones(1), np.ones(2), np.ones(2))
+    assert np.array_equal(M, np.eye(2)) and not h.any() and not unit_inertia(("rad", "rad")).B.any()
+
+
+def test_scores_do_not_hang_on_what_is_told_of_the_machine() -> None:
+    dataset = pendulum()
+    other = replace(
+        dataset, mechanism={"kind": "pendulum", "parameters": {"mass": 9.0, "length": 0.7}}
+    )
+    protocol = Protocol(horizons=(0.25,), every=0.5)
+    scores = [
+        score_model(found(), prepared_for(prepare(d, protocol), found()))[0]
+        for d in (dataset, other)
+    ]
+    assert scores[0].equals(scores[1])
+    assert "curve_error" not in set(scores[0].score)
+
+
+def test_a_file_holds_all_of_it(tmp_path) -> None:
+    save_model(found(), tmp_path / "box.json", LAWS)
+    back = load_model(tmp_path / "box.json", LAWS)
+    assert back.mechanism == "unit" and back.law == found().law
+    assert np.array_equal(back.theta, found().theta)
+    text = (tmp_path / "box.json").read_text()
+    (tmp_path / "box.json").write_text(text.replace('"mechanism": "unit"', '"mechanism": "moon"'))
+    with pytest.raises(InputError, match="mechanism = 'moon' must be"):
+        load_model(tmp_path / "box.json", LAWS)
+
+
+def test_a_comparison_holds_it_out_like_any_other() -> None:
+    folds = make_folds(pendulum().recordings, Split(count=2))
+    (result,) = compare(pendulum(), {"box": BOX}, folds, protocol=Protocol((0.25,))).values()
+    assert result.value("rollout_angle", "median", 0.25) < 0.01
+    assert np.isnan(result.curves).all()  # it is no friction curve
+
+
+def test_monomials_are_products_of_their_variables() -> None:
+    law = StateLibrary(joints=2, degree=3)
+    rng = np.random.default_rng(0)
+    q, w, u = rng.normal(size=(3, 7, 2))
+    f = dict(zip(law.names, law.features(Inputs(q, w, u, 0 * u)).T, strict=True))
+    assert np.allclose(f["sin1*cos2*w2"], np.sin(q[:, 0]) * np.cos(q[:, 1]) * w[:, 1])
+    assert np.allclose(f["w1^2*u2"], w[:, 0] ** 2 * u[:, 1])
+    assert not {"cos1^2", "s1^2", "u1^2", "u1*u2"} & set(f)
+    assert len(law.units) == len(f) == len(set(f))
+
+
+def test_settings_of_older_suites_are_read() -> None:
+    made = identifier_named("sindy_dynamics", {"sure": 1.5})
+    assert made == BlackBox(SparseDynamics(n_standard_errors=1.5))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"degree": 0}, "degree"),
+        ({"degree": 9}, "more than 2000 candidates"),
+        ({"thresholds": [2.0]}, "it should be less than 1"),
+        ({"width": -1.0}, "width"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, words) -> None:
+    with pytest.raises(InputError, match=words):
+        identifier_named("sindy_dynamics", settings).fit(
+            synthetic_problem(2), synthetic_weights(synthetic_problem(2)), 0
+        )
+
+
+def test_what_has_no_physics_is_not_refined() -> None:
+    with pytest.raises(InputError, match="shooting needs the physics"):
+        Shooting().check(BOX)
+
+
+def test_rows_that_are_open_at_rest_are_refused() -> None:
+    problem = mask_stiction(synthetic_problem(1), 1.0)
+    with pytest.raises(InputError, match="velocity_threshold = 0"):
+        BOX.fit(problem, np.ones((1, len(problem.r))), 0)
+
+
+def test_more_joints_than_it_knows_change_nothing() -> None:
+    law, rng = StateLibrary(joints=1, degree=2), np.random.default_rng(1)
+    theta = rng.normal(size=(2, len(law.names)))
+    q, w, u = rng.normal(size=(3, 5, 2))
+    one = law.features(Inputs(q[:, :1], w[:, :1], u[:, :1], u[:, :1]))
+    two = law.torque(theta, Inputs(q, w, u, u), ())
+    assert np.allclose(two, -one @ theta.T)
+
+
+def test_the_equation_has_an_interval_behind_each_coefficient() -> None:
+    law = StateLibrary(joints=1, degree=1)
+    theta, half = np.array([[3.0, -20.0, 0.0, -0.5, 0.0, 8.0]]), np.full((1, 6), 0.25)
+    half[0, 3] = np.inf
+    (line,) = law.equation(theta, half)
+    assert line == "dw1/dt = (3 +- 0.25) - (20 +- 0.25) sin1 - 0.5 w1 + (8 +- 0.25) u1"
+    assert law.equation(-theta)[0] == "dw1/dt = -3 + 20 sin1 + 0.5 w1 - 8 u1"
+    assert law.equation(0 * theta) == ["dw1/dt = 0"]

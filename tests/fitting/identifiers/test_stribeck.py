@@ -1,0 +1,183 @@
+"""The identifier `stribeck`, symmetric or with levels of its own in each direction."""
+
+import numpy as np
+import pytest
+from fixtures.exact_problems import (
+    by_scipy,
+    cost,
+    everything,
+    explained_by,
+    on_problem,
+    standard_errors,
+    stationarity,
+    with_initial,
+)
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.friction import along
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.friction.model_files import load_model, save_model
+
+SYMMETRIC, ASYMMETRIC = Stribeck(), AsymmetricStribeck()
+TRUTH = {
+    SYMMETRIC: np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]]),
+    ASYMMETRIC: np.array(
+        [[0.10, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]]
+    ),
+}
+BOTH = pytest.mark.parametrize("law", [SYMMETRIC, ASYMMETRIC], ids=["symmetric", "asymmetric"])
+
+
+def fit(law, problem, weights):
+    return LeastSquares(law, robust=None).fit(problem, weights, 0)
+
+
+@BOTH
+@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("velocity", [0.5, 1.1, 3.0])
+def test_truth_in_truth_out(law, n, velocity):
+    theta = TRUTH[law][:n].copy()
+    theta[:, law.names.index("stribeck_velocity")] *= velocity
+    problem = explained_by(law, theta)
+    np.testing.assert_allclose(
+        fit(law, problem, everything(problem)).theta[0], theta, rtol=1e-6, atol=1e-9
+    )
+
+
+@BOTH
+def test_every_start_in_the_valley_leads_to_the_truth(law):
+    place = law.names.index("stribeck_velocity")
+    near = [start for start in law.initial if 0.25 < start[place] / 1.5 < 3.0]
+    assert len(near) >= 5
+    problem = explained_by(law, TRUTH[law][:1])
+    for start in near:
+        found = fit(with_initial(law, start), problem, everything(problem))
+        np.testing.assert_allclose(found.theta[0], TRUTH[law][:1], rtol=1e-6)
+
+
+@BOTH
+@pytest.mark.parametrize("seed", range(4))
+def test_with_noise_the_truth_is_within_four_standard_errors(law, seed):
+    noise, theta = 5e-4, TRUTH[law]
+    problem = explained_by(law, theta, noise, np.random.default_rng(seed))
+    found = fit(law, problem, everything(problem)).theta[0]
+    error = standard_errors(law, theta, problem, noise)
+    assert (np.abs(found - theta) < 4 * error).all()
+    assert (np.abs(found - theta) > 1e-3 * error).any()
+
+
+@BOTH
+def test_each_fold_is_scipys_least_squares(law):
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
+    for f, theta in enumerate(fit(law, problem, weights).theta):
+        same = by_scipy(law, problem, weights[f], TRUTH[law])
+        np.testing.assert_allclose(theta, same, rtol=1e-6)
+
+
+@BOTH
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_hold_and_at_them_the_gradient_points_outwards(law, seed):
+    rng = np.random.default_rng(seed)
+    theta = TRUTH[law] * rng.uniform(-0.5, 1.0, TRUTH[law].shape)  # half of it outside the bounds
+    theta[:, law.names.index("stribeck_velocity")] = rng.uniform(0.2, 20.0, 2)
+    problem = explained_by(law, theta, 1e-3, rng)
+    weights = synthetic_weights(problem)
+    found = fit(law, problem, weights).theta
+    for f in range(len(weights)):
+        low, high = (b.reshape(2, -1) for b in on_problem(law, problem, weights[f]).bounds)
+        assert ((low <= found[f]) & (found[f] <= high)).all()
+        assert (found[f] == low).any()
+        off = stationarity(law, problem, weights[f], found[f])
+        assert np.abs(off).max() < 2e-6
+
+
+def test_coulomb_viscous_in_stribeck_in_asymmetric_each_costs_no_more_than_the_last():
+    rng = np.random.default_rng(9)
+    for seed in range(6):
+        theta = TRUTH[ASYMMETRIC] * rng.uniform(0.0, 2.0, (2, 6))
+        theta[:, 4] = rng.uniform(0.4, 15.0, 2)
+        problem = explained_by(ASYMMETRIC, theta, 2e-3, np.random.default_rng(seed))
+        weights = synthetic_weights(problem)
+        laws = CoulombViscous(), SYMMETRIC, ASYMMETRIC
+        costs = [cost(problem, weights, fit(law, problem, weights)) for law in laws]
+        assert (costs[1] <= costs[0] * (1 + 1e-9)).all()
+        assert (costs[2] <= costs[1] * (1 + 1e-9)).all()
+        assert (costs[2] < 0.999 * costs[0]).any()
+
+
+def test_without_a_dip_in_the_data_stribeck_is_coulomb_viscous():
+    problem = explained_by(CoulombViscous(), [[0.1, 0.02], [0.05, 0.01]])
+    found = fit(SYMMETRIC, problem, everything(problem))
+    w = problem.nodes.inputs.w
+    torque = along(found, problem.nodes)[0]
+    exact = CoulombViscous().torque(np.array([[0.1, 0.02], [0.05, 0.01]]), problem.nodes.inputs, ())
+    np.testing.assert_allclose(torque, exact, atol=1e-9)
+    assert w.shape == torque.shape
+
+
+def test_data_that_are_alike_in_both_directions_give_both_the_same_levels():
+    problem = explained_by(SYMMETRIC, TRUTH[SYMMETRIC])
+    theta = fit(ASYMMETRIC, problem, everything(problem)).theta[0]
+    np.testing.assert_allclose(theta[:, 0], theta[:, 1], rtol=1e-6)
+    np.testing.assert_allclose(theta[:, 2], theta[:, 3], rtol=1e-6)
+    np.testing.assert_allclose(theta[:, [0, 2, 4, 5]], TRUTH[SYMMETRIC], rtol=1e-6)
+
+
+def test_joints_find_stribeck_velocities_that_are_far_apart():
+    theta = np.array([[0.1, 0.05, 0.6, 0.01], [0.02, 0.06, 6.0, 0.002]])
+    problem = explained_by(SYMMETRIC, theta, 2e-4, np.random.default_rng(1))
+    found = fit(SYMMETRIC, problem, everything(problem))
+    truth = cost(problem, everything(problem), found.__class__(SYMMETRIC, theta[None]))
+    assert (cost(problem, everything(problem), found) <= truth).all()
+    np.testing.assert_allclose(found.theta[0, :, 2], theta[:, 2], rtol=0.05)
+
+
+def test_the_best_start_is_no_worse_than_any_one_start():
+    rng = np.random.default_rng(4)
+    for _ in range(3):
+        theta = TRUTH[SYMMETRIC] * rng.uniform(0.0, 2.0, (2, 4))
+        theta[:, 2] = rng.uniform(0.4, 15.0, 2)
+        problem = explained_by(SYMMETRIC, theta, 3e-3, rng)
+        weights = everything(problem)
+        best = cost(problem, weights, fit(SYMMETRIC, problem, weights))
+        for start in [s for s in SYMMETRIC.initial if 0.2 < s[2] < 20.0]:
+            one = fit(with_initial(SYMMETRIC, start), problem, weights)
+            assert best <= cost(problem, weights, one) * (1 + 1e-9)
+
+
+@BOTH
+def test_it_prints_itself_with_units_and_comes_back_from_its_file(law, tmp_path):
+    problem = explained_by(law, TRUTH[law])
+    found = fit(law, problem, np.repeat(everything(problem), 2, axis=0))
+    line = str(found[0]).splitlines()[2]
+    assert line.startswith("  joint 2  coulomb")
+    assert "stribeck_velocity 2.5 rad/s, viscous 0.01 N m s/rad" in line
+    for friction in (found, found[1]):
+        save_model(friction, tmp_path / "model.json", LAWS)
+        again = load_model(tmp_path / "model.json", LAWS)
+        assert again.law == law
+        np.testing.assert_array_equal(again.theta, friction.theta)
+
+
+def test_its_settings_choose_the_law():
+    assert identifier_named("stribeck", {}) == LeastSquares(Stribeck())
+    made = identifier_named("stribeck", {"symmetric": False, "width": 0.1, "shape": "arctan"})
+    assert made == LeastSquares(AsymmetricStribeck(0.1, "arctan"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"width": 0.0}, "width.* 0.0"),
+        ({"symmetric": "perhaps"}, "symmetric.*'perhaps'"),
+        ({"symetric": False}, "'symetric'.* did you mean 'symmetric'"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings, complaint):
+    with pytest.raises(InputError, match=complaint):
+        identifier_named("stribeck", settings)

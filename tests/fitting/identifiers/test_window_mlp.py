@@ -1,0 +1,287 @@
+"""The identifier `window_mlp`, ensembles, and networks of one's own."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from fixtures.exact_problems import cost, everything, explained_by
+from fixtures.paths import ROOT
+
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares, check_identifier
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.networks.adam import Adam
+from frictionid.fitting.networks.batches import batches
+from frictionid.fitting.networks.compressed import CompressedNetwork
+from frictionid.fitting.networks.fold_stack import FoldStack
+from frictionid.fitting.networks.mlp_training_set import RowTrainingSet, window
+from frictionid.fitting.networks.network import Network
+from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
+from frictionid.friction.laws import (
+    MLP,
+    Dahl,
+    Ensemble,
+    FilmLag,
+    Stribeck,
+    TorchModule,
+    WindowMLP,
+    check_law,
+    members_of,
+)
+from frictionid.friction.model_files import load_model, save_model
+
+sys.path.append(str(ROOT / "comparisons"))
+from own_network import OwnLaw, own_network
+
+SMALL = Network(WindowMLP(3, hidden=(4,)), epochs=4, batch=60)
+
+
+def drawn(law, folds=3, n=2, seed=0):
+    rng = np.random.default_rng(seed)
+    theta = law.initial_parameters(np.full((folds, n, 2), [0.1, 5.0]), rng)
+    return theta + 0.5 * rng.standard_normal(theta.shape) * (np.array(law.units) == "1")
+
+
+@pytest.mark.parametrize("odd", [False, True])
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("presliding", [0.0, 0.01])
+def test_it_keeps_to_the_contract_of_laws(odd, free, presliding):
+    law = WindowMLP(2, hidden=(3,), odd=odd, dissipative=not free, monotone_tail=not free)
+    check_law(replace(law, presliding=presliding))
+
+
+@pytest.mark.parametrize("odd", [False, True])
+@pytest.mark.parametrize("presliding", [0.0, 0.01])
+def test_its_slopes_are_those_of_differences(odd, presliding):
+    rng = np.random.default_rng(1)
+    law = WindowMLP(3, hidden=(4, 3), odd=odd, dissipative=odd, presliding=presliding)
+    theta = drawn(law)[0]
+    x = Inputs(*(3.0 * rng.normal(size=(6, 2)) for _ in range(4)))
+    memory = tuple(z + 0.1 * rng.normal(size=z.shape) for z in law.start(theta, x))
+    by_theta, by_memory = law.slopes(theta, x, memory)
+    for k, step in enumerate(1e-6 * np.eye(theta.shape[1])):
+        rise = law.torque(theta + step, x, memory) - law.torque(theta - step, x, memory)
+        np.testing.assert_allclose(by_theta[..., k], rise / 2e-6, atol=1e-8)
+    for i, entry in enumerate(memory):
+        more, less = ((*memory[:i], entry + s, *memory[i + 1 :]) for s in (1e-7, -1e-7))
+        rise = law.torque(theta, x, more) - law.torque(theta, x, less)
+        np.testing.assert_allclose(by_memory[i], rise / 2e-7, atol=1e-6, rtol=1e-4)
+
+
+@pytest.mark.parametrize("odd", [False, True])
+@pytest.mark.parametrize("presliding", [0.0, 0.01])
+def test_options_hold_along_a_motion(odd, presliding):
+    law, nodes = WindowMLP(4, hidden=(5,), odd=odd), synthetic_problem(2).nodes
+    law = replace(law, presliding=presliding)
+    friction = Friction(law, drawn(law))
+    torque = along(friction, nodes)
+    assert (torque * nodes.inputs.w >= 0).all()
+    turned = nodes.inputs._replace(q=-nodes.inputs.q, w=-nodes.inputs.w)
+    mirrored = nodes._replace(inputs=turned)
+    assert (np.abs(torque + along(friction, mirrored)).max() < 1e-12) == odd
+    assert (np.diff(friction.curve(np.linspace(5.0, 60.0, 30)), axis=1) >= -1e-12).all()
+
+
+def test_its_memory_is_the_newest_samples():
+    law, nodes = WindowMLP(3, hidden=(2,)), synthetic_problem(1).nodes
+    steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
+    w = nodes.inputs.w[: nodes.first[1]]
+    for age in range(3):
+        np.testing.assert_array_equal(steps[21][age][0], w[20 - 2 * age])
+    seen = window(law, nodes)
+    for age in range(3):
+        np.testing.assert_array_equal(seen[age][21], w[20 - 2 * age])
+        np.testing.assert_array_equal(seen[age][0], w[0])
+
+
+def test_its_memory_of_the_way_is_the_newest_angles():
+    law, nodes = WindowMLP(3, hidden=(2,), presliding=0.01), synthetic_problem(1).nodes
+    law = replace(law, sample_time=float(nodes.time[2] - nodes.time[0]))
+    steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
+    seen = window(law, nodes)
+    for t in (0, 1, 2, 3, 8, 21):
+        for i in range(4):
+            np.testing.assert_allclose(seen[i][t], steps[t][i][0], atol=1e-12)
+    np.testing.assert_array_equal(seen[2][21], nodes.inputs.q[18])
+
+
+def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
+    law, w = WindowMLP(3, hidden=(4,), presliding=0.01), np.full((1, 2), 0.4)
+    theta = drawn(law)[0]
+    here = Inputs(0.0 * w, w, 0.0 * w, 0.0 * w)
+    there, memory = here._replace(q=here.q + 1.0), law.start(theta, here)
+    torque = law.torque(theta, here, memory)
+    np.testing.assert_allclose(law.torque(theta, there, law.start(theta, there)), torque)
+    assert (np.abs(law.torque(theta, there, memory) - torque) > 1e-4).all()
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        WindowMLP(3, hidden=(4,)),
+        WindowMLP(3, hidden=(4,), presliding=0.01),
+        MLP((4,), others=1),
+        OwnLaw(),
+    ],
+)
+def test_cost_in_training_is_that_of_the_rows(law):
+    problem = synthetic_problem(2)
+    weights, theta = synthetic_weights(problem), drawn(law)
+    stack = FoldStack(law, problem, theta, "cpu")
+    rows = RowTrainingSet(stack, weights)
+    items = stack.tensor(np.tile(np.arange(rows.items), (3, 1)))
+    found = rows.cost(stack.tensor(theta), items) * rows.items
+    scale = (weights > 0).sum(1) / (weights @ (problem.r**2).sum(1))
+    exact = [
+        scale[f] * cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1]))[0]
+        for f in range(3)
+    ]
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
+
+
+def test_batches_of_a_fold_go_through_all_its_rows_and_do_not_depend_on_the_others():
+    counted = np.array([[True] * 7 + [False] * 3, [True] * 10])
+    draws = batches(counted, 4, [[0], [0]])
+    both = [next(draws) for _ in range(5)]
+    first = np.concatenate([b[0] for b in both])
+    assert sorted(first[:7]) == sorted(first[7:14]) == list(range(7))
+    alone = batches(counted[1:], 4, [[0]])
+    np.testing.assert_array_equal([b[1] for b in both], [next(alone)[0] for _ in range(5)])
+
+
+def test_its_steps_are_those_of_pytorchs_own():
+    theta = torch.tensor(np.random.default_rng(0).normal(size=(2, 1, 3)), requires_grad=True)
+    theirs = theta.detach().clone().requires_grad_()
+    learned = torch.ones(3, dtype=torch.bool)
+    ours, other = Adam(theta, learned), torch.optim.Adam([theirs], 0.05, betas=(0.9, 0.99))
+    for _ in range(20):
+        ours.step(1e-2 * ((theta - 1.0) ** 4).sum((1, 2)), 0.05)  # small: nothing is clipped
+        other.zero_grad()
+        (1e-2 * ((theirs - 1.0) ** 4)).sum().backward()
+        other.step()
+    np.testing.assert_allclose(theta.detach(), theirs.detach(), rtol=1e-9)
+
+
+def test_it_finds_what_a_static_law_cannot():
+    theta = np.array([[0.05, 0.12, 1.5, 0.01, 0.1]])
+    problem = explained_by(FilmLag(), theta, 5e-4, np.random.default_rng(0))
+    weights = everything(problem)
+    static = LeastSquares(Stribeck()).fit(problem, weights, 0)
+    found = Network(WindowMLP(8), epochs=300, batch=60, patience=300).fit(problem, weights, 0)
+    assert found.law.sample_time == pytest.approx(0.02)
+    assert cost(problem, weights, found) < 0.5 * cost(problem, weights, static)
+
+
+def test_gradients_and_least_squares_find_one_curve_least_squares_more_closely():
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    by_squares = CompressedNetwork(MLP((8,))).fit(problem, weights, 0)
+    by_steps = Network(MLP((8,)), epochs=300, batch=60, patience=300).fit(problem, weights, 0)
+    assert (cost(problem, weights, by_squares) < cost(problem, weights, by_steps)).all()
+    torques = [along(friction, problem.nodes) for friction in (by_steps, by_squares)]
+    assert np.abs(torques[0] - torques[1]).mean() < 0.05 * np.abs(torques[1]).mean()
+
+
+def test_they_keep_to_the_contract_of_identifiers():
+    check_identifier(SMALL, joints=(2,))
+    check_identifier(own_network(2), joints=(1,))
+
+
+def test_a_network_of_ones_own_learns_and_comes_back_from_its_file(tmp_path):
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    found = own_network(100).fit(problem, weights, 0)
+    assert (cost(problem, weights, found) < 0.1 * (weights @ (problem.r**2).sum(1))).all()
+    save_model(found, tmp_path / "model.json", LAWS)
+    again = load_model(tmp_path / "model.json", {**LAWS, "OwnLaw": OwnLaw})
+    np.testing.assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
+    with pytest.raises(InputError, match="law 'OwnLaw' is unknown"):
+        load_model(tmp_path / "model.json", LAWS)
+    check_law(TorchModule(torch.nn.Linear(2, 1)))
+
+
+def test_it_takes_less_than_forty_lines():
+    text = (ROOT / "comparisons" / "own_network.py").read_text()
+    assert len(text.splitlines()) < 40
+
+
+def test_an_ensemble_is_the_mean_of_its_members_which_spread():
+    problem = synthetic_problem(1)
+    weights = synthetic_weights(problem)
+    mean = CompressedNetwork(MLP((6,)), prior_deviations=(1.0,), members=3).fit(problem, weights, 0)
+    one = CompressedNetwork(MLP((6,)), prior_deviations=(1.0,)).fit(problem, weights, 0)
+    check_law(Ensemble(WindowMLP(2, hidden=(2,)), 2))
+    members = members_of(mean)
+    assert members.theta.shape[:3] == (3, 3, 1)
+    np.testing.assert_array_equal(members[0].theta, one.theta)
+    w = np.linspace(-6.0, 6.0, 50)
+    np.testing.assert_allclose(members.curve(w).mean(axis=0), mean.curve(w), rtol=1e-12)
+    seen, far = (members.curve(np.array([v])).std(axis=0).max() for v in (2.0, 30.0))
+    assert 0 < seen < far
+
+
+def test_they_come_back_from_their_files(tmp_path):
+    law = WindowMLP(3, 0.02, (4,), odd=True)
+    theta = drawn(law)
+    both = np.concatenate([theta, theta + 0.1], axis=-1)
+    for friction in (Friction(law, theta), Friction(Ensemble(law, 2), both)):
+        save_model(friction, tmp_path / "model.json", LAWS)
+        again = load_model(tmp_path / "model.json", LAWS)
+        assert again.law == friction.law
+        np.testing.assert_array_equal(again.theta, friction.theta)
+
+
+def test_their_settings_choose_the_law():
+    assert identifier_named("window_mlp", {}) == Network(WindowMLP())
+    made = identifier_named("window_mlp", {"samples": 4, "members": 2, "rate": 0.02})
+    assert made == Network(WindowMLP(4), rate=0.02, members=2)
+    made = identifier_named("window_mlp", {"presliding": 0.005, "dissipative": False})
+    assert made == Network(WindowMLP(presliding=0.005, dissipative=False))
+    made = identifier_named("mlp", {"inputs": "all", "hidden": [8]})
+    assert made == Network(MLP((8,)), inputs="all")
+    assert identifier_named("mlp", {"solver": "adam"}) == Network(MLP())
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "complaint"),
+    [
+        ("window_mlp", {"samples": 0}, "samples"),
+        ("window_mlp", {"members": 0}, "members"),
+        ("window_mlp", {"batch": 0.5}, "batch"),
+        ("mlp", {"inputs": "all", "solver": "levenberg_marquardt"}, 'needs solver = "adam"'),
+        ("mlp", {"inputs": "both"}, "inputs"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
+    with pytest.raises(InputError, match=complaint):
+        identifier_named(kind, settings)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: WindowMLP(samples=0),
+        lambda: WindowMLP(sample_time=-1.0),
+        lambda: WindowMLP(presliding=-0.01),
+        lambda: Ensemble(members=1),
+        lambda: Network(WindowMLP(), inputs="all"),
+        lambda: Network(WindowMLP(), epochs=0),
+        lambda: Network(WindowMLP(), share=0.0),
+        lambda: window(Dahl(), synthetic_problem(1).nodes),
+    ],
+)
+def test_objects_that_mean_nothing_are_refused(make):
+    with pytest.raises(InputError):
+        make()
+
+
+def test_the_memory_of_a_motion_begins_as_if_it_had_been_constant():
+    law = WindowMLP(3, hidden=(2,))
+    theta, x = drawn(law), at_rest(np.full(2, 1.5))
+    begun = law.start(theta, x)
+    later = law.advance(theta, x, begun, np.full((1,), law.sample_time))
+    np.testing.assert_array_equal(np.stack(begun), np.stack(later))

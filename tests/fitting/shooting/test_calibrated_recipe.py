@@ -1,0 +1,228 @@
+"""Recipes on corrected data: a late torque is found and taken away, and is no memory any more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures import tiny_pendulums as tiny
+
+from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, SINDy
+from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
+from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
+from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
+from frictionid.friction.laws import CoulombViscous
+from frictionid.report.reliability import fold_settings
+
+LATE = 0.012  # [s]
+FEW = Settings(iterations=4)
+BY = Shooting(blocks=(FrictionBlock(), DelayBlock()), settings=FEW)
+RUBS = LeastSquares(CoulombViscous())
+
+
+def late_contest(kind="recordings"):
+    """Pendulums whose torque was logged too early by some milliseconds."""
+    early = [
+        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
+    ]
+    data = tiny.dataset(recordings=tuple(early))
+    split = Split(count=3, kind=kind)
+    return Benchmark(data, make_folds(data.recordings, split), Protocol((0.3,), every=0.5))
+
+
+@pytest.fixture(scope="module")
+def results():
+    benchmark = late_contest()
+    corrected = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    shared = prepare_benchmark(benchmark, [INTEGRAL, corrected])
+    plain = run(benchmark, RUBS, INTEGRAL, 0, shared)
+    return benchmark, shared, plain, run(benchmark, RUBS, corrected, 0, shared)
+
+
+def test_the_delay_is_found_in_each_fold_and_corrects_the_data(results):
+    _, shared, plain, corrected = results
+    calibration = shared.training.calibrations["corrected"]
+    assert (
+        calibration.delay.shape == (4,) and np.ptp(calibration.delay) > 0
+    )  # each fold has its own
+    np.testing.assert_allclose(calibration.delay, LATE, atol=1e-3)
+    assert calibration.base is None and not calibration.bias.any() and (calibration.gain == 1).all()
+    for score in (("one_step_integral", "rms"), ("rollout_angle", "median", 0.3)):
+        assert corrected.value(*score) < 0.7 * plain.value(*score)
+    assert (
+        corrected.friction.calibration.delay.shape == (3,)
+        and corrected.overall.calibration.delay.shape == ()
+    )
+
+
+def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
+    benchmark, _, _, corrected = results
+    held = [i for i, label in enumerate(benchmark.folds.labels) if label[0] == 1]
+    recordings = list(benchmark.dataset.recordings)
+    for i in held:
+        recordings[i] = tiny.disturbed(recordings[i], 0.3)
+    other = replace(benchmark, dataset=replace(benchmark.dataset, recordings=tuple(recordings)))
+    again = run(other, RUBS, CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",)))
+    # the fold begins where the fit to all data ended, which is another one now
+    np.testing.assert_allclose(
+        again.friction.calibration.delay[1], corrected.friction.calibration.delay[1], atol=1e-4
+    )
+    assert abs(again.friction.calibration.delay[0] - corrected.friction.calibration.delay[0]) > 1e-4
+
+
+def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
+    benchmark = late_contest("shuffled")
+    recipe = CalibratedRecipe("corrected", STUDY, BY, RUBS, use=("delay",))
+    shared = prepare_benchmark(benchmark, [recipe])
+    assert np.ptp(shared.training.calibrations["corrected"].delay) == 0.0
+    found = run(benchmark, RUBS, recipe, 0, shared)
+    np.testing.assert_allclose(found.friction.calibration.delay, LATE, atol=1e-3)
+
+
+def test_no_friction_is_left_as_it_is(results):
+    benchmark, shared, _, _ = results
+    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    assert run(benchmark, Frictionless(), recipe, 0, shared).friction.calibration is None
+
+
+def test_sindy_may_choose_other_terms_in_each_fold(results):
+    benchmark, shared, _, _ = results
+    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    # the recordings hardly decide
+    hasty = SINDy(thresholds=(0.02,), search_sets=False, n_standard_errors=0.0)
+    found = run(benchmark, hasty, recipe, 0, shared)
+    terms = [tuple(np.flatnonzero(theta[0])) for theta in found.friction.theta]
+    assert len(set(terms)) > 1 and all(terms)
+    np.testing.assert_array_equal(
+        found.friction.calibration.delay, shared.training.calibrations["corrected"].delay[:-1]
+    )
+    # each fold is what the identifier finds on its own corrected data, whatever the others have
+    for fold in range(len(terms)):
+        own = training_of(
+            with_calibration(shared.prepared, found.friction[fold].calibration), INTEGRAL
+        )
+        weights = shared.training.weights["integral"][fold : fold + 1]
+        np.testing.assert_array_equal(
+            found.friction.theta[fold], hasty.fit(own, weights, 0).theta[0]
+        )
+
+
+def test_sindy_finds_the_terms_once_the_clock_is_right(results):
+    benchmark, shared, _, _ = results
+    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    found = run(benchmark, SINDy(), recipe, 0, shared)
+    late = run(benchmark, SINDy(), INTEGRAL, 0, shared)
+    has = [name for name, x in zip(SINDy().library.names, found.overall.theta[0], strict=True) if x]
+    assert has[:2] == ["sign", "viscous"] and [name[:5] for name in has[2:]] == ["peak_"]
+    score = ("rollout_angle", "median", 0.3)
+    assert found.value(*score) < 0.7 * late.value(*score)
+
+
+def test_only_parts_that_are_free_can_correct():
+    with pytest.raises(InputError, match="use = 'inertia' must be one of delay"):
+        CalibratedRecipe("c", INTEGRAL, BY, RUBS, use=("inertia",))
+    with pytest.raises(InputError, match="use must name a part"):
+        CalibratedRecipe("c", INTEGRAL, BY, RUBS, use=())
+    both = Shooting(blocks=(FrictionBlock(), DelayBlock(), BiasBlock()))
+    assert CalibratedRecipe("c", INTEGRAL, both, RUBS, use=("bias",)).use == ("bias",)
+
+
+# --- Suites ---------------------------------------------------------------------------------------
+
+RECIPE = {"name": "fair", "like": "study", "calibration": {"free": ["friction", "delay"]}}
+
+
+def changed(recipe, **dataset):
+    entry = {"path": "tiny", **dataset}
+    return [("recipes", [{"name": "study"}, recipe]), ("datasets", [entry])]
+
+
+def test_a_suite_names_the_recipe_and_the_rig_that_corrects_it(tmp_path):
+    file = tiny.write_suite(tmp_path, changed(RECIPE))
+    made_ = {task.recipe.name: task.recipe for task in tasks_of(load_suite(file), file)}
+    fair = made_["fair"]
+    assert isinstance(fair, CalibratedRecipe) and fair.step == STUDY and fair.use == ("delay",)
+    assert [block.name for block in fair.by.blocks] == ["friction", "delay"]
+
+
+def test_suites_with_the_old_key_are_still_read(tmp_path):
+    old = {key: value for key, value in RECIPE.items() if key != "calibration"}
+    files = [
+        tiny.write_suite(tmp_path / name, changed(recipe))
+        for name, recipe in (("old", {**old, "rig": RECIPE["calibration"]}), ("new", RECIPE))
+    ]
+    was, now = ([task.recipe for task in tasks_of(load_suite(file), file)] for file in files)
+    assert was == now
+
+
+def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_path):
+    twice = [
+        {"path": "tiny"},
+        {"path": "tiny", "name": "again", "folds": {"count": 4}, "recipes": ["study"]},
+    ]
+    file = tiny.write_suite(tmp_path, [("datasets", twice)])
+    suite = load_suite(file)
+    tasks = tasks_of(suite, file)
+    again = [task for task in tasks if task.benchmark.dataset.name == "again"]
+    assert {task.recipe.name for task in again} == {"study"} and again[0].benchmark.folds.count == 4
+    assert {t.recipe.name for t in tasks if t not in again} == {"study", "integral"}
+    provenance = {"settings": suite.model_dump(mode="json")}
+    counts = {name: fold_settings(provenance, name)["count"] for name in ("again", "tiny")}
+    assert counts == {"again": 4, "tiny": 3}
+
+
+MISTAKES = {
+    "no like": ({**RECIPE, "like": None}, {}, "'fair': the key 'like' is missing"),
+    "no calibration": (
+        {**RECIPE, "calibration": None},
+        {},
+        "'fair': the key 'calibration' is missing",
+    ),
+    "unknown like": ({**RECIPE, "like": "studi"}, {}, "'studi' is unknown; did you mean 'study'"),
+    "like shooting": ({**RECIPE, "like": "shooting"}, {}, "like = 'shooting' must be a one-step"),
+    "own scheme": ({**RECIPE, "scheme": "euler"}, {}, "scheme does not go with calibration"),
+    "by": ({**RECIPE, "by": "shooting"}, {}, "by does not go with calibration"),
+    "unknown key": (
+        {**RECIPE, "calibration": {"freee": ["delay"]}},
+        {},
+        r"recipes\[1\]\.calibration: unknown key 'freee'; did you mean 'free'",
+    ),
+    "unknown block": (
+        {**RECIPE, "calibration": {"free": ["friction", "dely"]}},
+        {},
+        "'fair', calibration: block 'dely' is unknown; did you mean 'delay'",
+    ),
+    "unknown friction": (
+        {**RECIPE, "calibration": {"friction": "stribek"}},
+        {},
+        "'fair', calibration: kind = 'stribek' is unknown; did you mean 'stribeck'",
+    ),
+    "not free": (
+        {**RECIPE, "calibration": {"free": ["friction", "delay"], "use": ["inertia"]}},
+        {},
+        "'fair': use = 'inertia' must be one of delay",
+    ),
+    "recipe of a data set": (
+        RECIPE,
+        {"recipes": ["studi"]},
+        "data set 'tiny': the suite has no recipe 'studi'; did you mean 'study'",
+    ),
+    "folds of a data set": ({**RECIPE}, {"folds": {"cuont": 3}}, "'cuont'; did you mean 'count'"),
+}
+
+
+@pytest.mark.parametrize(("recipe", "entry", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_each_mistake_is_one_line(tmp_path_factory, recipe, entry, words):
+    folder = tmp_path_factory.getbasetemp() / "mistakes"
+    folder.mkdir(exist_ok=True)
+    recipe = {key: value for key, value in recipe.items() if value is not None}
+    file = tiny.write_suite(folder, changed(recipe, **entry))
+    with pytest.raises(InputError, match=words) as caught:
+        tasks_of(load_suite(file), file)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,91 @@
+"""Compiled end states and derivatives are those of arrays, for all that can be free."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from frictionid.dynamics.state import State
+from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.fitting.shooting import sensitivities
+from frictionid.friction import Friction, Inputs, Law
+from frictionid.friction import laws as known
+from frictionid.mechanics import Mechanism, Plant, acrobot, double_pendulum, pendulum
+
+COUNT, PIECES, FINE, TORQUES = 240, 2, 6, 2
+STRIBECK = [0.02, 0.03, 0.01, 0.01, 0.5, 0.01]
+NETWORK = known.MLP(hidden=(3,))
+CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
+    "acrobot, stribeck": (
+        acrobot(),
+        known.AsymmetricStribeck(),
+        STRIBECK,
+    ),
+    "pendulum, coulomb": (pendulum(mass=0.5, length=0.3), known.CoulombViscous(), [0.05, 0.01]),
+    "double, wide": (double_pendulum(), known.CoulombViscous(width=0.1), [0.1, 0.02]),
+    "double, motor load": (double_pendulum(), known.MotorLoad(), [0.1, 0.02, 0.1]),
+    "acrobot, none": (acrobot(), known.NoFriction(), []),
+    "acrobot, network": (acrobot(), NETWORK, list(0.1 + np.arange(len(NETWORK.names)) / 40)),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_end_states_and_derivatives_are_those_of_arrays(
+    case: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine, law, numbers = CASES[case]
+    random, n, count = np.random.default_rng(2), machine.n, len(numbers)
+    theta = np.tile(np.array(numbers), (n, 1))
+    p = Plant.from_parameters(machine, {}).p
+    plant = Plant(machine, {}, np.repeat(p[None], COUNT, 0))
+    q, w = random.normal(size=(2, COUNT, n))
+    w[::4] *= 0.05
+    w[1::4, 0] = 0.0
+    reads = reads_of(law, theta, Inputs(q[:8], w[:8], 0.0 * q[:8], 0.0 * q[:8]))
+    free = FreeTheta(np.repeat(np.arange(n), count), np.tile(np.arange(count), n))
+    model = MotionModel(plant, Friction(law, theta), free, (0, 1), reads)
+
+    def motor(rows: np.ndarray, parts: int) -> MotorTorque:
+        # the same torque however finely it is asked for
+        level = np.linspace(-0.2, 0.2, COUNT)[rows, None] * machine.motors
+        u = np.broadcast_to(level, (parts, *level.shape)).copy()
+        by = np.stack([np.ones_like(u), 0.5 * u], axis=1) * machine.motors
+        return MotorTorque(u, by, 1e-5 * u, 1e-5 * by)
+
+    torque = motor(np.arange(COUNT), PIECES)
+    torque = torque._replace(finer=lambda rows, _, parts: motor(rows, parts))
+    dt = np.linspace(0.01, 1 / 60, COUNT)
+    made = []
+    for many in (10**9, 0):
+        monkeypatch.setattr(sensitivities, "COMPILED", many)
+        made.append(sensitivities.end_states(model, State(q, w), torque, dt, FINE))
+    arrays, fast = made
+    for name in ("q", "w", "by_start", "by_parameters"):
+        # derivatives of friction by differences on arrays, exact in the compiled step
+        np.testing.assert_allclose(
+            getattr(fast, name), getattr(arrays, name), rtol=1e-6, atol=1e-8, err_msg=name
+        )
+
+
+def test_only_what_is_free_has_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a law's parameters one joint may free others than the next one."""
+    machine, law, n = double_pendulum(), known.AsymmetricStribeck(), 2
+    theta = np.tile(np.array(STRIBECK), (n, 1))
+    plant = Plant.from_parameters(machine, {})
+    plant = Plant(machine, {}, np.repeat(plant.p[None], COUNT, 0))
+    state = State(*np.random.default_rng(3).normal(size=(2, COUNT, n)))
+    reads = reads_of(law, theta, Inputs(*(state.q[:8],) * 4))
+    u = np.zeros((1, COUNT, n))
+    torque = MotorTorque(u, u[:, None][:, :0])
+    monkeypatch.setattr(sensitivities, "COMPILED", 0)
+
+    def derivatives(joint: list[int], place: list[int]) -> np.ndarray:
+        free = FreeTheta(np.array(joint, dtype=int), np.array(place, dtype=int))
+        model = MotionModel(plant, Friction(law, theta), free, (), reads)
+        dt = np.full(COUNT, 0.01)
+        return sensitivities.end_states(model, state, torque, dt, FINE).by_parameters
+
+    every = derivatives([0] * 6 + [1] * 6, [*range(6), *range(6)])
+    np.testing.assert_array_equal(derivatives([0, 1, 1], [4, 0, 5]), every[..., [4, 6, 11]])
+    assert derivatives([], []).shape == (COUNT, 2 * n, 0)

@@ -1,0 +1,92 @@
+"""Shooting finds the friction of a motor that turns with two joints, from MuJoCo's motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+from fixtures.wrist import motion, wrist
+
+from frictionid.data.calibration import Calibration
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.servo import Servo
+from frictionid.data.signals import Signal
+from frictionid.errors import InputError
+from frictionid.fitting.parameters import ActuatorBlock, DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, LoadDependent
+
+TRUE = np.array([[0.25, 0.05], [0.06, 0.02], [0.12, 0.03]])  # of bend, turn and motor
+BEGIN = Friction(CoulombViscous(), np.array([[0.15, 0.02], [0.1, 0.01], [0.2, 0.01]]))
+DT, NOISE = 0.01, 1e-4
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    """Three recordings of two seconds at 100 Hz, in which all three come to rest at times."""
+    rng, t = np.random.default_rng(0), DT * np.arange(201)
+    recordings = []
+    for k in range(3):
+        u = np.stack(
+            [2.5 * np.sin((1.9 + 0.5 * k) * t + k), 0.9 * np.sin((3.1 - 0.4 * k) * t)], axis=-1
+        )
+        q, _ = motion(TRUE, [0.3 * k, -0.5], [0.0, 0.0], u[:-1], DT, step=2e-5)
+        angle = Signal(t, q + rng.normal(scale=NOISE, size=q.shape))
+        recordings.append(Recording(f"{k}", angle, Signal(t, u)))
+    return Dataset("wrist", wrist(tmp_path_factory.mktemp("wrist")), tuple(recordings))
+
+
+def test_truth_comes_out(dataset):
+    found = refine(BEGIN, dataset, (FrictionBlock(),), Settings(windows=(0.1, 0.3)))
+    np.testing.assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.003)
+    off = (found.covariance.values - TRUE.ravel()) / found.covariance.error
+    assert (np.abs(off) < 3.5).all()
+
+
+@pytest.mark.parametrize("law", [CoulombViscous(), LoadDependent()])
+def test_derivatives_are_those_of_central_differences(dataset, law):
+    theta = np.abs(np.random.default_rng(0).normal(size=(3, len(law.names)))) * 0.1
+    blocks = (FrictionBlock(), InertiaBlock(prior=0.3), DelayBlock())
+    intervals = intervals_of(replace(dataset, recordings=dataset.recordings[:1]))
+    calibration = replace(Calibration.ideal(2), delay=np.asarray(0.003))  # at 0 it has a kink
+    begin = Friction(law, theta, calibration=calibration)
+    problem, estimate = prepare_fit(begin, intervals, blocks, Settings())
+    nodes = problem.initial_nodes(estimate)
+    # a part that meets rest has a kink there
+    parts = intervals.w @ dataset.mechanism.friction_map.T
+    smooth = (np.abs(parts) > 0.8).all(axis=1)
+    smooth = np.flatnonzero(smooth)[:50]
+    assert len(smooth) == 50
+    lines = problem.linearise(estimate, nodes, smooth)
+    values = values_of(estimate, problem.blocks)
+    steps = 1e-5 * np.maximum(np.abs(values), 1e-2)
+    for k, step in enumerate(steps):
+        moved = (
+            with_values(estimate, problem.blocks, values + s * step * np.eye(len(values))[k])
+            for s in (1, -1)
+        )
+        up, down = (problem.linearise(other, nodes, smooth).end for other in moved)
+        agree(lines.by[..., k][smooth], (up - down)[smooth] / (2 * step))
+    for i, own in enumerate(np.eye(nodes.shape[1])):
+        up, down = (problem.linearise(estimate, nodes + s * own, smooth).end for s in (1e-6, -1e-6))
+        agree(lines.by_start[..., i][smooth], (up - down)[smooth] / 2e-6)
+
+
+def agree(ours, theirs):
+    size, off = (np.linalg.norm(x, axis=0) for x in (theirs, ours - theirs))
+    assert size.any() and (off <= 2e-2 * size + 1e-9).all(), off / size
+
+
+def test_voltages_of_motors_that_turn_with_several_joints_are_refused(dataset):
+    first = dataset.recordings[0]
+    servo = Servo(first.angle, first.angle, gain=1.0, limit=1.0, supply=7.0, kt=0.4, R=4.0)
+    driven = replace(dataset, recordings=(replace(first, servo=servo),))
+    with pytest.raises(InputError, match="'actuator' takes friction joint by joint, but 'motor'"):
+        refine(BEGIN, driven, (FrictionBlock(), ActuatorBlock()), Settings(windows=(0.1,)))

@@ -1,0 +1,245 @@
+"""Shooting for laws with many numbers: slopes in reverse mode, networks refined, memories too."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+from fixtures.learned_laws import Film, Recurrent, Static
+
+from frictionid.data.integrals import averages
+from frictionid.data.plants import plant_of
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.dynamics.tangent.tensor_law import TensorLaw
+from frictionid.evaluation.curves import curve_error, curves, velocity_grid
+from frictionid.evaluation.ground_truth import steady_state
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock
+from frictionid.fitting.shooting import Settings, Shooting, document_of, refine, refine_folds
+from frictionid.fitting.shooting.combination_law import CombinationLaw
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.friction import Friction, Inputs
+from frictionid.friction.laws import AsymmetricStribeck, WindowMLP, check_law
+from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
+from frictionid.simulate.true_friction import FilmLag
+
+CURVE = Curve((0.08,), (0.07,), (0.01,), (0.05,), (0.04,), (1.5,))
+PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
+RUNS = (
+    (2.5, 0.0, 0.0, 0, 0),
+    (-2.0, 6.0, 0.0, 0, 0),
+    (0.3, 0.0, 0.8, 0.3, 2.0),
+    (0, 0, 0.5, 2, 0.5),
+)
+WAY = WindowMLP(3, hidden=(4,), presliding=0.3)
+SHORT = Settings(windows=(0.1, 0.33), iterations=6)
+
+
+@cache
+def swings(friction=None, runs=RUNS, seed=1):
+    """A pendulum with known friction, seen by a camera."""
+    motions = tuple(
+        Run(f"{i}", (angle,), (speed,), torques=(Chirp(size, f0, f1),) if size else ())
+        for i, (angle, speed, size, f0, f1) in enumerate(runs)
+    )
+    camera = Camera(150, angle_noise=0.001)
+    return simulate(Rig("p", PENDULUM, friction or Stribeck(CURVE), camera, motions, seed=seed))
+
+
+def errors(friction, dataset):
+    grid = velocity_grid(np.concatenate([r.truth.velocity.value for r in dataset.recordings]))
+    found = np.asarray(curves(friction, grid))
+    return curve_error(found, curves(steady_state(dataset.truth), grid), grid)
+
+
+def inputs_of(rng, count=5, n=2):
+    return Inputs(*(3.0 * rng.normal(size=(count, n)) for _ in range(4)))
+
+
+@pytest.mark.parametrize("law", [Static(), Film(), Recurrent()], ids=str)
+def test_the_laws_keep_the_contract(law):
+    check_law(law, level=False)
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("law", [Static(), Recurrent()], ids=str)
+def test_slopes_in_reverse_mode_are_those_of_differences(law, samples):
+    rng = np.random.default_rng(0)
+    theta = rng.normal(size=(2, len(law.names)))
+    own = TensorLaw(law, law.width, law.shape, torch.zeros(1, dtype=torch.float64))
+    path, dt = [inputs_of(rng) for _ in range(samples)], np.full((5, 1), 1 / 60)
+
+    def torque(theta):
+        z = own.start(theta, path[0])
+        for x in path[1:]:
+            z = own.advance(theta, x, z, dt)
+        return own.torque(theta, path[-1], z)
+
+    slopes = own.gradient_along(theta, path, own.start(theta, path[0]), dt)
+    for i in range(theta.shape[1]):
+        step = 1e-6 * np.eye(theta.shape[1])[i]
+        rise = (torque(theta + step) - torque(theta - step)) / 2e-6
+        np.testing.assert_allclose(slopes[..., i], rise, atol=1e-7)
+
+
+@pytest.mark.parametrize("law", [Static(), Recurrent(), WAY], ids=str)
+def test_predictions_change_with_combinations_start_and_memory_as_their_slopes_say(law):
+    intervals = intervals_of(swings())
+    # slopes are those in the middle of a substep, in which bristles bend by much of their way
+    close = 2e-2 if law == WAY else 1e-2
+    theta = np.random.default_rng(1).normal(size=(1, len(law.names)))
+    theta[:, :2] = np.where(
+        np.isfinite(law.bounds[:2]).any(axis=1), law.initial[0][:2], theta[:, :2]
+    )
+    problem, estimate = prepare_fit(
+        Friction(law, theta), intervals, (FrictionBlock(), DelayBlock()), SHORT
+    )
+    assert isinstance(estimate.friction.law, CombinationLaw)
+    nodes = problem.initial_nodes(estimate)
+    fast = np.abs(intervals.w[:, 0]) > 2.0
+    rows = np.flatnonzero(fast & np.append(fast[1:], False))[:40]
+    lines = problem.linearise(estimate, nodes, rows)
+    unit = np.abs(lines.by[rows]).max(axis=(0, 1))
+    for k in range(0, len(unit) - 1, 3):
+        step = np.zeros_like(estimate.friction.theta)
+        step[0, k] = 1e-5
+        up, down = (
+            estimate._replace(friction=replace(estimate.friction, theta=s * step)) for s in (1, -1)
+        )
+        rise = problem.linearise(up, nodes, rows).end - problem.linearise(down, nodes, rows).end
+        np.testing.assert_allclose(
+            rise[rows] / 2e-5, lines.by[rows, :, k], atol=close * unit[k] + 1e-4 * unit[:-1].max()
+        )
+    for i in range(nodes.shape[1]):
+        step = 1e-5 * np.eye(nodes.shape[1])[i]
+        up, down = (problem.linearise(estimate, nodes + s * step, rows).end for s in (1, -1))
+        by = lines.by_start[rows, :, i]
+        np.testing.assert_allclose((up - down)[rows] / 2e-5, by, atol=close * np.abs(by).max())
+
+
+@cache
+def refined(kind):
+    law = Static()
+    theta = law.drawn(1)
+    begin = Friction(law, torch.tensor(theta) if kind == "tensor" else theta)
+    return begin, refine(begin, swings(), settings=SHORT)
+
+
+def test_a_network_finds_the_curve_from_a_rough_start():
+    first, found = refined("tensor")
+    before, after = (errors(f, swings()).max() for f in (first, found.friction))
+    assert before > 0.3 and after < 0.2 * before
+    assert found.friction.law == first.law
+    assert found.friction.theta.dtype == torch.float64
+
+
+def test_numbers_of_numpy_and_of_torch_give_the_same():
+    (_, a), (_, b) = refined("tensor"), refined("numpy")
+    assert isinstance(b.friction.theta, np.ndarray)
+    np.testing.assert_allclose(a.friction.theta.numpy(), b.friction.theta)
+
+
+def test_bands_tell_how_sure_the_curve_is_and_no_weight_is_reported():
+    dataset, (_, found) = swings(), refined("numpy")
+    w = np.linspace(1.0, 6.0, 11)[:, None]
+    point, whole = found.bands(w)
+    assert (point > 0).all() and (whole >= point).all()
+    true = curves(steady_state(dataset.truth), w)
+    assert (np.abs(curves(found.friction, w) - true) < 3 * whole).all()
+    assert found.bands(np.array([[30.0]]))[0] > point.max()
+    assert {p["block"] for p in document_of(found, dataset, w)["parameters"]} == {"delay"}
+
+
+def test_a_delay_beside_a_network_is_found_and_reported():
+    law = Static()
+    dataset = swings()
+    late = tuple(
+        replace(r, torque=r.torque._replace(time=r.torque.time - 0.01)) for r in dataset.recordings
+    )
+    found = refine(
+        Friction(law, law.drawn(1)),
+        replace(dataset, recordings=late),
+        (FrictionBlock(), DelayBlock()),
+        SHORT,
+    )
+    assert abs(float(found.calibration.delay) - 0.01) < min(4 * found.covariance.error[-1], 3e-3)
+    assert [p["name"] for p in document_of(found, dataset, np.ones((3, 1)))["parameters"]] == [
+        "torque delay"
+    ]
+
+
+def forecast(friction, dataset):
+    """Root mean square error [rad] of the motion half a second ahead."""
+    plant, out = plant_of(dataset), []
+    for i, r in enumerate(dataset.recordings):
+        time = r.angle.time
+        begins = np.arange(20, len(time) - 31, 10)
+        at = begins + np.arange(31)[:, None]
+        u = averages(r.torque, time)[at[:-1]]
+        dt = np.diff(time)[at[:-1]]
+        q, w = r.truth.angle.value, r.truth.velocity.value
+        memory = ()
+        if friction.law.start(friction.theta, Inputs(*(0.0 * w[:1],) * 4)):
+            steps = [friction.law.start(friction.theta, Inputs(q[:1], w[:1], 0 * w[:1], 0 * w[:1]))]
+            logged = np.append(averages(r.torque, time), [[0.0]], axis=0)
+            for k in range(1, len(time)):
+                x = Inputs(q[k : k + 1], w[k : k + 1], logged[k : k + 1], 0 * w[:1])
+                dt_k = np.array([[time[k] - time[k - 1]]])
+                steps.append(friction.law.advance(friction.theta, x, steps[-1], dt_k))
+            memory = tuple(
+                np.concatenate([steps[b][m] for b in begins]) for m in range(len(steps[0]))
+            )
+        start = State(q[begins], w[begins], memory)
+        motion = rollout(plant[i], friction, start, u, dt).q
+        out.append((motion - q[at])[-1])
+    return float(np.sqrt(np.mean(np.concatenate(out) ** 2)))
+
+
+def test_a_recurrent_law_predicts_better_motions_that_it_never_saw():
+    lag = FilmLag(CURVE, (0.1,))
+    others = ((1.8, 0.0, 0.0, 0, 0), (0.5, 0.0, 0.7, 0.5, 1.5))
+    reads, unseen = swings(lag), swings(lag, others, 2)
+    law = Recurrent()
+    first = Friction(law, np.random.default_rng(0).normal(size=(1, 25)))
+    found = refine(first, reads, settings=SHORT).friction
+    assert forecast(found, unseen) < 0.3 * forecast(first, unseen)
+
+
+def test_a_memory_of_samples_with_few_numbers_keeps_their_names():
+    film = Film()
+    dataset = swings(FilmLag(CURVE, (0.1,)))
+    first = Friction(film, torch.tensor([[0.05, 0.01, 0.005, 0.3]], dtype=torch.float32))
+    found = refine(first, dataset, settings=SHORT)
+    assert [e.name for e in found.covariance.parameters][0] == "coulomb of joint 1"
+    assert found.friction.theta.dtype == torch.float32
+    assert forecast(as_numpy(found.friction), dataset) < 0.2 * forecast(as_numpy(first), dataset)
+
+
+def as_numpy(friction):
+    return replace(friction, theta=friction.theta.numpy().astype(float))
+
+
+def test_tensors_of_a_law_with_names_give_what_numpy_gives():
+    theta = np.array([[0.05, 0.05, 0.005, 0.005, 2.0, 0.005]])
+    law = AsymmetricStribeck()
+    a = refine(Friction(law, theta), swings(), settings=SHORT)
+    b = refine(Friction(law, torch.tensor(theta)), swings(), settings=SHORT)
+    np.testing.assert_allclose(a.friction.theta, b.friction.theta.numpy(), rtol=1e-5)
+    np.testing.assert_allclose(a.covariance.matrix, b.covariance.matrix, rtol=1e-3)
+
+
+def test_each_fold_of_a_network_is_that_of_its_own_recordings():
+    dataset, law = swings(), Static()
+    intervals = intervals_of(dataset)
+    training = np.stack([intervals.recording != 1, intervals.recording >= 0]) * 1.0
+    theta = np.stack([law.drawn(1, 3), law.drawn(1, 4)])
+    together, whole = refine_folds(
+        Friction(law, theta), intervals, Shooting(settings=SHORT), training
+    )
+    assert together.theta.shape == theta.shape
+    np.testing.assert_array_equal(together.theta[-1], whole.friction.theta)
+    assert errors(together[0], dataset).max() < 0.1

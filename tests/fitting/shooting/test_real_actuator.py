@@ -1,0 +1,108 @@
+"""A real servo by shooting: a constant of its motor fitted with friction."""
+
+from __future__ import annotations
+
+import gzip
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import frictionid as fid
+from frictionid.comparison.registry import friction_of
+from frictionid.data.plants import plant_of
+from frictionid.data.readers.bam import XL330_GAIN
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.friction.laws import MotorLoad
+
+pytestmark = pytest.mark.real
+
+SHORT = Settings(windows=(0.1, 0.33), iterations=5)
+
+
+def test_the_resistance_lies_where_published_models_have_it(request, real_data):
+    folder = request.config.rootpath / "data"
+    logs = load_dataset(folder / "bam_xl330_whole", real_data / "bam_xl330")
+    # all kinds of motion: lifted and dropped with the motor disconnected, and driven
+    assert any("lift_and_drop" in r.name for r in logs.recordings)
+    problem = training_problem(logs, plant_of(logs), INTEGRAL)
+    start = LeastSquares(MotorLoad()).fit(problem, 1.0 + 0.0 * problem.dt[None], 0)[0]
+    blocks = (FrictionBlock(), ActuatorBlock(fixed=("kt",)))
+    found = refine(start, logs, blocks, SHORT, sample_time=0.01)
+    kt, R = found.calibration.motor
+    assert kt == logs.recordings[0].servo.kt and found.covariance.identified[-1]
+    published = [friction_of(folder / "bam_xl330" / f"{m}.json").parameters for m in ("m1", "m6")]
+    low, high = sorted(kt / m["kt"] * m["R"] for m in published)  # with the same torque per volt
+    assert 0.9 * low < R < 1.1 * high
+
+
+TOML = f"""
+name = "xl330"
+[mechanism]
+kind = "pendulum"
+motor = true
+parameters = {{ mass = 0.49, length = 0.1, rotor = 0.0018141672784458866, g = 9.80665 }}
+[columns]
+time = "timestamp"
+angle = "position"
+[actuator]
+target = "goal_position"
+enabled = "torque_enable"
+hold = "linear"
+output = "duty"
+P = 100
+scale = {XL330_GAIN!r}
+supply = 7.4
+kt = 0.3866957639281311
+R = 4.017129222290597
+[actuator.recordings]
+"kp400*" = {{ P = 400 }}
+[recordings]
+patterns = ["*.csv"]
+"""
+
+
+@pytest.fixture(scope="module")
+def logs(request, real_data, tmp_path_factory):
+    """The logs of all motions by the reader bam, and as tables with [actuator]."""
+    folder = tmp_path_factory.mktemp("xl330")
+    for path in (real_data / "bam_xl330").glob("*.json.gz"):
+        entries = pd.DataFrame(json.loads(gzip.decompress(path.read_bytes()))["entries"])
+        entries[["position", "goal_position"]] += 0.030871000250528358  # zero hangs down
+        entries["torque_enable"] = entries["torque_enable"].astype(int)
+        name = path.name.removesuffix(".json.gz")
+        entries.to_csv(folder / f"{name}.csv", index=False, float_format="%.17g")
+    (folder / "dataset.toml").write_text(TOML)
+    whole = request.config.rootpath / "data" / "bam_xl330_whole"
+    return load_dataset(whole, real_data / "bam_xl330"), load_dataset(folder)
+
+
+def test_tables_with_an_actuator_are_the_logs_of_the_reader_bam(logs):
+    bam, tables = logs
+    assert [r.name for r in tables.recordings] == [r.name for r in bam.recordings]
+    for own, other in zip(tables.recordings, bam.recordings, strict=True):
+        np.testing.assert_array_equal(own.angle.time, other.angle.time)
+        np.testing.assert_allclose(own.angle.value, other.angle.value, atol=1e-15)
+        np.testing.assert_allclose(own.torque.value, other.torque.value, atol=1e-12)
+
+
+def test_fits_of_tables_with_an_actuator_give_the_numbers_of_the_reader_bam(logs):
+    settings = {"windows": (0.1,), "iterations": 2}
+    one = [fid.fit(data, "motor_load").frame["value"] for data in logs]
+    np.testing.assert_allclose(one[0], one[1], rtol=1e-6)
+    settings |= {"free": ["friction", "actuator"], "fixed": ["actuator.kt"]}
+    by = [fid.fit(data, "motor_load", method="shooting", **settings) for data in logs]
+    assert list(by[0].frame["parameter"]) == ["coulomb", "viscous", "loss", "R"]
+    np.testing.assert_allclose(by[0].frame["value"], by[1].frame["value"], rtol=1e-6)
+
+
+def test_check_says_of_tables_with_an_actuator_what_it_says_of_the_reader_bam(logs):
+    bam, tables = (fid.check(data).findings.set_index("kind")["text"] for data in logs)
+    assert set(tables.index) == set(bam.index) >= {"one_payload", "load", "tied_constants"}
+    for kind in set(tables.index) - {"modelled_torque"}:
+        assert tables[kind] == bam[kind]

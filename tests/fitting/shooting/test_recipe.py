@@ -1,0 +1,225 @@
+"""Shooting as part of comparisons: folds, suites, files and the command line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.__main__ import main
+from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.friction.laws import CoulombViscous
+from frictionid.simulate import (
+    Camera,
+    Curve,
+    Drive,
+    Rig,
+    Run,
+    Sine,
+    Stribeck,
+    simulate,
+    write_dataset,
+)
+
+TRUE = np.array([[0.02, 0.002]])
+BOTH = Shooting(
+    blocks=(FrictionBlock(), InertiaBlock(), DelayBlock()), settings=Settings(windows=(0.2, 0.33))
+)
+
+
+def dataset():
+    rig = Rig(
+        "pendulum",
+        {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}},
+        Stribeck(Curve((0.02,), (0.02,), (0.002,))),
+        Camera(samples=120, angle_noise=0.0016),
+        tuple(
+            Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
+            for k in range(6)
+        ),
+        drive=Drive(delay=0.01),
+    )
+    return simulate(rig, 5)
+
+
+DATA = dataset()
+FOLDS = make_folds(DATA.recordings, Split(count=3))
+BENCHMARK = Benchmark(DATA, FOLDS, Protocol(horizons=(0.25,)))
+
+
+@pytest.fixture(scope="module")
+def result():
+    return run(BENCHMARK, LeastSquares(CoulombViscous()), BOTH)
+
+
+def test_friction_inertia_and_delay_come_out_in_every_fold(result):
+    theta, calibration = result.friction.theta, result.friction.calibration
+    assert theta.shape == (3, 1, 2) and calibration.delay.shape == (3,)
+    np.testing.assert_allclose(theta[..., 0], TRUE[0, 0], rtol=0.06)
+    np.testing.assert_allclose(theta[..., 1], TRUE[0, 1], rtol=0.2)
+    np.testing.assert_allclose(calibration.delay, 0.01, atol=1.5e-3)
+    np.testing.assert_allclose(calibration.base, [[0.012, 0.5886]] * 3, rtol=0.02)
+
+
+def test_it_predicts_better_than_the_one_step_fit_that_it_began_with(result):
+    before = run(BENCHMARK, LeastSquares(CoulombViscous()), BOTH.start)
+    scores = [r.value("rollout_angle_truth", "median", 0.25) for r in (result, before)]
+    assert scores[0] < scores[1]
+    errors = [np.abs(r.overall.theta - TRUE).max() for r in (result, before)]
+    assert errors[0] < errors[1]
+
+
+def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
+    fold = 1
+    held = [i for i, label in enumerate(FOLDS.labels) if (label == fold).all()]
+    changed = tuple(
+        replace(r, angle=r.angle._replace(value=0.9 * r.angle.value)) if i in held else r
+        for i, r in enumerate(DATA.recordings)
+    )
+    other = replace(BENCHMARK, dataset=replace(DATA, recordings=changed))
+    again = run(other, LeastSquares(CoulombViscous()), BOTH)
+    error = result.refined.covariance.error[:2]
+    off = np.abs(again.friction.theta[fold] - result.friction.theta[fold])[0]
+    assert (off < 1e-6 * error).all()
+    for name in ("base", "delay"):
+        mine, other = (getattr(x.friction.calibration, name)[fold] for x in (result, again))
+        np.testing.assert_allclose(mine, other, rtol=1e-9)
+    assert (np.abs(again.overall.theta - result.overall.theta)[0] > error).any()
+
+
+def test_all_data_are_fitted_as_refine_fits_them(result):
+    from frictionid.fitting.shooting import refine
+
+    shared = prepare_benchmark(BENCHMARK, [BOTH])
+    start = LeastSquares(CoulombViscous()).fit(
+        shared.training.problems["integral"], shared.training.weights["integral"], 0
+    )[-1]
+    alone = refine(start, DATA, BOTH.blocks, BOTH.settings)
+    np.testing.assert_array_equal(alone.friction.theta, result.overall.theta)
+    np.testing.assert_array_equal(alone.calibration.base, result.overall.calibration.base)
+
+
+def test_given_friction_stays_as_it_is():
+    nothing = run(BENCHMARK, Frictionless(), BOTH)
+    assert nothing.refined is None and nothing.friction.calibration is None
+
+
+def called(monkeypatch, *words):
+    """Exit code of a command line."""
+    monkeypatch.setattr("sys.argv", ["frictionid", *map(str, words)])
+    return main()
+
+
+SUITE = """
+name = "s"
+starts = "model"
+horizons = [0.25]
+[folds]
+count = 2
+[[datasets]]
+path = "data"
+[[recipes]]
+name = "integral"
+[[recipes]]
+name = "ours"
+by = "shooting"
+free = ["friction", "delay"]
+windows = [0.33]
+[[identifiers]]
+kind = "coulomb_viscous"
+"""
+
+
+def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeypatch, capsys):
+    write_dataset(DATA, tmp_path / "data")
+    (tmp_path / "s.toml").write_text(SUITE)
+    out = tmp_path / "out"
+    assert called(monkeypatch, "compare", tmp_path / "s.toml", "--out", out, "--jobs", "1") == 0
+    task = json.loads((out / "tasks/pendulum--coulomb_viscous--ours--seed0.json").read_text())
+    delay = next(p for p in task["refined"]["parameters"] if p["block"] == "delay")
+    assert delay["interval_95"][0] < 0.01 < delay["interval_95"][1]
+    assert np.shape(task["refined"]["correlation"]) == (3, 3)
+    model = out / "models/pendulum--coulomb_viscous--ours--seed0.json"
+    scores = tmp_path / "e.csv"
+    assert called(monkeypatch, "evaluate", model, tmp_path / "data", "--out", scores) == 0
+    line = ("fit", tmp_path / "data", "--identifier", "coulomb_viscous", "--by", "shooting")
+    free = ("--free", "friction,inertia,delay", "--out", tmp_path / "m.json")
+    assert called(monkeypatch, *line, *free) == 0
+    assert "torque delay" in capsys.readouterr().out
+    kept = json.loads((tmp_path / "m.json").read_text())
+    assert kept["calibration"]["delay"] == pytest.approx(0.01, abs=1.5e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"free": ["fricton"]}, "block 'fricton' is unknown; did you mean 'friction'"),
+        ({"free": ["friction", "friction"]}, "two blocks are called 'friction'"),
+        ({"free": ["friction"], "fixed": ["inertia.x"]}, "of a free block"),
+        ({"free": ["friction"], "fixed": ["coulomb"]}, "must be inertia.NAME or friction.NAME"),
+        ({"free": ["friction"], "priors": {"gain": 0.1}}, "prior of block 'gain', which is not"),
+        ({"start": "shooting"}, "must be a one-step recipe"),
+        ({"scheme": "euler"}, "scheme belongs to one-step recipes"),
+        ({"windows": [0.3, 0.1]}, "must grow"),
+        ({"by": None, "name": "integral", "free": ["friction"]}, 'free needs by = "shooting"'),
+    ],
+)
+def test_recipes_that_make_no_sense_are_refused_in_one_line(change, words):
+    table = {"name": "ours", "by": "shooting", **change}
+    with pytest.raises(InputError, match=words):
+        recipe_of(RecipeEntry(**table))
+
+
+def test_a_recipe_says_what_is_free_fixed_and_known_beforehand():
+    made = recipe_of(
+        RecipeEntry(
+            name="ours",
+            by="shooting",
+            free=["friction", "inertia", "gain"],
+            fixed=["inertia.gravity", "friction.viscous"],
+            priors={"gain": 0.02},
+            windows=[0.1, 0.2],
+            iterations=7,
+        )
+    )
+    friction, inertia, gain = made.blocks
+    assert friction.fixed == ("viscous",) and inertia.fixed == ("gravity",) and gain.prior == 0.02
+    assert made.settings.windows == (0.1, 0.2) and made.settings.iterations == 7
+
+
+def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
+    write_dataset(DATA, tmp_path / "data")
+    slow = (
+        '[[recipes]]\nname = "slow"\nscheme = "integral"\n'
+        'velocity_threshold = 0.01\nstates = {kind = "rts"}\n'
+    )
+    text = SUITE.replace("windows", 'start = "slow"\nstart_velocity = 0.5\nwindows')
+    text = text.replace("[[recipes]]", slow + "[[recipes]]", 1)
+    file = tmp_path / "s.toml"
+    file.write_text(text)
+    recipes = {t.recipe.name: t.recipe for t in tasks_of(load_suite(file), file)}
+    assert recipes["ours"].start == recipes["slow"] and recipes["slow"].velocity_threshold == 0.01
+    assert recipes["ours"].settings.start_velocity == 0.5
+    file.write_text(text.replace('start = "slow"', 'start = "slo"'))
+    with pytest.raises(InputError, match="recipe 'slo' is unknown; did you mean 'slow'"):
+        tasks_of(load_suite(file), file)
+
+
+def test_unknown_parameters_to_fix_are_named(tmp_path):
+    write_dataset(DATA, tmp_path / "data")
+    text = SUITE.replace("windows", 'fixed = ["friction.viscos"]\nwindows')
+    (tmp_path / "s.toml").write_text(text)
+    tasks = tasks_of(load_suite(tmp_path / "s.toml"), tmp_path / "s.toml")
+    own = next(t for t in tasks if t.name == "coulomb_viscous" and t.recipe.name == "ours")
+    with pytest.raises(InputError, match="has no parameter 'viscos' to fix"):
+        run(own.benchmark, own.identifier, own.recipe)

@@ -1,0 +1,237 @@
+"""What shooting owes: exact derivatives, the machine's own numbers, and refusals of wrong data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.data.calibration import Calibration
+from frictionid.errors import InputError
+from frictionid.fitting.parameters import (
+    BiasBlock,
+    DelayBlock,
+    FrictionBlock,
+    GainBlock,
+    InertiaBlock,
+    OffsetBlock,
+)
+from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.friction import Friction
+from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
+from frictionid.simulate import Camera, Curve, Drive, Noise, Run, Sine, Stribeck, simulate
+from frictionid.simulate import Rig as Simulated
+
+LEVEL, VISCOUS = 0.02, 0.002
+TRUE = np.array([[LEVEL, VISCOUS]])
+BEGIN = Friction(CoulombViscous(), np.array([[0.03, 0.001]]))
+SHORT = Settings(windows=(0.1, 0.33))
+
+
+def pendulum(true=None, recordings=6, **drive):
+    """Recordings of a pendulum that is told to weigh 0.3 kg."""
+    rig = Simulated(
+        "pendulum",
+        {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}},
+        Stribeck(Curve((LEVEL,), (LEVEL,), (VISCOUS,))),
+        Camera(samples=150, angle_noise=0.0016),
+        tuple(
+            Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
+            for k in range(recordings)
+        ),
+        true_parameters=true or {},
+        drive=Drive(**drive),
+        substeps=8,
+    )
+    return simulate(rig, 3)
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return pendulum()
+
+
+def acrobot():
+    """Short recordings in which both joints move, and its torque is held between samples."""
+    curve = Curve((0.165, 0.055), (0.165, 0.05), (0.004, 0.0008))
+    runs = [Run(f"{k}", (2.0 - k, 0.5), (1.0, -2.0), (Noise(0.14, (0.5, 1.2)),)) for k in range(4)]
+    rig = Simulated("a", {"kind": "acrobot"}, Stribeck(curve), Camera(90), tuple(runs), substeps=4)
+    return simulate(rig, 1)
+
+
+def test_derivatives_of_all_blocks_are_those_of_central_differences():
+    level = [[0.16, 0.15, 0.01, 0.02, 6.0, 0.004], [0.05, 0.04, 0.02, 0.03, 8.0, 0.001]]
+    calibration = replace(
+        Calibration.ideal(2),
+        gain=np.array([1.0, 1.05]),
+        delay=np.asarray(0.007),
+        bias=np.array([0.0, 0.01]),
+        offset=np.array([0.02, -0.01]),
+    )
+    friction = Friction(AsymmetricStribeck(), np.array(level), calibration=calibration)
+    blocks = (
+        *(FrictionBlock(), InertiaBlock(fixed=("gravity_2",)), DelayBlock()),
+        *(GainBlock(), BiasBlock(), OffsetBlock()),
+    )
+    intervals = intervals_of(acrobot())
+    problem, estimate = prepare_fit(friction, intervals, blocks, Settings())
+    nodes, rows = problem.initial_nodes(estimate), np.arange(len(intervals.dt))
+    lines = problem.linearise(estimate, nodes, rows)
+    # a joint that meets w = 0 has a kink there
+    smooth = (np.abs(intervals.w) > 1.5).all(axis=1)
+    assert smooth.sum() > 50
+
+    def agree(ours, up, down, step):
+        theirs = ((up - down) / (2 * step))[smooth]
+        size = np.linalg.norm(theirs, axis=0)
+        off = np.linalg.norm(ours[smooth] - theirs, axis=0)
+        assert (off <= 2e-2 * size + 1e-9).all(), off / size
+        return size.any()
+
+    values, reads = values_of(estimate, problem.blocks), 0
+    for k in range(len(values)):
+        step = 1e-5 * max(abs(values[k]), 1e-2)
+        moved = (
+            with_values(estimate, problem.blocks, values + s * step * np.eye(len(values))[k])
+            for s in (1, -1)
+        )
+        up, down = (problem.linearise(g, nodes, rows).end for g in moved)
+        reads += agree(lines.by[..., k], up, down, step)
+    # all but the offsets, which only the measured angle feels
+    assert reads == len(values) - 2
+    np.testing.assert_array_equal(lines.angle[-2:], np.eye(2))
+    for i in range(nodes.shape[1]):
+        step = 1e-6 * np.eye(nodes.shape[1])[i]
+        up, down = (problem.linearise(estimate, nodes + s * step, rows).end for s in (1, -1))
+        assert agree(lines.by_start[..., i], up, down, 1e-6)
+
+
+def test_a_gain_5_per_cent_wrong_is_found_where_one_mass_is_known():
+    blocks = (FrictionBlock(), InertiaBlock(fixed=("gravity",)), GainBlock())
+    found = refine(BEGIN, pendulum(gain=1.05), blocks, SHORT)
+    assert found.calibration.gain[0] == pytest.approx(1.05, rel=0.01)
+    np.testing.assert_allclose(found.friction.theta[:, 0], LEVEL, rtol=0.03)
+
+
+def test_a_mass_10_per_cent_wrong_is_found_where_inertia_is_free_and_falsifies_friction_where_not():
+    data = pendulum({"mass": 0.33})
+    free = refine(BEGIN, data, (FrictionBlock(), InertiaBlock()), SHORT)
+    told = refine(BEGIN, data, (FrictionBlock(),), SHORT)
+    np.testing.assert_allclose(free.calibration.base, [0.33 * 0.04, 0.33 * 9.81 * 0.2], rtol=0.01)
+    errors = [np.abs(f.friction.theta[0] / TRUE[0] - 1.0).max() for f in (free, told)]
+    assert errors[0] < 0.05 and errors[1] > 4 * errors[0]
+    assert told.diagnostics.sigma[0] > 2 * free.diagnostics.sigma[0]
+
+
+def test_a_tighter_tolerance_goes_on_and_moves_nothing_by_more_than_the_looser_one(healthy):
+    loose, tight = (
+        refine(BEGIN, healthy, (FrictionBlock(),), replace(SHORT, tolerance=share))
+        for share in (0.5, 1e-4)
+    )
+    assert loose.diagnostics.iterations < tight.diagnostics.iterations
+    off = np.abs(tight.covariance.values - loose.covariance.values)
+    assert (off <= 0.5 * tight.covariance.error).all()
+
+
+def test_a_stretch_that_nothing_explains_is_named_and_moves_nothing(healthy):
+    whole = refine(BEGIN, healthy, (FrictionBlock(), InertiaBlock()), SHORT)
+    hit = healthy.recordings[2]
+    value = hit.angle.value.copy()
+    value[60:70] += 0.3 * np.random.default_rng(0).normal(size=(10, 1))
+    recordings = list(healthy.recordings)
+    recordings[2] = replace(hit, angle=hit.angle._replace(value=value))
+    data = replace(healthy, recordings=tuple(recordings))
+    found = refine(BEGIN, data, (FrictionBlock(), InertiaBlock()), SHORT)
+    off = np.abs(found.covariance.values - whole.covariance.values)
+    assert (off < 2 * whole.covariance.error).all()
+    places = found.diagnostics.unexplained
+    assert places and all(p.recording == "2" and p.begin < 70 / 60 < p.end + 0.2 for p in places)
+
+
+def angles(data, change):
+    return replace(
+        data,
+        recordings=tuple(
+            replace(r, angle=r.angle._replace(value=change(r.angle.value))) for r in data.recordings
+        ),
+    )
+
+
+def torques(data, change):
+    return replace(
+        data, recordings=tuple(replace(r, torque=change(r.torque)) for r in data.recordings)
+    )
+
+
+def half_a_second_late(torque):
+    at = np.maximum(np.arange(len(torque.time)) - 30, 0)
+    return torque._replace(value=torque.value[at])
+
+
+def short(data, count):
+    def first(signal):
+        return signal._replace(time=signal.time[:count], value=signal.value[:count])
+
+    one = data.recordings[0]
+    one = replace(one, angle=first(one.angle), torque=first(one.torque), truth=None)
+    return replace(data, recordings=(one,))
+
+
+def test_what_no_data_can_tell_apart_is_refused_with_a_way_out(healthy):
+    both = (FrictionBlock(), InertiaBlock())
+    passive = torques(healthy, lambda u: u._replace(value=0.0 * u.value))
+    cases = (
+        (passive, both, "only the ratios of inertia, gravity"),
+        (healthy, (*both, GainBlock()), "a larger gain with larger inertias"),
+    )
+    for data, blocks, words in cases:
+        way_out = f"{words}.*fix one base parameter that you are sure of, such as 'gravity'"
+        with pytest.raises(InputError, match=way_out):
+            refine(BEGIN, data, blocks, SHORT)
+
+
+NOISE = np.random.default_rng(1).normal(size=(150, 1))
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (lambda data: short(data, 10), "10 samples make 1 windows of 0.33 s, too few for 2 free"),
+        (lambda data: angles(data, lambda q: 0.0 * q + 0.0016 * NOISE), "never moves by more than"),
+        (lambda data: angles(data, lambda q: 0.0 * q), "never moves by more than"),
+        (
+            lambda data: angles(data, lambda q: q % (2 * np.pi) - np.pi),
+            "jumps by .* wrapped at half a turn; unwrap it",
+        ),
+    ],
+    ids=["ten samples", "a joint at rest", "a dead sensor", "wrapped"],
+)
+def test_data_that_cannot_tell_friction_are_refused(fault, words, healthy):
+    with pytest.raises(InputError, match=words):
+        refine(BEGIN, fault(healthy), (FrictionBlock(),), SHORT)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        lambda data: torques(data, half_a_second_late),
+        lambda data: torques(data, lambda u: u._replace(value=-u.value)),
+        lambda data: angles(data, lambda q: -q),
+    ],
+    ids=["half a second late", "a flipped torque", "a flipped angle"],
+)
+def test_data_that_no_friction_explains_are_doubted_aloud(fault, healthy):
+    for blocks in ((FrictionBlock(),), (FrictionBlock(), InertiaBlock(), DelayBlock())):
+        warnings = " ".join(refine(BEGIN, fault(healthy), blocks, SHORT).diagnostics.warnings)
+        assert "times worse than it is measured" in warnings or "as far as it may go" in warnings
+        assert "`frictionid check` looks for wrong signs" in warnings
+
+
+def test_healthy_data_are_not_doubted(healthy):
+    blocks = (FrictionBlock(), InertiaBlock(), DelayBlock())
+    found = refine(BEGIN, healthy, blocks, SHORT)
+    assert found.diagnostics.warnings == () and found.diagnostics.unexplained == ()

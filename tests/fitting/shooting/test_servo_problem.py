@@ -1,0 +1,294 @@
+"""Servos in shooting: torque follows from voltage and predicted motion, and kt and R come out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictionid.comparison.registry import LAWS
+from frictionid.data.calibration import Calibration, calibrated_dataset, stack_calibrations
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.servo import Servo, servo_torque
+from frictionid.data.signals import Signal, sample
+from frictionid.data.state_estimators import States
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, prepare
+from frictionid.evaluation.prepared import with_calibration
+from frictionid.fitting.parameters import (
+    ActuatorBlock,
+    BiasBlock,
+    DelayBlock,
+    FrictionBlock,
+    GainBlock,
+    InertiaBlock,
+)
+from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.refine import prepare_fit
+from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting.servo_signals import ServoMotion, torque_signal
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, MotorLoad
+from frictionid.friction.model_files import load_model, save_model
+
+KT, R = 0.39, 4.0
+TRUE = np.array([[0.013, 0.0037]])
+INERTIA, GRAVITY = 0.0067, 0.48
+MECHANISM = {
+    "kind": "pendulum",
+    "parameters": {"mass": 0.49, "length": 0.1, "rotor": INERTIA - 0.0049, "g": GRAVITY / 0.049},
+}
+RATE, SECONDS, FINE = 200, 3.0, 20
+SHORT = Settings(windows=(0.05, 0.15))
+
+
+def simulated(enabled, kt=KT, R=R, noise=2e-4, loss=0.0, seed=0):
+    """A servo's pendulum, by drift and kick, friction as what stops it within a kick at most.
+
+    enabled (T,) is when the motor is connected; one recording for each of three goals
+    """
+    time = np.arange(int(RATE * SECONDS)) / RATE
+    on = np.array([1.0 if e else 0.0 for e in enabled(time)])
+    h = 1.0 / RATE / FINE
+    goals = lambda t: np.array([1.2 * np.sin((3 + k) * t + k) * np.cos(1.1 * t) for k in range(3)])  # noqa: E731
+    q, w, out = np.array([0.2, 1.0, -0.8]), np.zeros(3), []
+    coulomb, viscous = TRUE[0]
+    for k, t in enumerate(time):
+        out.append(q.copy())
+        for part in range(FINE):
+            q = q + h / 2 * w
+            duty = np.clip(3.0 * (goals(t + (part + 0.5) * h) - q), -1.0, 1.0)
+            volts = 7.0 * duty * on[k]
+            emf = kt**2 / R * on[k]
+            u = kt / R * volts - emf * w
+            push = kt / R * volts - GRAVITY * np.sin(q) - (viscous + emf) * w / 2
+            wanted = (w + h / INERTIA * push) / (1 + h / INERTIA * (viscous + emf) / 2)
+            most = h / INERTIA * (coulomb + loss * np.abs(u))
+            w = np.sign(wanted) * np.maximum(np.abs(wanted) - most, 0.0)
+            q = q + h / 2 * w
+    reads = np.stack(out) + noise * np.random.default_rng(seed).normal(size=(len(time), 3))
+    goal = np.stack([goals(t) for t in time])
+    recordings = []
+    for k in range(3):
+        servo = Servo(
+            Signal(time, goal[:, [k]]),
+            Signal(time, on[:, None], hold="previous"),
+            **dict(gain=3.0, limit=1.0, supply=7.0, kt=kt, R=R),
+        )
+        angle = Signal(time, reads[:, [k]])
+        recordings.append(
+            Recording(f"{on.mean():g} {k}", angle, servo_torque(servo, angle), servo=servo)
+        )
+    return recordings
+
+
+def believed(recordings, kt, R):
+    """The recordings with other motor constants, and the torque that follows from them."""
+    servos = [r.servo.with_motor(kt, R) for r in recordings]
+    pairs = zip(recordings, servos, strict=True)
+    return Dataset(
+        "servo",
+        MECHANISM,
+        tuple(replace(r, servo=s, torque=servo_torque(s, r.angle)) for r, s in pairs),
+    )
+
+
+DRIVEN = simulated(lambda t: t >= 0.0)
+# lifted by the motor, then dropped
+DROPPED = simulated(lambda t: t < 1.0)
+BOTH = believed([*DRIVEN, *DROPPED], 1.1 * KT, 0.9 * R)
+START = Friction(CoulombViscous(), np.array([[0.02, 0.006]]))
+
+
+@pytest.fixture(scope="module")
+def found():
+    return refine(START, BOTH, (FrictionBlock(), ActuatorBlock()), SHORT)
+
+
+def test_wrong_motor_constants_are_found_where_the_motor_is_disconnected_for_a_while(found):
+    np.testing.assert_allclose(found.calibration.motor, [KT, R], rtol=0.02)
+    np.testing.assert_allclose(found.friction.theta[0, 0], TRUE[0, 0], rtol=0.03)
+    np.testing.assert_allclose(found.friction.theta[0, 1], TRUE[0, 1], rtol=0.15)
+    covariance = found.covariance
+    assert [e.name for e in covariance.parameters[-2:]] == ["kt", "R"]
+    ends = covariance.interval(0.95)
+    assert covariance.identified.all()
+    width = ends[:, 1] - ends[:, 0]
+    true = np.array([*TRUE[0], KT, R])
+    assert (np.abs(covariance.values - true) < width).all()
+
+
+def test_what_is_given_back_has_the_law_that_was_given(found):
+    friction = found.friction
+    assert friction.law == START.law and friction.theta.shape == START.theta.shape
+    point, whole = found.bands(np.linspace(-5, 5, 5)[:, None])
+    assert np.isfinite(point).all() and (whole >= point).all()
+
+
+def test_the_torque_of_the_found_motor_is_judged_and_runs_free(found):
+    protocol = Protocol(horizons=(0.25,), whole=True)
+    view = with_calibration(prepare(BOTH, protocol), found.calibration)
+    for servo, recording in zip(view.trajectory.servos, view.dataset.recordings, strict=True):
+        np.testing.assert_array_equal([servo.kt, servo.R], found.calibration.motor)
+        np.testing.assert_allclose(
+            recording.torque.value, servo_torque(servo, recording.angle).value, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize(
+    ("fixed", "law"), [(("kt",), CoulombViscous()), (("R",), MotorLoad())], ids=["kt", "R"]
+)
+def test_one_constant_is_found_with_the_other_known(fixed, law):
+    loss = 0.1 if isinstance(law, MotorLoad) else 0.0
+    logs = simulated(lambda t: t >= 0.0, loss=loss)
+    known = {"kt": (KT, 1.1 * R), "R": (1.1 * KT, R)}[fixed[0]]
+    theta = np.array([[0.02, 0.006, 0.05][: len(law.names)]])
+    own = refine(
+        Friction(law, theta),
+        believed(logs, *known),
+        (FrictionBlock(), ActuatorBlock(fixed=fixed)),
+        SHORT,
+    )
+    np.testing.assert_allclose(own.calibration.motor, [KT, R], rtol=0.02)
+    np.testing.assert_allclose(own.friction.theta[0, 0], TRUE[0, 0], rtol=0.05)
+    if loss:
+        np.testing.assert_allclose(own.friction.theta[0, 2], loss, rtol=0.05)
+
+
+def test_a_known_motor_gives_what_its_torque_along_the_measured_motion_gives():
+    """Two routes to one answer, as long as angles have little noise and few gaps."""
+    logs = believed(DRIVEN, KT, R)
+    by_voltage = refine(START, logs, (FrictionBlock(), ActuatorBlock(fixed=("kt", "R"))), SHORT)
+    by_torque = refine(START, logs, (FrictionBlock(),), SHORT)
+    np.testing.assert_allclose(by_voltage.friction.theta, by_torque.friction.theta, rtol=0.02)
+    np.testing.assert_array_equal(by_voltage.calibration.motor, [KT, R])
+
+
+@pytest.mark.parametrize("law", [CoulombViscous(), MotorLoad()])
+def test_derivatives_are_the_slopes_of_the_ends(law):
+    theta = np.array([[0.02, 0.006, 0.1][: len(law.names)]])
+    motor = ActuatorBlock(prior=0.1)
+    blocks = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock(), motor)
+    data = believed([DRIVEN[0], DROPPED[1]], KT, R)
+    problem, estimate = prepare_fit(Friction(law, theta), intervals_of(data), blocks, SHORT)
+    away = np.flatnonzero(np.abs(problem.intervals.w[:, 0]) > 1.0)[::9]
+    both = problem.connected(estimate)[away]
+    assert (both == 0).any() and (both == 1).any()
+    nodes = problem.initial_nodes(estimate)
+    lines = problem.linearise(estimate, nodes, away)
+    values = values_of(estimate, problem.blocks)
+    for k, value in enumerate(values):
+        step = 1e-4 * max(abs(value), 0.01)
+        moves = (values + s * step * np.eye(len(values))[k] for s in (1, -1))
+        estimates = [with_values(estimate, problem.blocks, moved) for moved in moves]
+        ends = [problem.linearise(other, nodes, away).end[away] for other in estimates]
+        slope = (ends[0] - ends[1]) / (2 * step)
+        scale = np.abs(slope).max(axis=0) + 1e-12
+        assert (np.abs(lines.by[away, :, k] - slope).max(axis=0) < 0.02 * scale).all()
+
+
+def test_voltage_falls_at_once_where_the_motor_is_switched_off():
+    servo, angle = DROPPED[0].servo, DROPPED[0].angle
+    time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
+    emf = KT**2 / R * servo.connected((time[1:] + time[:-1]) / 2)
+    motion = ServoMotion(angle, Signal(time, rate))
+    torque = torque_signal(servo.with_motor(KT, R), motion, time[:-1], emf)
+    volts = torque._replace(value=R / KT * torque.value)  # what remains without the motion
+    off = angle.time[np.argmin(servo.enabled.value[:, 0])]
+    before, after = sample(volts, [off - 2e-5, off])[:, 0]
+    assert after == 0.0
+    assert before == pytest.approx(
+        servo.voltage(np.array([off]), sample(angle, [off]))[0, 0], rel=0.05
+    )
+    np.testing.assert_allclose(
+        sample(volts, angle.time), servo.voltage(angle.time, angle.value)
+        * servo.connected(angle.time), atol=1e-12,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_part_that_follows_velocity_changes_at_once_up_and_down(way):
+    servo, angle = DRIVEN[0].servo, DRIVEN[0].angle
+    time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
+    middle = len(time) // 2
+    B = np.where(np.arange(len(time) - 1) < middle, 0.5 - 0.1 * way, 0.5 + 0.1 * way)[:, None]
+    motion = ServoMotion(angle, Signal(time, rate + 1.0))
+    torque = torque_signal(servo, motion, time[:-1], B)
+    beside = torque_signal(servo, motion, time[:-1], 0.0 * B)
+    edge = time[middle]
+    for at, share in ((edge - 1e-4, B[0, 0]), (edge, B[-1, 0])):
+        own = sample(torque, [at]) - sample(beside, [at])
+        np.testing.assert_allclose(own, share * sample(motion.w, [at]), rtol=1e-3)
+
+
+def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
+    """Angles and velocities of a cubic polynomial give back its angles at any time."""
+    time = np.linspace(0.0, 1.0, 11)
+    cubic = np.polynomial.Polynomial([0.3, -1.0, 2.0, 5.0])
+    q, w = cubic(time)[:, None], cubic.deriv()(time)[:, None]
+    recording = simulated(lambda t: t > -1)[0]
+    recording = replace(recording, angle=Signal(time, q, "linear"))
+    motion = ServoMotion.of(recording, States(time, q, w), recording.servo)
+    fine = np.linspace(0.0, 1.0, 201)
+    np.testing.assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
+
+
+def test_an_angle_offset_moves_the_goal_too():
+    data = believed(DRIVEN, KT, R)
+    calibration = replace(Calibration.ideal(1), offset=np.array([0.3]))
+    before, after = data.recordings[0], calibrated_dataset(data, calibration).recordings[0]
+    time = before.angle.time
+    np.testing.assert_allclose(
+        after.servo.voltage(time, after.angle.value),
+        before.servo.voltage(time, before.angle.value),
+        atol=1e-12,
+    )
+    np.testing.assert_array_equal(after.servo.goal.value, before.servo.goal.value - 0.3)
+
+
+def test_each_fold_has_its_own_motor():
+    calibrations = [replace(Calibration.ideal(1), motor=np.array([KT, R]) * k) for k in (1.0, 1.1)]
+    np.testing.assert_array_equal(stack_calibrations(calibrations)[1].motor, calibrations[1].motor)
+    assert stack_calibrations([Calibration.ideal(1), Calibration.ideal(1)]).motor is None
+
+
+def test_a_model_file_keeps_the_motor(tmp_path, found):
+    save_model(found.friction, tmp_path / "m.json", LAWS)
+    again = load_model(tmp_path / "m.json", LAWS).calibration
+    np.testing.assert_array_equal(again.motor, found.calibration.motor)
+
+
+LEFT_OUT = replace(BOTH, recordings=tuple(replace(r, servo=None) for r in BOTH.recordings))
+ONLY = believed(DRIVEN, KT, R)
+
+
+@pytest.mark.parametrize(
+    ("data", "blocks", "words"),
+    [
+        (LEFT_OUT, (ActuatorBlock(),), "no recording knows the servo .* leave the block out"),
+        (
+            replace(BOTH, recordings=(BOTH.recordings[0], *LEFT_OUT.recordings[1:])),
+            (ActuatorBlock(),),
+            "has a torque and no servo",
+        ),
+        (ONLY, (ActuatorBlock(),), r"only kt/R and the sum of viscous friction and kt\^2/R"),
+        (ONLY, (InertiaBlock(), ActuatorBlock(("kt",))), "all base parameters free: a smaller R"),
+        (BOTH, (GainBlock(), ActuatorBlock()), "a gain of the torque is one of kt/R"),
+        (
+            replace(BOTH, recordings=(*DRIVEN, replace(BOTH.recordings[0], name="other"))),
+            (ActuatorBlock(),),
+            "2 different motors",
+        ),
+    ],
+)
+def test_what_no_data_can_tell_is_refused_in_one_line(data, blocks, words):
+    with pytest.raises(InputError, match=words) as caught:
+        prepare_fit(START, intervals_of(data), (FrictionBlock(), *blocks), SHORT)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_constant_to_fix_is_named():
+    with pytest.raises(InputError, match="no constant 'Kt' to fix; known are kt, R"):
+        ActuatorBlock(fixed=("Kt",))

@@ -1,0 +1,109 @@
+"""Blocks of sensors that show nothing are left out of a fit, and those that show something stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures import tiny_pendulums as tiny
+
+from frictionid.comparison.suite_recipes import RecipeEntry, shooting_of
+from frictionid.data.servo import Servo
+from frictionid.data.signals import Signal
+from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
+from frictionid.fitting.parameters.parameter_block import Parameter
+from frictionid.fitting.shooting import Covariance, Settings, Shooting, refine
+from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS, applicable
+from frictionid.fitting.shooting.significance import least_significant
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+
+START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+OFFERED = (FrictionBlock(), BiasBlock(), DelayBlock())
+SHORT = Settings(windows=(0.1, 0.3))
+LATE = 0.012  # [s]
+
+
+def covariance_of(values, error, freedom=9, prior=np.inf):
+    """Covariance of a torque delay and the torque biases of two joints."""
+    parameters = (
+        Parameter("delay", "torque delay", "s", values[0], prior=prior),
+        Parameter("bias", "torque bias of joint 1", "N m", values[1], place=(0,)),
+        Parameter("bias", "torque bias of joint 2", "N m", values[2], place=(1,)),
+    )
+    D = len(parameters)
+    return Covariance(
+        *(parameters, np.array(values), np.diag(np.square(error)), freedom, np.ones(D)),
+        *((), np.zeros(D, dtype=bool), freedom + 1, np.zeros(D, dtype=bool)),
+    )
+
+
+def test_the_least_significant_block_is_named():
+    blocks = (BiasBlock(), DelayBlock())
+    found = least_significant(covariance_of((0.01, 0.1, 0.1), (0.02, 0.08, 0.2)), blocks, 0.05)
+    assert found.block == "delay"
+    assert found.p_value == pytest.approx(0.629, abs=0.001)  # two-sided t(9) beyond 0.5
+    assert least_significant(covariance_of((0.1, 1.0, 0.0), (0.02, 0.1, 0.1)), blocks, 0.05) is None
+    lost = covariance_of((0.1, 1.0, 0.0), (0.02, np.inf, 0.1))
+    assert least_significant(lost, blocks, 0.05) == ("bias", 1.0)
+    known = covariance_of((0.0, 1.0, 0.0), (0.02, 0.1, 0.1), prior=0.001)
+    assert least_significant(known, blocks, 0.05) is None
+
+
+def test_p_values_of_ideal_sensors_are_uniform():
+    """Of estimates that scatter by their own standard errors, 400 draws."""
+    rng = np.random.default_rng(0)
+    p = []
+    for _ in range(400):
+        scale = np.sqrt(rng.chisquare(9) / 9)
+        own = covariance_of(tuple(rng.standard_normal(3)), scale * np.ones(3))
+        p.append(least_significant(own, (BiasBlock(),), -1.0).p_value)
+    assert abs(np.mean(np.array(p) < 0.05) - 0.05) < 0.03
+    assert abs(np.mean(p) - 0.5) < 0.05
+
+
+def test_what_shows_nothing_is_left_out_as_if_it_had_never_been_offered():
+    data = tiny.dataset()
+    offered = (FrictionBlock(), BiasBlock())
+    found = refine(START, data, offered, SHORT)
+    assert [own.block for own in found.diagnostics.dropped] == ["bias"]
+    alone = refine(START, data, (FrictionBlock(),), SHORT)
+    off = np.abs(found.friction.theta - alone.friction.theta).ravel()
+    assert (off < 0.1 * alone.covariance.error).all()  # two ways there, each to 0.05
+    kept = refine(START, data, offered, replace(SHORT, significance=1.0))
+    assert not kept.diagnostics.dropped
+    assert len(kept.covariance.parameters) == 3
+
+
+def test_a_late_torque_keeps_its_delay():
+    early = [
+        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
+    ]
+    found = refine(START, tiny.dataset(recordings=tuple(early)), OFFERED, SHORT)
+    assert [own.block for own in found.diagnostics.dropped] == ["bias"]
+    assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
+
+
+def test_by_default_the_delay_is_free_where_a_torque_is_sampled():
+    early = tuple(
+        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
+    )
+    late = tiny.dataset(recordings=early)
+    found = refine(START, late, settings=SHORT)
+    assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
+    recipe = shooting_of(RecipeEntry(name="shooting", by="shooting"))
+    assert recipe.blocks == Shooting().blocks == DEFAULT_BLOCKS
+    assert applicable(DEFAULT_BLOCKS, late) == DEFAULT_BLOCKS
+
+
+def test_by_default_friction_alone_is_free_where_no_torque_is_sampled():
+    still = tuple(
+        replace(r, torque=r.torque._replace(value=0 * r.torque.value)) for r in tiny.recordings()
+    )
+    goal, on = (Signal(r.angle.time, np.ones((len(r.angle.time), 1))) for r in still[:2])
+    servo = Servo(goal, on, gain=4.0, limit=1.0, supply=7.0, kt=0.4, R=4.0)
+    driven = tuple(replace(r, servo=servo) for r in tiny.recordings())
+    for recordings in (still, driven):
+        data = tiny.dataset(recordings=recordings)
+        assert [b.name for b in applicable(DEFAULT_BLOCKS, data)] == ["friction"]

@@ -1,0 +1,130 @@
+"""Stribeck velocities of slow joints: bounds come from the data, in the joint's own unit."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from fixtures.command_line import run_command
+
+from frictionid.data.plants import plant_of
+from frictionid.errors import InputError
+from frictionid.evaluation import curves, velocity_grid
+from frictionid.evaluation.curves import curve_error
+from frictionid.evaluation.ground_truth import steady_state
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.shooting import refine
+from frictionid.friction import SpeedRange, constraints_of
+from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, simulate, write_dataset
+from frictionid.simulate import Stribeck as Truth
+
+NAMES = ("coulomb", "peak", "stribeck_velocity", "viscous")
+AXIS = {"kind": "linear_axis", "parameters": {"mass": 20.0}}
+PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.2}}
+AXIS_FRICTION = (12.0, 4.0, 0.02, 30.0)  # N, N, m/s, N s/m
+PENDULUM_FRICTION = (0.06, 0.03, 0.02, 0.01)  # N m, N m, rad/s, N m s/rad
+
+
+def recorded(mechanism, friction, torque, noise, seed=0):
+    """Four recordings of 1.5 s at 1 kHz."""
+    coulomb, peak, velocity, viscous = ((x,) for x in friction)
+    curve = Curve(coulomb, coulomb, viscous, peak, peak, velocity)
+    draw = np.random.default_rng(seed)
+    runs = tuple(
+        Run(f"{k}", (0.0,), torques=(Sine(torque * draw.uniform(1, 2), draw.uniform(0.5, 2.0)),))
+        for k in range(4)
+    )
+    camera, drive = Camera(1500, 1000.0, noise), Drive(1000.0)
+    return simulate(Rig("slow", mechanism, Truth(curve), camera, runs, drive=drive, substeps=8))
+
+
+def problem_of(data):
+    return training_problem(data, plant_of(data), INTEGRAL)
+
+
+def fitted(problem, **settings):
+    return LeastSquares(Stribeck(), **settings).fit(problem, np.ones((1, len(problem.r))), 0)[0]
+
+
+@pytest.fixture(scope="module")
+def axis():
+    return recorded(AXIS, AXIS_FRICTION, 22.0, 2e-6)
+
+
+@pytest.fixture(scope="module")
+def problem(axis):
+    return problem_of(axis)
+
+
+@pytest.mark.parametrize("kind", ["axis", "pendulum"])
+def test_slow_stribeck_friction_comes_out_within_its_intervals(kind, axis):
+    data = axis if kind == "axis" else recorded(PENDULUM, PENDULUM_FRICTION, 0.5, 2e-5)
+    truth = np.array(AXIS_FRICTION if kind == "axis" else PENDULUM_FRICTION)
+    found = refine(fitted(problem_of(data)), data)
+    assert found.diagnostics.converged
+    interval = found.covariance.interval(0.99)
+    assert ((interval[:, 0] <= truth) & (truth <= interval[:, 1])).all()
+    w = np.concatenate([r.truth.velocity.value for r in data.recordings])
+    grid = velocity_grid(w)
+    off = curve_error(curves(found.friction, grid), curves(steady_state(data.truth), grid), grid)
+    assert (off < 0.02).all()
+
+
+def test_a_velocity_beyond_what_the_data_resolve_ends_there_without_intervals(axis, problem):
+    held = fitted(problem, bounds={"stribeck_velocity": (0.3, 10.0)})
+    assert 0.3 <= held.theta[0, 2] <= 10.0
+    found = refine(held, axis)
+    assert np.isclose(found.friction.theta[0, 2], (0.3, 10.0)).any()
+    assert not found.covariance.identified.any()
+    assert not np.isfinite(found.covariance.error).any()
+    (words,) = (w for w in found.covariance.undetermined if w.startswith("stribeck_velocity"))
+    assert "ends at 0.3 m/s" in words or "ends at 10 m/s" in words
+
+
+def test_bounds_and_priors_of_parameters(axis, problem):
+    viscous = fitted(problem, prior={"viscous": (20.0, 1e-6)}).theta[0, 3]
+    assert viscous == pytest.approx(20.0, abs=1e-4)
+    loose = fitted(problem, prior={"viscous": (20.0, 1e6)}).theta
+    np.testing.assert_allclose(loose, fitted(problem).theta, rtol=1e-4)
+    held = fitted(problem, bounds={"coulomb": (13.0, 14.0)})
+    assert held.theta[0, 0] == pytest.approx(13.0)
+    found = refine(fitted(problem, prior={"viscous": (20.0, 1e-6)}), axis)
+    assert found.friction.theta[0, 3] == pytest.approx(20.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"bounds": {"viscuos": (0.0, 1.0)}}, "no parameter 'viscuos'; did you mean 'viscous'"),
+        ({"bounds": {"viscous": (1.0, 1.0)}}, r"bounds of 'viscous' = \[1, 1\] must increase"),
+        ({"bounds": {"viscous": (-1.0, 1.0)}}, r"within the law's own \[0, inf\]"),
+        ({"prior": {"viscous": (1.0, 0.0)}}, r"prior of 'viscous' = \[1, 0\] must be a mean"),
+    ],
+)
+def test_mistakes_in_bounds_and_priors_are_refused(settings, words):
+    speeds = SpeedRange(np.array([0.1]), np.array([5.0]))
+    with pytest.raises(InputError, match=words):
+        constraints_of(CoulombViscous(), speeds, **settings)
+
+
+def test_bounds_and_priors_from_the_command_line(axis, tmp_path, monkeypatch, capsys):
+    write_dataset(axis, tmp_path / "data")
+    out = tmp_path / "model.json"
+    words = ["fit", "data", "--identifier", "stribeck", "--out", out]
+    words += [
+        "--set",
+        "bounds.stribeck_velocity=[0.01, 0.015]",
+        "--set",
+        "prior.viscous=[20, 1e-6]",
+    ]
+    assert run_command(monkeypatch, capsys, tmp_path, *words)[0] == 0
+    joint = json.loads(out.read_text())["joints"][0]
+    assert 0.01 <= joint["stribeck_velocity"]["value"] <= 0.015
+    assert joint["viscous"]["value"] == pytest.approx(20.0, abs=1e-3)
+    words = ["--replace" if word == "--set" else word for word in words[:6]]
+    words += ["--replace", "--set", "bounds.viscuos=[0, 1]"]
+    code, _, error = run_command(monkeypatch, capsys, tmp_path, *words)
+    assert code == 2 and "did you mean 'viscous'" in error

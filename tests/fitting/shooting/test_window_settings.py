@@ -1,0 +1,33 @@
+"""Intervals of a model that does not explain the motion hold what another setting would give."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).parents[2] / "comparisons"))
+
+from coverage_cases import case_of, sets_of
+
+from frictionid.data.plants import plant_of
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.friction.laws import CoulombViscous
+
+
+def test_windows_of_other_lengths_give_intervals_that_overlap():
+    """Coulomb and viscous friction, fitted to a gear whose friction grows with the load."""
+    (data,) = sets_of(case_of("gear_load", "joint"), [1], 8, late=True)
+    problem = training_problem(data, plant_of(data), INTEGRAL)
+    first = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
+    found = [
+        refine(first, data, (FrictionBlock(), InertiaBlock()), Settings(windows=windows))
+        for windows in ((0.1, 0.2), (0.1, 0.3, 1.0))
+    ]
+    short, long = (f.covariance.interval(0.95) for f in found)
+    assert "what is fitted does not explain the motion" in " ".join(found[1].diagnostics.warnings)
+    assert ((short[:, 0] < long[:, 1]) & (long[:, 0] < short[:, 1])).all()

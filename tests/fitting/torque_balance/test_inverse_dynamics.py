@@ -1,0 +1,287 @@
+"""Inverse dynamics: truth in, truth out; slopes, folds and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from fixtures.command_line import run_command
+
+from frictionid.arrays import times
+from frictionid.comparison.cross_validate import Benchmark, run
+from frictionid.comparison.fit_model import fit_model
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.data.calibration import Calibration
+from frictionid.data.plants import plant_of
+from frictionid.data.state_estimators import RTS, States
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.parameters import (
+    BiasBlock,
+    DelayBlock,
+    FrictionBlock,
+    GainBlock,
+    InertiaBlock,
+    OffsetBlock,
+)
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    free_blocks,
+    values_of,
+    with_values,
+)
+from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings, torque_balance
+from frictionid.fitting.torque_balance.residual import TorqueProblem
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, MotorLoad, Stribeck
+from frictionid.mechanics import double_pendulum
+from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, simulate, write_dataset
+from frictionid.simulate import Stribeck as TrueStribeck
+from frictionid.simulate.rig import true_system
+
+NOMINAL = {"m1": 0.6, "m2": 0.5, "l1": 0.25, "r1": 0.12, "r2": 0.13, "I1": 0.013, "I2": 0.012}
+TRUE = {**NOMINAL, "m1": 0.72, "m2": 0.42, "I1": 0.0156, "I2": 0.0098}
+LEVEL, PEAK = (0.12, 0.05), (0.05, 0.02)
+CURVE = Curve(LEVEL, LEVEL, (0.05, 0.02), PEAK, PEAK, stribeck_velocity=(0.6, 0.9))
+COULOMB = LeastSquares(CoulombViscous())
+BOTH = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock())
+
+
+def rig(noise, recordings=5, samples=1200, delay=0.003):
+    """A driven double pendulum at 250 Hz, inertias some 20 % off the nominal ones."""
+    runs = tuple(
+        Run(
+            f"{k}",
+            (0.3 * k - 0.8, 0.2 * k),
+            torques=(
+                Multisine(1.1, (0.31 + 0.05 * k, 0.83, 1.37)),
+                Multisine(0.45, (0.41, 0.93 + 0.07 * k, 1.51)),
+            ),
+        )
+        for k in range(recordings)
+    )
+    return Rig(
+        "two_joints",
+        {"kind": "double_pendulum", "parameters": NOMINAL},
+        TrueStribeck(CURVE),
+        Camera(rate=250.0, samples=samples, angle_noise=noise),
+        runs,
+        true_parameters={k: TRUE[k] for k in ("m1", "m2", "I1", "I2")},
+        drive=Drive(rate=250.0, delay=delay),
+        substeps=6,
+    )
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return simulate(rig(1e-5), 3)
+
+
+def curve_error(friction):
+    """Relative error (2,) of the curves between 0.05 and 6 rad/s."""
+    w = np.linspace(0.05, 6.0, 200)
+    w = np.concatenate([-w, w])
+    true = np.stack([CURVE.torque(np.stack([w, w], -1), np.sign(w)[:, None])])[0]
+    off = friction.curve(w) - true
+    return np.sqrt((off**2).mean(axis=0) / (true**2).mean(axis=0))
+
+
+def test_truth_in_truth_out(clean):
+    """Friction, base parameters and delay of a truth with real stiction and other inertias."""
+    method = InverseDynamics(blocks=BOTH)
+    friction = fit_model(clean, LeastSquares(Stribeck()), method)
+    assert (curve_error(friction) < 0.02).all()
+    true = np.asarray(true_system(rig(0.0)).p)
+    assert np.asarray(friction.calibration.base) == pytest.approx(true, rel=0.01)
+    assert float(friction.calibration.delay) == pytest.approx(0.003, abs=2e-4)
+    document = friction.provenance["refined"]
+    assert document["settled"]
+    assert "angle_noise" not in document
+    assert (document["torque_noise"] < 0.05).all()  # of torques of some N m
+    assert [one["block"] for one in document["dropped"]] == ["bias"]
+
+
+def test_noise_and_ripple_leave_the_friction():
+    """Encoder noise of 0.1 mrad, and torque ripple faster than the windows."""
+    rough = simulate(rig(1e-4), 4)
+    recordings = []
+    for recording in rough.recordings:
+        torque = recording.torque
+        ripple = 0.3 * np.sin(2 * np.pi * 61.0 * torque.time)[:, None]
+        value = torque.value + ripple
+        recordings.append(replace(recording, torque=torque._replace(value=value)))
+    rough = replace(rough, recordings=tuple(recordings))
+    friction = fit_model(rough, LeastSquares(Stribeck()), InverseDynamics())
+    assert (curve_error(friction) < 0.03).all()
+    nominal = fit_model(rough, LeastSquares(Stribeck()))  # which holds the inertias
+    assert (curve_error(friction) < curve_error(nominal)).all()
+
+
+def test_the_balance_holds_along_exact_motion():
+    """Y p + Tf = u, against accelerations of the equations of motion, to fourth order."""
+    mechanism = double_pendulum(**NOMINAL)
+    data = simulate(rig(0.0, recordings=1, samples=40), 3)
+    p = np.asarray(plant_of(data).p)[0]
+    off = []
+    for dt in (0.02, 0.01):
+        t = np.arange(0.0, 0.8, dt)
+        q = np.stack([np.sin(2.0 * t), 0.5 * np.cos(3.0 * t)], axis=-1)
+        w = np.stack([2.0 * np.cos(2.0 * t), -1.5 * np.sin(3.0 * t)], axis=-1)
+        balance = torque_balance(data, [States(t, q, w)], 0.16, 1e-4)
+        fine = np.linspace(balance.start, balance.stop, 801)
+        at = np.stack([np.sin(2.0 * fine), 0.5 * np.cos(3.0 * fine)], axis=-1)
+        speed = np.stack([2.0 * np.cos(2.0 * fine), -1.5 * np.sin(3.0 * fine)], axis=-1)
+        a = np.stack([-4.0 * np.sin(2.0 * fine), -4.5 * np.cos(3.0 * fine)], axis=-1)
+        M, h = mechanism.dynamics(p, at, speed)
+        u = times(M, a) - h
+        weights = np.full(801, 1.0)
+        weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
+        mean = np.einsum("s,ski->ki", weights / weights.sum(), u)
+        off.append(np.abs(np.einsum("kib,b->ki", balance.regressor, p) - mean).max())
+    assert off[1] < 1e-5
+    assert off[0] / off[1] > 10  # fourth order: 16
+
+
+def test_slopes_are_those_of_the_residual(clean):
+    mechanism = plant_of(clean).mechanism
+    states = RTS()([r.angle for r in clean.recordings])
+    balance = torque_balance(clean, states, 0.05, 0.004)
+    theta = np.array([[0.1, 0.06, 0.7, 0.03], [0.06, 0.02, 1.2, 0.01]])
+    calibration = replace(
+        Calibration.ideal(2, mechanism.base({})),
+        delay=np.asarray(0.0031),
+        gain=np.array([1.1, 0.9]),
+    )
+    estimate = Estimate(Friction(Stribeck(width=1e-7), theta), calibration, mechanism)
+    blocks = free_blocks((*BOTH, GainBlock()), estimate)
+    problem = TorqueProblem(balance, blocks)
+    slopes, values = problem.slopes(estimate), values_of(estimate, blocks)
+    for k, parameter in enumerate(problem.parameters):
+        step = np.zeros(len(values))
+        step[k] = 1e-5 * max(1.0, abs(values[k])) if parameter.block != "delay" else 1e-6
+        up, down = (
+            problem.residual(with_values(estimate, blocks, values + s * step)) for s in (1, -1)
+        )
+        difference = (up - down) / (2 * step[k])
+        size = np.abs(difference).max()
+        close = np.abs(slopes[..., k] - difference) < 1e-4 * size
+        # a held torque has corners, at which a mean has no derivative by the delay
+        assert close.mean() > (0.9 if parameter.block == "delay" else 0.9999), parameter.name
+
+
+def test_torque_scales_friction_and_inertia(clean):
+    """Twice the torque is twice the machine: only the scale of the torque is left to see."""
+    twice = tuple(
+        replace(r, torque=r.torque._replace(value=2.0 * r.torque.value)) for r in clean.recordings
+    )
+    method = InverseDynamics(blocks=(FrictionBlock(), InertiaBlock()))
+    one, two = (
+        fit_model(data, COULOMB, method) for data in (clean, replace(clean, recordings=twice))
+    )
+    assert two.theta == pytest.approx(2.0 * one.theta, rel=1e-3)
+    assert two.calibration.base == pytest.approx(2.0 * one.calibration.base, rel=1e-3)
+
+
+def test_a_held_inertia_leaves_the_one_step_fit(clean):
+    """With friction alone free, both routes to it agree: rows as torques or as velocities."""
+    exact = replace(clean, mechanism=replace_values(clean))
+    alone = InverseDynamics(blocks=(FrictionBlock(), DelayBlock()))
+    friction = fit_model(exact, LeastSquares(Stribeck()), alone)
+    assert (curve_error(friction) < 0.02).all()
+    assert friction.calibration.base == pytest.approx(np.asarray(plant_of(exact).p)[0])
+
+
+def replace_values(dataset):
+    """The mechanism of a data set with the true parameters."""
+    table = (
+        dict(dataset.mechanism) if isinstance(dataset.mechanism, dict) else dataset.mechanism.table
+    )
+    return {**table, "parameters": TRUE}
+
+
+def test_folds_do_not_see_what_they_hold_out():
+    data = simulate(rig(1e-5, recordings=4, samples=500), 3)
+    held = data.recordings[0]
+    moved = replace(held, angle=held.angle._replace(value=0.5 * held.angle.value + 0.1))
+    other = replace(data, recordings=(moved, *data.recordings[1:]))
+    theta = []
+    for one in (data, other):
+        folds = make_folds(one.recordings, Split(count=4))
+        benchmark = Benchmark(one, folds, Protocol(horizons=(0.25,)))
+        method = InverseDynamics(blocks=(FrictionBlock(), InertiaBlock()))
+        result = run(benchmark, COULOMB, method)
+        theta.append(np.asarray(result.friction.theta)[folds.labels[0][0]])
+    assert theta[0] == pytest.approx(theta[1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("method", "says"),
+    [
+        (InverseDynamics(blocks=(FrictionBlock(), OffsetBlock())), "by shooting"),
+        (InverseDynamics(blocks=(FrictionBlock(), FrictionBlock())), "twice"),
+        (InverseDynamics(blocks=(FrictionBlock(), InertiaBlock(), GainBlock())), "a free gain"),
+        (InverseDynamics(settings=TorqueSettings(window=100.0)), "shorten the window"),
+    ],
+)
+def test_what_it_cannot_show_is_refused(clean, method, says):
+    with pytest.raises(InputError, match=says):
+        fit_model(clean, COULOMB, method)
+
+
+def test_a_loss_of_the_motor_s_torque_needs_known_inertias(clean):
+    loss = LeastSquares(MotorLoad())
+    with pytest.raises(InputError, match="explains any torque by itself"):
+        fit_model(clean, loss, InverseDynamics())
+    friction = fit_model(clean, loss, InverseDynamics(blocks=(FrictionBlock(),)))
+    assert np.isfinite(friction.theta).all()
+
+
+def test_networks_are_refused(clean):
+    with pytest.raises(InputError, match="networks"):
+        fit_model(clean, identifier_named("mlp", {}), InverseDynamics())
+
+
+def test_a_joint_without_motor_shows_no_inertia(clean):
+    undriven = replace(clean, mechanism={**replace_values(clean), "driven": [False, True]})
+    passive = tuple(
+        replace(r, torque=r.torque._replace(value=r.torque.value * [0.0, 1.0]))
+        for r in undriven.recordings
+    )
+    with pytest.raises(InputError, match="joint 1 has no motor"):
+        fit_model(replace(undriven, recordings=passive), COULOMB, InverseDynamics())
+
+
+def test_a_given_friction_stays(clean):
+    fitted = fit_model(clean, Frictionless(), InverseDynamics(blocks=(InertiaBlock(),)))
+    assert fitted.theta.size == 0
+
+
+def test_settings_are_checked():
+    with pytest.raises(InputError, match="window = 0"):
+        TorqueSettings(window=0.0)
+
+
+def test_a_suite_names_it():
+    entry = RecipeEntry(name="torques", by="inverse_dynamics", free=["friction"], window=0.1)
+    method = recipe_of(entry)
+    assert isinstance(method, InverseDynamics)
+    assert (method.name, method.settings.window) == ("torques", 0.1)
+    assert [b.name for b in method.blocks] == ["friction"]
+    with pytest.raises(InputError, match='windows needs by = "shooting"'):
+        recipe_of(RecipeEntry(name="torques", by="inverse_dynamics", windows=[0.1]))
+    with pytest.raises(InputError, match='window needs by = "inverse_dynamics"'):
+        recipe_of(RecipeEntry(name="mine", by="shooting", window=0.1))
+
+
+def test_the_command_line_fits_by_it(tmp_path, monkeypatch, capsys):
+    write_dataset(simulate(rig(1e-5, recordings=3, samples=400), 3), tmp_path / "data")
+    given = ("fit", "data", "--identifier", "coulomb_viscous", "--out", "model.json")
+    call = partial(run_command, monkeypatch, capsys, tmp_path, *given)
+    code, out, _ = call("--by", "inverse_dynamics")
+    assert (code, "inertia_11" in out) == (0, True)
+    code, _, err = call("--replace", "--by", "inverse", "--free", "friction")
+    assert (code, "known are shooting, inverse_dynamics" in err) == (2, True)

@@ -1,0 +1,354 @@
+"""One clock: offset and drift put in come back, and what cannot be document is refused."""
+
+import tomllib
+from functools import partial
+
+import numpy as np
+import pytest
+from fixtures.command_line import run_command
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import frictionid as fid
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.signals import Signal, cut
+from frictionid.errors import InputError
+from frictionid.rig.align import Clock, align
+from frictionid.rig.align.angles_file import read_angles
+from frictionid.rig.align.cross_correlation import check_spans
+from frictionid.rig.align.drive_response import drive_response
+from frictionid.rig.align.recording_folder import (
+    add_recording,
+    check_place,
+    head_of,
+)
+from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
+from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
+
+TABLE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
+RATE = 200.0
+OFFSET, DRIFT = 0.137, 50e-6
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Angles at 60 Hz and the drive's torque, 30 s on one clock."""
+    friction = Stribeck(Curve((0.1,), (0.1,), (0.012,), (0.03,), (0.03,), (0.8,)))
+    run = Run("run", (0.3,), (), (Steps(1.1, 0.4),))
+    camera = Camera(1801, 60.0, 0.0016)
+    rig = Rig("rig", TABLE, friction, camera, (run,), drive=Drive(RATE), substeps=1)
+    recording = simulate(rig).recordings[0]
+    return recording.angle, recording.torque
+
+
+def logged(torque, offset=OFFSET, drift=DRIFT):
+    """The torque by a clock of its own."""
+    return torque._replace(time=(torque.time - offset) / (1.0 + drift))
+
+
+# --- Clocks from the motion ----------------------------------------------------------------------
+
+
+def test_offset_and_drift_come_back_from_the_motion(motion):
+    angle, torque = motion
+    found = align(TABLE, angle, logged(torque))
+    begin, end = found.span
+    for time in (begin, found.clock.at, end):
+        off = found.clock.offset_at(time) - (OFFSET + DRIFT * time)
+        assert abs(off) < 1e-3
+        # three times the 95 % interval: one seed says no more (200: comparisons/clocks.py)
+        assert abs(off) < 3 * found.t_quantile * found.error_at(time)
+        assert found.t_quantile * found.error_at(time) < 2e-3
+    assert abs(found.clock.drift - DRIFT) < 3 * found.t_quantile * found.drift_error
+    assert found.converged
+    assert found.coarse.unexplained < 0.05
+    assert found.noise == pytest.approx(0.0016, rel=0.2)
+    # a torque that comes later looks like more friction or less, and is refitted by no more
+    assert 0 < abs(found.viscous_slope[0]) * 1e-3 < 0.012
+    assert found.viscous[0] == pytest.approx(0.012, rel=0.2)
+
+
+def test_a_motion_is_found_in_a_long_log_whatever_the_zeros_of_the_clocks(motion):
+    angle, torque = motion
+    part = cut(angle, 10.0, 18.0)
+    part = part._replace(time=part.time - 10.0 + 1.7e9)
+    found = align(TABLE, part, logged(torque, -3000.0, 0.0))
+    true = 1.7e9 - 10.0 - 3000.0
+    assert found.clock.offset == pytest.approx(true, abs=2e-3)
+
+
+def test_a_log_that_ends_early_is_used_as_far_as_it_goes(motion):
+    angle, torque = motion
+    found = align(TABLE, cut(angle, 0.0, 14.0), logged(cut(torque, 3.0, 12.0), 0.4, 0.0))
+    assert found.clock.offset == pytest.approx(0.4, abs=2e-3)
+    assert found.span[1] - found.span[0] < 9.2
+
+
+def test_what_no_motion_can_tell_is_refused(motion):
+    angle, torque = motion
+    short = cut(angle, 0.0, 12.0)
+    time = torque.time
+    other = np.random.default_rng(5).uniform(-1, 1, 100)[(time / 0.4).astype(int)]
+    cases = (
+        (short, torque._replace(value=other[:, None]), "no stretch of the log explains"),
+        (short, torque._replace(value=-torque.value), "with its sign reversed"),
+        (short, torque._replace(value=0 * torque.value), "never changes"),
+        (short, cut(torque, 20.0, 22.0), "less than half of the motion"),
+        (short._replace(value=0 * short.value + 0.1), torque, "hardly move"),
+    )
+    for a, u, said in cases:
+        with pytest.raises(InputError, match=".") as complaint:
+            align(TABLE, a, u)
+        assert said in str(complaint.value)
+        assert "\n" not in str(complaint.value)
+
+
+def test_a_motion_that_repeats_itself_needs_a_marker(motion):
+    angle, torque = motion
+    once = cut(torque, 5.0, 15.0)
+    gap = once.time[-1] - once.time[0] + 1 / RATE
+    twice = Signal(
+        np.concatenate([once.time, once.time + gap]), np.tile(once.value, (2, 1)), "previous"
+    )
+    part = cut(angle, 5.0, 15.0)
+    with pytest.raises(InputError, match="does not repeat itself, or a marker"):
+        align(TABLE, part, twice)
+    known = align(TABLE, part, twice, known=Clock(0.2, 0.0, 10.0))
+    assert known.clock.offset == pytest.approx(0.0, abs=2e-3)
+
+
+@settings(deadline=None)
+@given(st.floats(-1e4, 1e4), st.floats(-1e-3, 1e-3), st.floats(0, 1e4), st.floats(-0.01, 0.01))
+def test_clocks_go_both_ways(offset, drift, at, delay):
+    clock = Clock(offset, drift, at)
+    time = np.linspace(-100.0, 1e4, 7)
+    np.testing.assert_allclose(clock.to_log(clock.to_angles(time)), time, atol=1e-6)
+    later = clock.later(delay, 1e-4)
+    # what is left is found on the angles' clock: delay + drift (t - middle)
+    angles = clock.to_angles(time)
+    middle = clock.to_angles(np.array(at))
+    wanted = angles + delay + 1e-4 * (angles - middle)
+    np.testing.assert_allclose(later.to_angles(time), wanted, atol=1e-6)
+
+
+# --- Markers -------------------------------------------------------------------------------------
+
+
+def led(time, switches, start=0.0):
+    return start + (np.searchsorted(switches, time) % 2).astype(float)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.floats(-50.0, 50.0), st.floats(-2e-4, 2e-4))
+def test_an_led_gives_offset_and_drift(seed, offset, drift):
+    generator = np.random.default_rng(seed)
+    switches = np.cumsum(generator.uniform(0.3, 3.0, 12))
+    camera = np.arange(0.0, switches[-1] + 1.0, 1 / 60)
+    drive = np.arange(0.0, switches[-1] + 1.0, 1e-3)
+    seen = edges_of(camera, 40.0 * led(camera, switches, 2.0), "angles.csv")
+    log = edges_of((drive - offset) / (1 + drift), led(drive, switches), "log.csv")
+    found = clock_from_edges(seen, log)
+    true = offset + drift * found.at
+    assert found.edges == 12
+    # the sum of twelve even errors lies within 4.5 of its deviations
+    assert abs(found.offset - true) < 4.5 * found.error
+    assert abs(found.drift - drift) < 4.5 * found.drift_error + 1e-9
+    assert found.error < 1 / 60 / np.sqrt(12)
+
+
+def test_leds_that_do_not_agree_are_refused():
+    time = np.arange(0.0, 10.0, 0.01)
+    with pytest.raises(InputError, match="never changes"):
+        edges_of(time, np.ones(len(time)), "angles.csv")
+    a = edges_of(time, led(time, [1.0, 2.0, 4.0, 7.0]), "a")
+    b = edges_of(time, led(time, [1.0, 3.3, 3.9, 8.0]), "b")
+    with pytest.raises(InputError, match="edges do not agree"):
+        clock_from_edges(a, b)
+
+
+# --- Command against measured torque -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("limits", [(-np.inf, np.inf), (-0.1, 0.12), (-np.inf, 0.08)])
+def test_what_a_drive_does_to_its_command_comes_back(limits):
+    generator = np.random.default_rng(3)
+    time = np.arange(0.0, 10.0, 2e-3)
+    command = np.repeat(generator.uniform(-0.15, 0.15, 200), 25)
+    late = np.interp(time - 0.0123, time, command)
+    measured = np.clip(0.96 * late + 0.004, *limits) + 0.003 * generator.standard_normal(len(time))
+    found = drive_response(time, command, measured)
+    for value, true, error in zip(found[:3], (0.96, 0.004, 0.0123), found.error, strict=True):
+        assert abs(value - true) < 4 * error + 1e-4 * abs(true)
+    assert (found.low, found.high) == pytest.approx(limits, rel=0.01)
+    assert found.rms == pytest.approx(0.003, rel=0.1)
+    assert found.error[0] < 0.002
+
+
+def test_a_command_that_never_changes_has_no_response():
+    time = np.arange(0.0, 10.0, 2e-3)
+    assert drive_response(time, 0 * time + 0.1, np.sin(time)) is None
+
+
+# --- Files and the command -----------------------------------------------------------------------
+
+RIG = """
+[mechanism]
+kind = "pendulum"
+parameters = { mass = 0.5, length = 0.3 }
+[motor]
+kt = 0.025
+gear = 20.0
+"""
+
+
+def write_log(path, torque, host=1e9):
+    rows = [
+        f"{host + t:.6f},{t:.6f},{u / 0.97:.6f},{2 * u:.6f},{u:.6f}"
+        for t, u in zip(torque.time, torque.value[:, 0], strict=True)
+    ]
+    path.write_text("\n".join(["host,time,command,current,torque", *rows]) + "\n")
+
+
+def write_angles(path, angle, lost=()):
+    rows = [
+        f"{t:.6f},{'' if k in lost else f'{q:.7f}'}"
+        for k, (t, q) in enumerate(zip(angle.time, angle.value[:, 0], strict=True))
+    ]
+    path.write_text("\n".join(["time,q1", *rows]) + "\n")
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    (tmp_path / "rig.toml").write_text(RIG)
+
+    return partial(run_command, monkeypatch, capsys, tmp_path)
+
+
+def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
+    angle, torque = motion
+    write_angles(tmp_path / "day.csv", cut(angle, 0.0, 15.0), lost=(7, 8))
+    write_log(tmp_path / "log.csv", logged(cut(torque, 0.0, 15.0)))
+    code, out, err = call("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
+    assert (code, err) == (0, "")
+    for said in ("offset   0.1", "drift", "viscous  of joint 1: 1 ms", "measured = 0.9700"):
+        assert said in out
+    dataset = load_dataset(tmp_path / "data")
+    recording = dataset.recordings[0]
+    assert recording.name == "day"
+    # one row of 901 lies behind the log's last
+    assert len(recording.angle.time) in (898, 899)
+    near = np.interp(recording.torque.time[100:-100], torque.time, torque.time)
+    k = np.searchsorted(torque.time, near + 2.5e-3) - 1
+    assert np.mean(recording.torque.value[100:-100, 0] == torque.value[k, 0]) > 0.97
+    document = tomllib.loads((tmp_path / "data" / "day.align.toml").read_text())
+    low, high = document["clock"]["offset_interval"]
+    assert low < document["clock"]["offset"] < high
+    assert document["command"][0]["gain"] == pytest.approx(0.97, abs=1e-4)
+    for kind in ("clock", "command"):
+        picture = (tmp_path / "data" / f"day.{kind}.png").read_bytes()
+        assert picture.startswith(b"\x89PNG")
+        assert len(picture) > 10_000
+    same = fid.align(*(tmp_path / n for n in ("day.csv", "log.csv", "rig.toml")), hold="previous")
+    assert same.document == document and str(same) in out  # the command calls this function
+    np.testing.assert_allclose(
+        same.dataset.recordings[0].torque.time, recording.torque.time, atol=1e-8
+    )
+    # a second recording joins; the same name only when it may replace
+    again = ("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
+    assert "has a recording 'day'" in call(*again)[2]
+    head = head_of(TABLE, (True,), "previous")
+    check_place(tmp_path / "data", "night", head, False)
+    add_recording(tmp_path / "data", "night", head, recording.angle, recording.torque)
+    first, second = load_dataset(tmp_path / "data").recordings
+    assert (first.name, second.name) == ("day", "night")
+    np.testing.assert_allclose(second.angle.value, first.angle.value, atol=1e-8)
+    np.testing.assert_allclose(second.torque.time, first.torque.time, atol=1e-8)
+
+
+def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motion, tmp_path):
+    angle, torque = motion
+    short, log = cut(angle, 0.0, 3.0), cut(torque, 0.0, 3.0)
+    write_angles(tmp_path / "a.csv", short)
+    write_log(tmp_path / "log.csv", log)
+    write_angles(tmp_path / "epoch.csv", short._replace(time=short.time + 1.7e9))
+    write_angles(tmp_path / "lost.csv", short, lost=range(200))
+    (tmp_path / "bare.toml").write_text(RIG.partition("[motor]")[0])
+    (tmp_path / "none.toml").write_text("[motor]\nkt = 1.0\n")
+    (tmp_path / "two.toml").write_text(
+        RIG.replace("[motor]", "[[motor]]") + "[[motor]]\nkt = 1.0\n"
+    )
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "dataset.toml").write_text('name = "precious"\n')
+    cases = (
+        (("a.csv", "gone.csv"), "gone.csv: no such file"),
+        (("gone.csv", "log.csv"), "gone.csv: no such file"),
+        (("log.csv", "log.csv"), "has no column 'q1'"),
+        (("a.csv", "a.csv"), "has no column 'host'"),
+        (("lost.csv", "log.csv"), "has 0 rows with all of time, q1"),
+        (("epoch.csv", "log.csv"), "share no moment"),
+        (("a.csv", "log.csv", "--rig", "bare.toml"), "[motor] is missing"),
+        (("a.csv", "log.csv", "--rig", "none.toml"), "[mechanism] is missing"),
+        (("a.csv", "log.csv", "--rig", "two.toml"), "has 2 motors"),
+        (("a.csv", "log.csv", "--hold", "next"), "known: linear, previous"),
+        (("a.csv", "log.csv", "--name", "../x"), "letters, digits"),
+        (("a.csv", "log.csv", "--marker", "led"), "no column 'led'"),
+        (("a.csv", "log.csv", "--out", "taken"), "holds another data set"),
+        (("a.csv", "log.csv", "--out", "rig.toml"), "is a file; name a folder"),
+        (("a.csv", "log.csv", "--out", "new", "--offset", "nan"), "must be a finite number"),
+    )
+    for arguments, said in cases:
+        extra = () if "--out" in arguments else ("--out", "data")
+        code, out, err = call("align", *arguments, *extra)
+        assert (code, out) == (2, ""), arguments
+        assert said in err, (arguments, err)
+        assert len(err.splitlines()) == 1
+    assert not (tmp_path / "data").exists()
+    assert (tmp_path / "taken" / "dataset.toml").read_text() == 'name = "precious"\n'
+
+
+def test_angles_may_be_named_and_in_degrees(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [f"{k / 60:.4f},{k},{k % 2}" for k in range(20)]
+    path.write_text("\n".join(["t,theta,led", *rows]) + "\n")
+    own = {"time": "t", "columns": ["theta"], "unit": "deg"}
+    found = read_angles(path, own, 1, "led")
+    np.testing.assert_allclose(found.angle.value[:, 0], np.radians(np.arange(20.0)))
+    assert found.marker.value.sum() == 10
+    with pytest.raises(InputError, match="must name one column for each of 1 joints"):
+        read_angles(path, {**own, "columns": ["theta", "led"]}, 1)
+
+
+def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_path):
+    angle, torque = motion
+    lit = led(angle.time, [1.013, 1.71, 4.006, 8.52])
+    rows = [
+        f"{t:.6f},{q:.7f},{led:g}"
+        for t, q, led in zip(angle.time[:600], angle.value[:600, 0], lit, strict=False)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(["time,q1,led", *rows]) + "\n")
+    log = cut(torque, 0.0, 10.0)
+    on = led(log.time, [1.013, 1.71, 4.006, 8.52])
+    # the LED's clock is that of the log, but the torque acts 12 ms after it is logged
+    u = np.interp(log.time + 0.012, torque.time, torque.value[:, 0])
+    lines = [
+        f"{1e9 + t:.6f},{t - 0.4:.6f},0.5,{v / 0.5:.6f},{v:.6f},{led:g}"
+        for t, v, led in zip(log.time, u, on, strict=True)
+    ]
+    (tmp_path / "log.csv").write_text("\n".join(["host,time,command,current,torque,led", *lines]))
+    (tmp_path / "rig.toml").write_text(
+        RIG + '[protocol]\ncolumns = ["time", "command", "current", "led"]\n'
+    )
+    code, out, err = call("align", "a.csv", "log.csv", "--out", "data", "--marker", "led")
+    assert (code, err) == (0, "")
+    assert "marker   4 edges: offset 0." in out
+    assert "by the motion the torque acts" in out
+    assert "does not change: nothing to compare" in out
+    document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
+    assert document["marker"]["offset"] == pytest.approx(0.4, abs=1e-2)
+    assert document["clock"]["offset"] == pytest.approx(0.412, abs=3e-3)
+
+
+@pytest.mark.parametrize("spans", [(20.0, 30e3 * 60), (12e6, 12.0), (1e9, 1e300), (50.0, 5e4)])
+def test_spans_in_another_unit_are_named_before_they_fill_the_memory(spans):
+    with pytest.raises(InputError, match=r"the angles span .* s and the log .*: correct the unit"):
+        check_spans(*spans)

@@ -1,0 +1,228 @@
+"""The line protocol: every undamaged line is read, no damaged one is, however bytes come."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from frictionid.errors import InputError
+from frictionid.rig.controller_clock import clock_runs, unified_time
+from frictionid.rig.logfile import seconds
+from frictionid.rig.protocol import (
+    MAX_LINE,
+    Format,
+    diagnosis,
+    framed,
+    parsed,
+    read,
+    unframed,
+    written,
+)
+from frictionid.rig.rig_settings import rig_settings_of
+
+SAFE = Format(checksum="crc16", mark="$")
+FORMATS = (
+    Format(),
+    Format(("time",), checksum="xor"),
+    Format(("a", "time", "b", "c"), "ms", separator=";", mark="#"),
+    SAFE,
+)
+numbers = st.one_of(
+    st.integers(-(10**9), 10**12).map(str),
+    st.floats(-1e6, 1e6).map(lambda v: f"{v:.6f}"),
+    st.floats(-1e6, 1e6).map(lambda v: f"{round(v, 9):.3e}"),
+)
+
+
+@st.composite
+def streams(draw, forms=st.sampled_from(FORMATS), mess=st.binary(max_size=30)):
+    """A format, rows, and their lines with other bytes between them."""
+    form = draw(forms)
+    row = st.tuples(*[numbers] * len(form.columns))
+    rows = draw(st.lists(row, max_size=12))
+    stream = b"".join(draw(mess) + written(form, r) for r in rows)
+    return form, [tuple(v.encode() for v in row) for row in rows], stream
+
+
+def pieces(form, stream, cuts):
+    """Rows of a stream that comes in pieces."""
+    edges = [0, *sorted(c % (len(stream) + 1) for c in cuts), len(stream)]
+    rest, rows = b"", []
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        found = parsed(form, rest, stream[a:b])
+        rest, rows = found.remainder, rows + found.rows
+    return rows
+
+
+@settings(deadline=None)
+@given(streams(mess=st.just(b"")), st.lists(st.integers(0, 10**6), max_size=20))
+def test_what_was_written_is_read_however_it_is_cut(case, cuts):
+    form, rows, stream = case
+    assert pieces(form, stream, cuts) == rows
+    assert pieces(form, stream.replace(b"\n", b"\r\n"), cuts) == rows
+
+
+@settings(deadline=None)
+@given(streams(), st.lists(st.integers(0, 10**6), max_size=20))
+def test_cuts_never_matter_whatever_comes(case, cuts):
+    form, _, stream = case
+    assert pieces(form, stream, cuts) == pieces(form, stream, [])
+
+
+@settings(deadline=None)
+@given(streams(st.just(SAFE), st.binary(max_size=30)))
+def test_with_a_mark_no_undamaged_line_is_lost_behind_garbage(case):
+    form, rows, stream = case
+    found = parsed(form, b"", stream).rows
+    # garbage may hold lines of its own; those that were sent come in order
+    left = iter(found)
+    assert all(row in left for row in rows)
+    assert len(found) == len(rows)
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=200), st.sampled_from(FORMATS))
+@example(b"1" * 3 * MAX_LINE + b",2,3\n", Format())
+@example(b"\xff\n$\n*\n,,\n", SAFE)
+def test_garbage_never_breaks_anything(content, form):
+    found = parsed(form, b"", content)
+    for row in found.rows:
+        assert len(row) == len(form.columns)
+        assert np.isfinite([float(cell) for cell in row]).all()
+    assert len(found.remainder) <= MAX_LINE + 2
+    unframed(form, content)
+
+
+@settings(deadline=None)
+@given(st.tuples(*[numbers] * 3), st.integers(0, 10**6), st.sampled_from(["xor", "crc16"]))
+def test_no_flipped_bit_passes_a_checksum(values, bit, kind):
+    form = Format(checksum=kind)
+    line = written(form, values)[:-1]
+    at, which = divmod(bit % (8 * len(line)), 8)
+    broken = line[:at] + bytes([line[at] ^ (1 << which)]) + line[at + 1 :]
+    same = broken.upper() == line.upper()  # a digit of the checksum in small letters
+    assert all(read(form, part) is None for part in broken.split(b"\n")) or same
+
+
+@settings(deadline=None)
+@given(st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="$*")))
+def test_commands_are_framed_and_read_again(text):
+    assert unframed(SAFE, framed(SAFE, text)[:-1]) == (text or None)
+
+
+@pytest.mark.parametrize("kind", ["xor", "crc16"])
+def test_checksums_may_be_written_in_small_letters(kind):
+    form = Format(checksum=kind)
+    line = written(form, ("17", "0.5", "-3"))[:-1]
+    assert read(form, line.lower()) == (b"17", b"0.5", b"-3")
+
+
+@pytest.mark.parametrize(
+    ("line", "form", "said"),
+    [
+        (b"\xfe\x81\x00\xf3" * 9, Format(), "nothing but garbage in 999 bytes: the baud rate"),
+        (b"1,2,3,4", Format(), "their number of values is another: correct columns"),
+        (b"1,2,3", SAFE, "'1,2,3' do not follow the protocol '$time,command,current*crc16'"),
+        (written(Format(checksum="xor"), "123")[:-1], Format(checksum="crc16"), "correct [proto"),
+        (b"$1,2,3*0000", SAFE, "their checksums are not crc16"),
+        (b"speed: 3", Format(), "lines such as 'speed: 3' do not follow"),
+    ],
+)
+def test_a_foreign_protocol_is_reported_in_one_line(line, form, said):
+    text = diagnosis(form, parsed(form, b"", line + b"\n").rejected, 999)
+    assert said in text
+    assert "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"columns": ("current",)}, "have no 'time'"),
+        ({"columns": ("time", "a", "a")}, "'a' is named twice"),
+        ({"columns": ("time", "host")}, "'host' is no name"),
+        ({"unit": "min"}, "unit = 'min' is unknown"),
+        ({"checksum": "md5"}, "checksum = 'md5' is unknown"),
+        ({"mark": "*"}, "mark = '*' must be one character"),
+        ({"separator": ""}, "separator = '' must be one character"),
+        ({"mark": ";", "separator": ";"}, "both ';'"),
+        ({"wrap": 0.0}, "wrap = 0.0 must be positive"),
+    ],
+)
+def test_a_format_that_cannot_be_is_refused(settings, said):
+    with pytest.raises(InputError, match=".") as complaint:
+        Format(**settings)
+    assert said in str(complaint.value)
+
+
+MOTOR = {"kt": 0.01, "gear": 20.0}
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({}, "[motor] is missing"),
+        ({"motor": {"gear": 3.0}}, "the key 'kt' is missing"),
+        ({"motor": {"kt": 0.0}}, "must not be zero"),
+        ({"motor": {"kt": "1"}}, "kt: it should be a valid number"),
+        ({"motor": {**MOTOR, "geer": 1.0}}, "unknown key 'geer'; did you mean 'gear'?"),
+        ({"motor": {**MOTOR, "current": "amps"}}, "names the column 'amps'"),
+        ({"motor": MOTOR, "protocl": {}}, "unknown table [protocl]; did you mean 'protocol'?"),
+        ({"motor": MOTOR, "protocol": {"send": "u"}}, "must hold {value} once"),
+        ({"motor": MOTOR, "protocol": {"unit": "h"}}, "unit = 'h' is unknown"),
+    ],
+)
+def test_missing_constants_are_reported_in_one_line(document, said):
+    with pytest.raises(InputError, match=".") as complaint:
+        rig_settings_of(document, "rig.toml")
+    assert said in str(complaint.value)
+    assert str(complaint.value).startswith("rig.toml")
+
+
+# --- The controller's clock ---------------------------------------------------------------------
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10**15), st.sampled_from(["ms", "us"]))
+def test_times_keep_their_last_digit(count, unit):
+    digits = {"ms": 3, "us": 6}[unit]
+    assert round(float(seconds(str(count), unit)) * 10**digits) == count or count > 2**52
+    assert seconds(str(count), unit).replace(".", "").lstrip("0") == str(count).lstrip("0")
+
+
+@settings(deadline=None)
+@given(st.integers(1, 60), st.floats(0.0, 4000.0), st.floats(0.01, 20.0))
+def test_a_counter_that_begins_anew_is_unwound(count, start, step):
+    wrap = 2.0**32 * 1e-6
+    time = start + step * np.arange(count)
+    runs = clock_runs(time % wrap, 1e9 + time, wrap)
+    assert runs.kept.all()
+    assert not runs.number.any()
+    np.testing.assert_allclose(np.diff(runs.time), step, atol=1e-6)
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(2, 30), min_size=1, max_size=4), st.integers(0, 10**6))
+def test_restarts_are_separated_and_joined_by_the_hosts_clock(lengths, seed):
+    generator = np.random.default_rng(seed)
+    host, time, late, at = [], [], [], 1e9
+    for k, length in enumerate(lengths):
+        own = 0.5 + 100.0 * (len(lengths) - k) * (k == 0) + np.arange(length)
+        delay = generator.uniform(0.0, 0.01, length)
+        delay[generator.integers(length)] = 0.0
+        host.append(at + np.arange(length) + delay)
+        time.append(own)
+        late.append(at + np.arange(length))
+        at += length + 3.0
+    host, time, late = (np.concatenate(x) for x in (host, time, late))
+    runs = clock_runs(time, host, 2.0**32 * 1e-6)
+    assert runs.number.max() == len(lengths) - 1
+    joined, unsure = unified_time(runs, host)
+    np.testing.assert_allclose(joined - joined[0], late - late[0], atol=1e-6)
+    assert 0.0 <= unsure <= 0.01
+
+
+def test_a_damaged_time_and_a_repeated_one_are_left_out():
+    time = np.array([1.0, 2.0, 9e9, 3.0, 3.0, 4.0])
+    runs = clock_runs(time, np.arange(6.0), 4294.0)
+    assert runs.time[runs.kept].tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert not runs.number.any()
