@@ -30,8 +30,8 @@ import frictionid as fid
 from frictionid.deploy.export.casadi_functions import casadi_functions
 from frictionid.deploy.export.exported import exported
 from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, NoFriction
-from frictionid.mechanics.lagrange import equations_of_motion
-from frictionid.mechanics.scalar_code import scalar_code
+from frictionid.mechanics.description import equations_of_motion
+from frictionid.mechanics.symbolic import scalar_code
 from frictionid.simulate import Rig, load_rig, sampled_loop
 from frictionid.simulate.rig import nominal_mechanism, true_system
 

@@ -37,7 +37,7 @@ from frictionid.fitting.one_step.residual import (
 )
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Plant
-from frictionid.mechanics.momentum_balance import momentum_balance
+from frictionid.mechanics.plant import momentum_balance
 
 _SINGULAR = 1e-9  # smallest eigenvalue of a correlation matrix that differs from zero
 _STEP = 1e-6  # [rad], [rad/s]

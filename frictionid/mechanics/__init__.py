@@ -2,12 +2,10 @@
 
 from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.check_mechanism import check_mechanism
-from frictionid.mechanics.configurations import configurations
 from frictionid.mechanics.description import Base, Body, Description
 from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.from_bodies import Joint, from_bodies
-from frictionid.mechanics.linear_axis import linear_axis
-from frictionid.mechanics.mechanism import Mechanism, Parameter, Partials, Terms
+from frictionid.mechanics.mechanism import Mechanism, Parameter, Partials, Terms, configurations
 from frictionid.mechanics.mechanism_table import as_mechanism, mechanism_of
 from frictionid.mechanics.mjcf_text import mjcf_of
 from frictionid.mechanics.pendulum import pendulum
@@ -15,8 +13,7 @@ from frictionid.mechanics.plant import Plant
 from frictionid.mechanics.rigid_body.described import mjcf, urdf
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 from frictionid.mechanics.symbolic import SymbolicMechanism
-from frictionid.mechanics.two_mass_axis import two_mass_axis
-from frictionid.mechanics.unit_inertia import unit_inertia
+from frictionid.mechanics.two_mass_axis import linear_axis, two_mass_axis, unit_inertia
 
 __all__ = [
     "Base",

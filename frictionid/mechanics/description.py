@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -83,3 +84,142 @@ class Description:
     def symbols(self) -> list[sp.Symbol]:
         """Symbols of the parameters."""
         return [sp.Symbol(parameter.name) for parameter in self.parameters]
+
+
+class Equations(NamedTuple):
+    """Symbolic equations of motion in base parameters.
+
+    M : upper triangle of the mass matrix by rows; h, dLdq : n expressions; energy : T + V
+    arguments : symbols of q, w and base parameters; base : those of the base parameters
+    """
+
+    M: list[sp.Expr]
+    h: list[sp.Expr]
+    dLdq: list[sp.Expr]
+    energy: sp.Expr
+    arguments: list[sp.Symbol]
+    base: list[sp.Symbol]
+
+
+def equations_of_motion(d: Description) -> Equations:
+    """Equations of motion from the Lagrangian L = T - V, with the momentum p = dL/dw.
+
+    M = dp/dw,    h = dL/dq - dp/dq w
+    """
+    n = range(len(d.q))
+    kinetic, potential, symbols = _energies_in_base(d)
+    L = kinetic - potential
+    momentum = [sp.diff(L, wi) for wi in d.w]
+    M = [sp.diff(momentum[i], d.w[j]) for i in n for j in n if j >= i]
+    dLdq = [sp.diff(L, qi) for qi in d.q]
+    h = [sp.expand(dLdq[i] - sum(sp.diff(momentum[i], d.q[j]) * d.w[j] for j in n)) for i in n]
+    return Equations(M, h, dLdq, kinetic + potential, [*d.q, *d.w, *symbols], symbols)
+
+
+def full_matrix(upper: Sequence[Any], n: int) -> dict[tuple[int, int], Any]:
+    """Entries of a symmetric matrix by row and column, from its upper triangle by rows.
+
+    >>> full_matrix("abc", 2)[1, 0]
+    'b'
+    """
+    places = [(i, j) for i in range(n) for j in range(i, n)]
+    pairs = list(zip(places, upper, strict=True))
+    return {**dict(pairs), **{(j, i): entry for (i, j), entry in pairs}}
+
+
+def _energies_in_base(d: Description) -> tuple[sp.Expr, sp.Expr, list[sp.Symbol]]:
+    kinetic, potential = energies(d)
+    symbols = [sp.Symbol(f"_b{i}") for i in range(len(d.base))]
+    return _in_base(kinetic, d, symbols), _in_base(potential, d, symbols), symbols
+
+
+def energies(d: Description) -> tuple[sp.Expr, sp.Expr]:
+    """Kinetic and potential energy, as sums of physical parameters times functions of the state."""
+    kinetic, potential = sp.Integer(0), sp.sympify(d.potential)
+    for inertia, angle in d.rotors:
+        kinetic += inertia * _rate(angle, d.q, d.w) ** 2 / 2
+    for body in d.bodies:
+        vx, vy, turn = (_rate(z, d.q, d.w) for z in (body.x, body.y, body.angle))
+        kinetic += body.mass * (vx**2 + vy**2) / 2 + body.inertia * turn**2 / 2
+        potential += body.mass * d.gravity * body.y
+    return _polynomial(kinetic, d.q), sp.expand(potential)
+
+
+def _rate(z: Expression, q: Sequence[sp.Symbol], w: Sequence[sp.Symbol]) -> sp.Expr:
+    return sum((sp.diff(z, qi) * wi for qi, wi in zip(q, w, strict=True)), sp.Integer(0))
+
+
+def _polynomial(e: sp.Expr, q: Sequence[sp.Symbol]) -> sp.Expr:
+    # with sin^2 = 1 - cos^2 rotated squares cancel as polynomials: 16 times faster than trigsimp
+    e = sp.expand(sp.expand_trig(sp.expand(e)))
+    for qi in q:
+        e = sp.expand(e.subs(sp.sin(qi) ** 2, 1 - sp.cos(qi) ** 2))
+    return e
+
+
+def _in_base(e: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
+    """An energy that is linear in the base parameters, with a symbol for each of them."""
+    out = sp.Integer(0)
+    for motion, coefficient in by_motion(e, d).items():
+        if motion.free_symbols:  # where an energy has its zero changes no motion
+            out += _match(coefficient, d, symbols) * motion
+    return out
+
+
+def by_motion(e: sp.Expr, d: Description) -> dict[sp.Expr, sp.Expr]:
+    """Coefficients of an energy, in physical parameters, by the functions of the state."""
+    coefficients: dict[sp.Expr, sp.Expr] = {}
+    for term in sp.Add.make_args(e):
+        constant, motion = term.as_independent(*d.q, *d.w)
+        coefficients[motion] = coefficients.get(motion, sp.Integer(0)) + constant
+    return {motion: sp.expand(coefficient) for motion, coefficient in coefficients.items()}
+
+
+def _match(coefficient: sp.Expr, d: Description, symbols: Sequence[sp.Symbol]) -> sp.Expr:
+    if coefficient == 0 or not coefficient.free_symbols:
+        return coefficient
+    for base, symbol in zip(d.base, symbols, strict=True):
+        ratio = sp.cancel(coefficient / base.expression)
+        if ratio.is_number:
+            return ratio * symbol
+    factors = combination(coefficient, [base.expression for base in d.base])
+    if factors is not None:
+        return sum((f * s for f, s in zip(factors, symbols, strict=True)), sp.Integer(0))
+    raise ValueError(
+        f"{d.kind}: the coefficient {coefficient} of the Lagrangian is no multiple of a base "
+        f"parameter ({', '.join(b.name for b in d.base)}): add one to `base`"
+    )
+
+
+def combination(e: sp.Expr, terms: Sequence[sp.Expr]) -> list[sp.Expr] | None:
+    """Numbers by which `terms` add up to an expression, or None where none do.
+
+    >>> a, b = sp.symbols("a b")
+    >>> combination(3 * a - b, [a + b, 2 * a])
+    [-1, 2]
+    """
+    columns = [sp.expand(t).as_coefficients_dict() for t in (*terms, e)]
+    rows = sorted(set().union(*columns), key=str)
+    matrix = sp.Matrix([[column[row] for column in columns] for row in rows])
+    reduced, pivots = matrix.rref()
+    if len(terms) in pivots:
+        return None
+    numbers = [sp.Integer(0)] * len(terms)
+    for row, pivot in enumerate(pivots):
+        numbers[pivot] = reduced[row, len(terms)]
+    return numbers
+
+
+def bearing_forces(d: Description, a: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    """Forces x_1, y_1, x_2, y_2, ... that each joint transmits to the bodies beyond it."""
+    forces = []
+    for joint in range(len(d.q)):
+        beyond = [body for body in d.bodies if body.joint >= joint]
+        for axis in ("x", "y"):
+            total = sp.Integer(0)
+            for body in beyond:
+                rate = _rate(getattr(body, axis), d.q, d.w)
+                change = _rate(rate, d.q, d.w) + _rate(rate, d.w, a)
+                total += body.mass * (change + (d.gravity if axis == "y" else 0))
+            forces.append(total)
+    return forces

@@ -11,8 +11,15 @@ import sympy as sp
 
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.mechanics.description import Base, Body, Description, Expression
-from frictionid.mechanics.lagrange import by_motion, combination, energies
+from frictionid.mechanics.description import (
+    Base,
+    Body,
+    Description,
+    Expression,
+    by_motion,
+    combination,
+    energies,
+)
 from frictionid.mechanics.mechanism import Parameter
 from frictionid.mechanics.symbolic import SymbolicMechanism
 

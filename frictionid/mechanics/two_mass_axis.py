@@ -6,7 +6,7 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Description
+from frictionid.mechanics.description import Base, Body, Description
 from frictionid.mechanics.mechanism import Parameter
 from frictionid.mechanics.symbolic import SymbolicMechanism
 
@@ -47,11 +47,11 @@ def two_mass_axis(
     if isinstance(gap, bool) or not isinstance(given.pop("gap"), int | float) or not 0 <= gap < 1e3:
         raise ValueError(f"two_mass_axis: gap = {gap!r} must be zero or a positive angle [rad]")
     options = {**({"hanging": True} if hanging else {}), **({"gap": gap} if gap else {})}
-    return SymbolicMechanism.of(_description(bool(hanging), float(gap)), given, options)
+    return SymbolicMechanism.of(_two_mass_description(bool(hanging), float(gap)), given, options)
 
 
 @cache
-def _description(hanging: bool, gap: float) -> Description:
+def _two_mass_description(hanging: bool, gap: float) -> Description:
     motor, load, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
     spring = k * _energy(q1 - q2, gap)
     weight = (Parameter("moment", 1.0, "N m", "gravity moment of the load", required=True),)
@@ -99,3 +99,81 @@ def _energy(twist: sp.Expr, gap: float) -> sp.Expr:
         return (y * root + _ROUND**2 * sp.asinh(y / _ROUND)) / 2
 
     return twist**2 / 2 + (size(twist - gap / 2) - size(twist + gap / 2)) / 2
+
+
+def linear_axis(
+    driven: bool = True, *, mass: float | None = None, g: float | None = None
+) -> SymbolicMechanism:
+    """Mass on a level guide; the motor's inertia, seen at the carriage, is part of the mass.
+
+    mass dw/dt = u - Tf, with w [m/s], u and Tf [N]; `driven` says whether the axis has a motor.
+
+    Raises
+    ------
+    ValueError
+        Unless `driven` is true or false.
+    InputError
+        For a parameter that is no finite number.
+
+    >>> linear_axis(mass=20.0).base_names
+    ('mass',)
+    """
+    if driven not in (False, True):
+        raise ValueError(f"linear_axis: driven = {driven!r} must be true or false")
+    given = {name: value for name, value in (("mass", mass), ("g", g)) if value is not None}
+    return SymbolicMechanism.of(
+        _axis_description(driven), given, {} if driven else {"driven": False}
+    )
+
+
+@cache
+def _axis_description(driven: bool) -> Description:
+    mass, g, q = sp.symbols("mass g q1")
+    return Description(
+        kind="linear_axis",
+        joints=("axis",),
+        q=(q,),
+        gravity=g,
+        parameters=(
+            Parameter("mass", 1.0, "kg", "everything that moves", required=True),
+            Parameter("g", 9.81, "m/s^2", "gravity, for the load of the guide"),
+        ),
+        bodies=(Body(mass, q, 0),),
+        rotors=(),
+        driven=(driven,),
+        base=(Base("mass", mass, "kg"),),
+        position_units=("m",),
+    )
+
+
+@cache
+def unit_inertia(position_units: tuple[str, ...] = ("rad",)) -> SymbolicMechanism:
+    """M = I, h = 0 and B = 0: friction is a negative acceleration [rad/s^2], or [m/s^2].
+
+    Its only base parameter is the inertia, 1.
+
+    >>> import numpy as np
+    >>> machine = unit_inertia(("rad", "rad"))
+    >>> M, h = machine.dynamics(np.ones(1), np.array([0.3, -1.0]), np.array([5.0, 2.0]))
+    >>> bool((M == np.eye(2)).all() and (h == 0).all() and (machine.B == 0).all())
+    True
+    """
+    joints = len(position_units)
+    inertia, gravity = sp.symbols("inertia g")
+    q = sp.symbols(f"q1:{joints + 1}")
+    one = "kg m^2" if "rad" in position_units else "kg"
+    return SymbolicMechanism.of(
+        Description(
+            kind="unit",
+            joints=tuple(f"joint {j + 1}" for j in range(joints)),
+            q=tuple(q),
+            gravity=gravity,
+            parameters=(Parameter("inertia", 1.0, one, "of each joint"),),
+            bodies=(),
+            rotors=tuple((inertia, angle) for angle in q),
+            driven=(False,) * joints,
+            base=(Base("inertia", inertia, one),),
+            position_units=position_units,
+            torque_units=tuple(f"{unit}/s^2" for unit in position_units),
+        )
+    )

@@ -17,8 +17,8 @@ from frictionid.mechanics import (
     mechanism_of,
     pendulum,
 )
-from frictionid.mechanics.lagrange import equations_of_motion
-from frictionid.mechanics.scalar_code import scalar_code
+from frictionid.mechanics.description import equations_of_motion
+from frictionid.mechanics.symbolic import scalar_code
 
 # ---------------------------------------------------------------- [mechanism] tables
 

@@ -10,7 +10,7 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.fitting.one_step.residual import integral_problem
 from frictionid.mechanics import Plant, double_pendulum, pendulum
-from frictionid.mechanics.momentum_balance import (
+from frictionid.mechanics.plant import (
     interval_mean,
     interval_stencil,
     momentum_balance,

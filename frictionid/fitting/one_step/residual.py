@@ -26,7 +26,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, SpeedRange, joined
 from frictionid.friction.coordinates import at_places, recorded_inputs, with_places
 from frictionid.mechanics import Plant
-from frictionid.mechanics.momentum_balance import (
+from frictionid.mechanics.plant import (
     SIMPSON,
     interleaved,
     interval_mean,

@@ -29,7 +29,7 @@ from frictionid.fitting.one_step.residual import GAP, Problem, stiction_mask
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
 from frictionid.mechanics import Mechanism, Plant
-from frictionid.mechanics.momentum_balance import with_midpoints
+from frictionid.mechanics.plant import with_midpoints
 
 _SLOW_ROWS = 0.01  # of the rows of a joint: so many may be slower than the slowest speed
 _NODES = 4000  # whose regressor is computed at a time

@@ -12,12 +12,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.rigid_body.crba import add_mass_matrix
-from frictionid.mechanics.rigid_body.inertia import add_to_parents, world_inertias
-from frictionid.mechanics.rigid_body.kinematics import motion, placements
-from frictionid.mechanics.rigid_body.regressor import torque_regressor
-from frictionid.mechanics.rigid_body.rnea import lagrangian_slopes, torques
-from frictionid.mechanics.rigid_body.rnea_derivatives import prepare, torque_derivatives
+from frictionid.mechanics.rigid_body.kinematics import (
+    add_to_parents,
+    motion,
+    placements,
+    world_inertias,
+)
+from frictionid.mechanics.rigid_body.rnea import (
+    add_mass_matrix,
+    lagrangian_slopes,
+    prepare,
+    torque_derivatives,
+    torque_regressor,
+    torques,
+)
 from frictionid.programs.loops import compiled, inlined
 
 VERSION = 1
