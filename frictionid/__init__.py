@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from frictionid import mechanics as mechanisms  # noqa: F401
+    from frictionid import mechanics as mechanisms
     from frictionid.api.check import Verdict as Verdict
     from frictionid.api.check import check as check
     from frictionid.api.compare import compare as compare

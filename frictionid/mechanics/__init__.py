@@ -1,6 +1,7 @@
 """Equations of motion of mechanisms, derived from their bodies and compiled to scalar code."""
 
 from frictionid.mechanics.acrobot import acrobot
+from frictionid.mechanics.axes import linear_axis, two_mass_axis, unit_inertia
 from frictionid.mechanics.check_mechanism import check_mechanism
 from frictionid.mechanics.description import Base, Body, Description
 from frictionid.mechanics.double_pendulum import double_pendulum
@@ -13,32 +14,3 @@ from frictionid.mechanics.plant import Plant
 from frictionid.mechanics.rigid_body.described import mjcf, urdf
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 from frictionid.mechanics.symbolic import SymbolicMechanism
-from frictionid.mechanics.two_mass_axis import linear_axis, two_mass_axis, unit_inertia
-
-__all__ = [
-    "Base",
-    "Body",
-    "Description",
-    "Joint",
-    "Mechanism",
-    "Parameter",
-    "Partials",
-    "Plant",
-    "RigidBodyTree",
-    "SymbolicMechanism",
-    "Terms",
-    "acrobot",
-    "as_mechanism",
-    "check_mechanism",
-    "configurations",
-    "double_pendulum",
-    "from_bodies",
-    "linear_axis",
-    "mechanism_of",
-    "mjcf",
-    "mjcf_of",
-    "pendulum",
-    "two_mass_axis",
-    "unit_inertia",
-    "urdf",
-]

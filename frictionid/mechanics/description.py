@@ -1,4 +1,4 @@
-"""Description of a mechanism in symbols: its bodies, joints and parameters."""
+"""A mechanism in symbols, and its equations of motion from the Lagrangian."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mechanism with its parameters, as the physics step needs it."""
+"""A mechanism with its parameters, and the momentum balance along its motion."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, check_dataset_
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.errors import InputError
+from frictionid.mechanics import unit_inertia
 
 
 def assert_same(left, right):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from frictionid.mechanics import configurations
+
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_few_joints_have_a_grid(n):

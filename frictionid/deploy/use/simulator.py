@@ -147,7 +147,7 @@ class Simulator:
         """Motion q, w (T + 1, ..., n) from a state under torques u (T, ..., n) [N m].
 
         >>> from frictionid.friction.laws import CoulombViscous
-        >>> from frictionid.mechanics import two_mass_axis
+        >>> from frictionid.mechanics import linear_axis
         >>> friction = Friction(CoulombViscous(), np.array([[1.0, 0.0]]))
         >>> axis = Simulator(linear_axis(mass=2.0), friction, dt=0.01)
         >>> axis.run(axis.reset(), np.full((100, 1), 3.0)).w[-1].round(3)     # (3 N - 1 N) / 2 kg

@@ -1,4 +1,4 @@
-"""Where the joints of a tree are.
+"""Frames, motions and inertias of the bodies of a tree, in compiled loops.
 
 Everything is in the frame of the base, so that no later algorithm knows frames.
 """

@@ -1,4 +1,4 @@
-"""Recursive Newton-Euler algorithm: torques of a motion, and its momentum [Featherstone2008]."""
+"""Torques of a tree, their derivatives, the regressor and M [Featherstone2008]."""
 
 from __future__ import annotations
 

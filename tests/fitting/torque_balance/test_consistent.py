@@ -13,7 +13,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 from frictionid.friction.laws import CoulombViscous
-from frictionid.mechanics import pendulum
+from frictionid.mechanics import configurations, pendulum
 from frictionid.mechanics.rigid_body.consistent import (
     moments_of,
     nearest_consistent,

@@ -15,7 +15,7 @@ from frictionid.fitting.torque_balance import TorqueSettings, fit_torques, torqu
 from frictionid.friction import Friction
 from frictionid.friction.laws import LoadDependent, NoFriction, Stribeck
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.mechanics import pendulum, urdf
+from frictionid.mechanics import configurations, pendulum, urdf
 
 ARM = """<robot name="arm"><link name="base"/>
 <link name="a"><inertial><origin xyz="0.1 0 0.02"/><mass value="3"/>

@@ -1,4 +1,4 @@
-"""An axis of two masses: a motor that turns a load through an elastic gear, belt or shaft."""
+"""Mechanisms without links: a linear axis, two masses with a spring between them, unit inertia."""
 
 from __future__ import annotations
 
