@@ -25,10 +25,8 @@ from frictionid.cli.sensitivity import sensitivity
 from frictionid.cli.simulate import simulate
 from frictionid.cli.suggest import suggest
 from frictionid.cli.tune import tune
-from frictionid.deploy.cli.baseline import baseline
-from frictionid.deploy.cli.compensate import compensate
-from frictionid.deploy.cli.export import export
-from frictionid.deploy.cli.monitor import monitor
+from frictionid.deploy.cli.export import compensate, export
+from frictionid.deploy.cli.monitor import baseline, monitor
 from frictionid.deploy.cli.pool import pool
 from frictionid.errors import InputError
 from frictionid.rig.cli.align import align

@@ -33,7 +33,7 @@ def pool(
 ) -> None:
     """Pool fitted models of several specimens: means, spread, and ranges of another specimen."""
     from frictionid.deploy.api.pool import pool as pool_models
-    from frictionid.deploy.report.pooling import show_pooled
+    from frictionid.deploy.api.pool import show_pooled
     from frictionid.errors import InputError
     from frictionid.files import json_text, write_json
     from frictionid.friction.model_files import model_paths

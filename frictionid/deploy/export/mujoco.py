@@ -12,12 +12,16 @@ after 1 s. Written files ask for the hardest that the time step allows: 0.0005 r
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
+import numpy as np
+from scipy.optimize import least_squares
+
+from frictionid.arrays import Array
+from frictionid.deploy.export import python_code
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
-from frictionid.deploy.export.mujoco_callback import callback
-from frictionid.deploy.export.nearest import differs, lost_by, nearest
-from frictionid.deploy.export.physical import physical_parameters
+from frictionid.deploy.export.nearest import break_away, differs, lost_by, nearest
 from frictionid.deploy.export.xml_text import (
     Element,
     by_name,
@@ -27,7 +31,137 @@ from frictionid.deploy.export.xml_text import (
     with_attributes,
 )
 from frictionid.errors import InputError
+from frictionid.mechanics import Mechanism
 from frictionid.mechanics.mjcf_text import mjcf_of
+
+_EXACT = 1e-9
+
+
+def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
+    """Physical parameters with these base parameters (nb), near the mechanism's own.
+
+    Motion shows the base parameters only; of the many masses, lengths and inertias that have them,
+    these differ little from the nominal ones, in proportion. Parameters that are zero stay zero,
+    and gravity stays.
+
+    Raises
+    ------
+    InputError
+        Where no positive parameters have them.
+
+    Examples
+    --------
+    >>> from frictionid.mechanics import pendulum
+    >>> m = pendulum(mass=0.4, length=0.25)
+    >>> found = physical_parameters(m, 1.21 * m.base(m.nominal()))
+    >>> round(found["mass"], 6), round(found["length"], 6)
+    (0.484, 0.25)
+    """
+    nominal = mechanism.nominal()
+    names = [k for k, v in nominal.items() if v and k not in ("g", "gr", "gravity")]
+    start = np.array([nominal[k] for k in names])
+    size = np.maximum(np.abs(base), 1e-3 * np.abs(base).max())
+
+    def values(x: Array) -> dict[str, float]:
+        return nominal | dict(zip(names, map(float, start * np.exp(x)), strict=True))
+
+    def off(x: Array) -> Array:
+        return np.asarray((mechanism.base(values(x)) - base) / size)
+
+    # Gauss-Newton by minimum norm: of all solutions near the start, one that changes little
+    found = least_squares(off, np.zeros(len(names)), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    if np.abs(found.fun).max() > _EXACT:
+        raise InputError(
+            f"{mechanism.kind}: no positive masses, lengths and inertias have the model's base "
+            "parameters; name an MJCF (--into), and correct its inertias by the model's"
+        )
+    return values(found.x)
+
+
+_CLASS = '''
+REST = 1e-4  # [rad/s]: slower joints have frictionloss alone
+LEVELS = {levels}  # frictionloss [N m] where it is constant
+
+
+class Friction:
+    """Friction of a model's joints as a passive force.
+
+    mujoco.set_mjcb_passive(Friction(model)): frictionloss is the break-away level, which holds a
+    joint at rest; this adds what the law's torque differs by from frictionloss and damping, so that
+    a sliding joint has the law's torque. The motor torque it follows is that of the step before.
+    """
+
+    def __init__(self, model):
+        self.model, self.memory, self.time = model, None, None
+        self.joints = [model.joint(name).id for name in JOINTS]
+        self.dofs = [int(model.jnt_dofadr[j]) for j in self.joints]
+        self.places = [int(model.jnt_qposadr[j]) for j in self.joints]
+        model.dof_frictionloss[self.dofs] = LEVELS
+
+    def __call__(self, model, data):
+        x = dict(
+            q=[float(v) for v in data.qpos[self.places]],
+            w=[float(v) for v in data.qvel[self.dofs]],
+            u=[float(v) for v in data.qfrc_actuator[self.dofs] + data.qfrc_applied[self.dofs]],
+        )
+{memory}        torques = torque({arguments})
+        levels = [float(v) for v in model.dof_frictionloss[self.dofs]]
+        for j, (dof, w) in enumerate(zip(self.dofs, x["w"])):
+            if abs(w) > REST:
+                held = levels[j] * (1.0 if w > 0.0 else -1.0) + float(model.dof_damping[dof]) * w
+                data.qfrc_passive[dof] -= torques[j] - held
+{levels_now}'''
+
+_MEMORY = """        if self.time is None or data.time < self.time:
+            self.memory, self.time = start({inputs}), data.time
+        elif data.time - self.time {when}:
+            self.memory = advance({inputs}, self.memory, data.time - self.time)
+            self.time = data.time
+"""
+
+# of a law that follows q or u: the level at this place, of the direction with less
+_NOW = """        both = [dict(x, w=[side * REST] * len(self.dofs)) for side in (1.0, -1.0)]
+        ahead, back = (torque({both}) for y in both)
+        model.dof_frictionloss[self.dofs] = [max(min(a, -b), 0.0) for a, b in zip(ahead, back)]
+"""
+
+
+def callback(own: ExportedFriction, settings: ExportSettings) -> tuple[bytes, str]:
+    """The module, b"" where there is none, and a sentence that says what it does.
+
+    Memory advances with each step of the engine, or once a sample where the law says so.
+    """
+    law = own.friction.law
+    sharp = replace(own, friction=replace(own.friction, law=law.sharpened()))
+    try:
+        programs = sharp.programs
+    except InputError as error:
+        return b"", f"no callback: {error}"
+    if "load" in programs.inputs:
+        return b"", "no callback: MuJoCo gives no passive force the load in the bearings"
+    plain = python_code.write(sharp, settings).files[".py"].decode()
+    head, body = plain.split("\nimport math\n", 1)
+    inputs = programs.inputs
+    named = ", ".join(f'x["{name}"]' for name in inputs)
+    memory = ""
+    if programs.memory:
+        time = own.law.sample_time
+        when = "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}"
+        memory = _MEMORY.format(inputs=named, when=when)
+    follows = not programs.memory and set(inputs) - {"w"}
+    both = ", ".join(f'y["{name}"]' for name in inputs)
+    code = _CLASS.format(
+        levels=[float(v) for v in break_away(own.friction)],
+        memory=memory,
+        arguments=", ".join([named, *(["self.memory"] if programs.memory else [])]),
+        levels_now=_NOW.format(both=both) if follows else "",
+    )
+    sentence = (
+        "the callback beside the MJCF computes the model's own torque of sliding joints, with "
+        "frictionloss at the break-away level: mujoco.set_mjcb_passive(Friction(model))"
+    )
+    return f"{head}\nimport math\n{body}\n{code}".encode(), sentence
+
 
 # tendons stand for parts that turn with several joints, such as motors on moving links
 _PLACES = {"joint": ("body", "frame", "replicate", "worldbody"), "fixed": ("tendon",)}

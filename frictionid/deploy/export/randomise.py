@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.pooling.samples import pooled_draws
+from frictionid.deploy.pooling.random_effects import pooled_draws
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.report.pooled_document import pooled_document

@@ -12,12 +12,31 @@ from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative, Positive, check_settings
-from frictionid.deploy.use.given_friction import given_friction
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.friction import Nodes, along
 from frictionid.friction.law import WrappedLaw
 from frictionid.friction.laws import LinearOutside
+from frictionid.friction.temperature import refuse_temperature
+
+
+def given_friction(given: Any) -> Friction:
+    """A friction as it is, and that of a fit.
+
+    Raises
+    ------
+    InputError
+        For anything else, and for friction that depends on the temperature.
+    """
+    friction = getattr(given, "friction", given)
+    if not isinstance(friction, Friction):
+        raise InputError(
+            f"a friction must be a Friction or a Fit, not {given!r:.60}: "
+            'fid.load_model("model.json") reads a file'
+        )
+    refuse_temperature(friction.law, "a simulator or controller")
+    return friction
+
 
 _MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
 

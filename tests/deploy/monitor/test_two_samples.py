@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from frictionid.deploy.monitor.martingale import log_evidence
+from frictionid.deploy.monitor.state import log_evidence
 from frictionid.deploy.monitor.two_samples import hotelling_test, least_rate, permutation_test
 
 # healthy recordings that scatter far from normally
