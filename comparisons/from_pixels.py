@@ -29,8 +29,7 @@ from frictionid.rig.camera.propose import propose
 from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
 from frictionid.rig.film.film import Film, write_film
-from frictionid.rig.film.scene import Look
-from frictionid.rig.film.view import View
+from frictionid.rig.film.scene import Look, View
 
 ROOT = Path(__file__).parents[1]
 CLEAN = ROOT / "data" / "acrobot_clean"

@@ -30,11 +30,8 @@ from frictionid.deploy.cli.monitor import baseline, monitor
 from frictionid.deploy.cli.pool import pool
 from frictionid.errors import InputError
 from frictionid.rig.cli.align import align
-from frictionid.rig.cli.excite import excite
-from frictionid.rig.cli.log import log
-from frictionid.rig.cli.render import render
-from frictionid.rig.cli.simulate_drive import simulate_drive
-from frictionid.rig.cli.track import track
+from frictionid.rig.cli.log import excite, log, simulate_drive
+from frictionid.rig.cli.track import render, track
 
 app = typer.Typer(
     name="frictionid",

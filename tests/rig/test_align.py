@@ -14,13 +14,13 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.rig.align import Clock, align
-from frictionid.rig.align.angles_file import read_angles
 from frictionid.rig.align.cross_correlation import check_spans
 from frictionid.rig.align.drive_response import drive_response
 from frictionid.rig.align.recording_folder import (
     add_recording,
     check_place,
     head_of,
+    read_angles,
 )
 from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate

@@ -32,8 +32,7 @@ from frictionid.rig.virtual_drive.controller import (
     broken_line,
     torque_of,
 )
-from frictionid.rig.virtual_drive.serve import play
-from frictionid.rig.virtual_drive.terminal import Terminal
+from frictionid.rig.virtual_drive.serve import Terminal, play
 
 QUIET = ["-c", "import sys; from frictionid.__main__ import main; sys.exit(main())"]
 

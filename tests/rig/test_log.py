@@ -17,11 +17,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from frictionid.errors import InputError
+from frictionid.rig.log import Port
 from frictionid.rig.logfile import Appender, Layout, Log, read_log
 from frictionid.rig.monitor import ProgressLine, log_until, progress, stop_requests
-from frictionid.rig.port import Port
 from frictionid.rig.protocol import parsed, read, written
-from frictionid.rig.virtual_drive.terminal import Terminal
+from frictionid.rig.virtual_drive.serve import Terminal
 
 PORTS = ROOT / "tests" / "fixtures" / "drive_ports.py"
 

@@ -6,8 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from frictionid.errors import InputError
-from frictionid.rig.controller_clock import clock_runs, unified_time
-from frictionid.rig.logfile import seconds
+from frictionid.rig.logfile import clock_runs, seconds, unified_time
 from frictionid.rig.protocol import (
     MAX_LINE,
     Format,

@@ -14,14 +14,12 @@ from frictionid.data.signals import TORQUE_HOLD, Signal, cut
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
-from frictionid.rig.align.angles_file import MeasuredAngles, read_angles
 from frictionid.rig.align.clock import Alignment, Clock, align, by_marker
 from frictionid.rig.align.cross_correlation import around
 from frictionid.rig.align.drive_response import DriveResponse, drive_response
-from frictionid.rig.align.recording_folder import head_of
+from frictionid.rig.align.recording_folder import MeasuredAngles, head_of, read_angles
 from frictionid.rig.align.sync_edges import MarkerClock, clock_from_edges, edges_of
-from frictionid.rig.controller_clock import ClockRuns
-from frictionid.rig.logfile import Log, read_log
+from frictionid.rig.logfile import ClockRuns, Log, read_log
 from frictionid.rig.protocol import SECOND
 from frictionid.rig.rig_settings import RigSettings, rig_settings_of, rig_tables
 

@@ -18,13 +18,13 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.rig.camera.blobs import (
     Blob,
+    Dot,
     Patch,
     centroid,
     colour_patch,
     colour_regions,
     noise_of,
 )
-from frictionid.rig.camera.dot import Dot
 from frictionid.rig.camera.marker_setup import MarkerSetup
 from frictionid.rig.camera.source import Frame, Image
 

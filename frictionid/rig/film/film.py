@@ -16,8 +16,7 @@ from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
 from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError
-from frictionid.rig.film.scene import Image, Look, Scene, SyncLed
-from frictionid.rig.film.view import View, chain
+from frictionid.rig.film.scene import Image, Look, Scene, SyncLed, View, chain
 from frictionid.simulate.rig_file import settings_of
 
 CLOCK = 90_000  # ticks per second of time stamps
