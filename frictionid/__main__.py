@@ -8,23 +8,18 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.check import check
+from frictionid.cli.check import check, quick
 from frictionid.cli.compare import compare
 from frictionid.cli.data import data
-from frictionid.cli.evaluate import evaluate
+from frictionid.cli.evaluate import evaluate, predict
 from frictionid.cli.fit import fit
-from frictionid.cli.identifiers import identifiers
 from frictionid.cli.init import init
-from frictionid.cli.laws import laws
-from frictionid.cli.mechanisms import mechanisms
-from frictionid.cli.predict import predict
-from frictionid.cli.quick import quick
-from frictionid.cli.quiet import QUIET, without_quiet
+from frictionid.cli.kinds import identifiers, laws, mechanisms
+from frictionid.cli.progress import QUIET, without_quiet
 from frictionid.cli.report import report
-from frictionid.cli.sensitivity import sensitivity
+from frictionid.cli.sensitivity import sensitivity, tune
 from frictionid.cli.simulate import simulate
 from frictionid.cli.suggest import suggest
-from frictionid.cli.tune import tune
 from frictionid.deploy.cli.export import compensate, export
 from frictionid.deploy.cli.monitor import baseline, monitor
 from frictionid.deploy.cli.pool import pool

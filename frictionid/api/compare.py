@@ -7,11 +7,18 @@ from dataclasses import replace as with_changes
 from pathlib import Path
 from typing import Any
 
-from frictionid.api.arguments import count, numbers, optional_number
 from frictionid.api.comparison import Comparison
-from frictionid.api.folder_run import About, run_in_folder
 from frictionid.api.methods import method_of
-from frictionid.api.models import DatasetLike, dataset_of, identifier_of, name_of
+from frictionid.api.models import (
+    DatasetLike,
+    count,
+    dataset_of,
+    identifier_of,
+    name_of,
+    numbers,
+    optional_number,
+)
+from frictionid.api.suites import About, run_in_folder
 from frictionid.comparison.cross_validate import (
     Benchmark,
     PreparedBenchmark,

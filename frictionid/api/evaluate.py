@@ -9,8 +9,14 @@ from typing import Any
 
 import pandas as pd
 
-from frictionid.api.arguments import number, numbers, optional_number
-from frictionid.api.models import DatasetLike, dataset_of, friction_of
+from frictionid.api.models import (
+    DatasetLike,
+    dataset_of,
+    friction_of,
+    number,
+    numbers,
+    optional_number,
+)
 from frictionid.comparison.results import model_scores
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError

@@ -6,10 +6,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from frictionid.api.arguments import count, optional_number
 from frictionid.api.fitted import Fit
 from frictionid.api.methods import method_of
-from frictionid.api.models import DatasetLike, LawLike, dataset_of, friction_of, identifier_of
+from frictionid.api.models import (
+    DatasetLike,
+    LawLike,
+    count,
+    dataset_of,
+    friction_of,
+    identifier_of,
+    optional_number,
+)
 from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fitted
 from frictionid.comparison.smoothing_bias import with_smoothing_bias

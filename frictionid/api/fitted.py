@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.api.arguments import numbers
 from frictionid.api.evaluate import evaluate, predict
-from frictionid.api.models import dataset_of
+from frictionid.api.models import dataset_of, numbers
 from frictionid.arrays import Array
 from frictionid.comparison.fit_model import AS_LOGGED
 from frictionid.comparison.registry import LAWS

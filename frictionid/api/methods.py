@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from frictionid.api.arguments import numbers
-from frictionid.api.models import friction_of
+from frictionid.api.models import friction_of, numbers
 from frictionid.comparison.registry import RECIPES
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
 from frictionid.config import checked, nearest

@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Require, Trust
-from frictionid.cli.paths import SuitePath
+from frictionid.cli.options import Json, Require, SuitePath, Trust
 from frictionid.errors import InputError
 
 
@@ -49,7 +48,7 @@ def compare(
 
     from frictionid.api.suites import open_suite
     from frictionid.cli.progress import running
-    from frictionid.cli.requirements import check_requirements, exit_unless_met
+    from frictionid.cli.report import check_requirements, exit_unless_met
     from frictionid.report import results_json, show
 
     check_requirements(require)

@@ -11,6 +11,7 @@ import typer
 from frictionid.cli.options import (
     Bias,
     Consistent,
+    DatasetPath,
     Equal,
     Fixed,
     Free,
@@ -21,9 +22,8 @@ from frictionid.cli.options import (
     Settings,
     Trust,
     Windows,
+    settings,
 )
-from frictionid.cli.paths import DatasetPath
-from frictionid.cli.settings import settings
 
 if TYPE_CHECKING:
     from frictionid.fitting.method import Method

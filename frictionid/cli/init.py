@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from frictionid.cli.options import Json
-from frictionid.cli.paths import present
+from frictionid.cli.options import Json, present
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known, Tables
@@ -99,7 +98,7 @@ def _write(found: Tables, described: Described, json: bool) -> None:
 
 def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     """The [mechanism] table of the options, the rest asked for."""
-    from frictionid.cli.settings import setting
+    from frictionid.cli.options import setting
     from frictionid.comparison.kind_descriptions import described, mechanisms
     from frictionid.errors import InputError
 

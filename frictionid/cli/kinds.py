@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from frictionid.cli.options import Json
+
 if TYPE_CHECKING:
     from frictionid.comparison.kind_descriptions import KindDescription
+
 
 KindName = Annotated[str, typer.Argument(help="Show all of this one.", show_default=False)]
 
@@ -30,3 +33,24 @@ def list_kinds(
         show_kind(chosen[0])
     else:
         show_kinds(chosen, f"All of one: frictionid {command} NAME")
+
+
+def laws(name: KindName = "", json: Json = False) -> None:
+    """List the friction laws of model files, with their equations, parameters and units."""
+    from frictionid.comparison import kind_descriptions
+
+    list_kinds(kind_descriptions.laws, name, json, "laws")
+
+
+def identifiers(name: KindName = "", json: Json = False) -> None:
+    """List what --identifier of fit and [[identifiers]] of a suite can name, with settings."""
+    from frictionid.comparison import kind_descriptions
+
+    list_kinds(kind_descriptions.identifiers, name, json, "identifiers")
+
+
+def mechanisms(name: KindName = "", json: Json = False) -> None:
+    """List the mechanisms that [mechanism] of a data set can name, with parameters and units."""
+    from frictionid.comparison import kind_descriptions
+
+    list_kinds(kind_descriptions.mechanisms, name, json, "mechanisms")

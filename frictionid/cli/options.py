@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -64,4 +65,128 @@ Windows = Annotated[
 Iterations = Annotated[int | None, typer.Option(min=1, help="Iterations of shooting at most.")]
 Consistent = Annotated[
     bool, typer.Option("--consistent", help="Inverse dynamics: inertias that bodies can have.")
+]
+
+
+def settings(texts: Iterable[str]) -> dict[str, Any]:
+    """Settings by key; a dot in a key leads into a table, as in TOML.
+
+    Raises
+    ------
+    InputError
+        As `setting`, and for a key that is a value and a table.
+
+    >>> settings(["symmetric=false", "bounds.viscous=[0, 1]", "bounds.coulomb=[0, 2]"])
+    {'symmetric': False, 'bounds': {'viscous': [0, 1], 'coulomb': [0, 2]}}
+    """
+    from frictionid.errors import InputError
+
+    out: dict[str, Any] = {}
+    for key, value in map(setting, texts):
+        *tables, name = key.split(".")
+        place = out
+        for table in tables:
+            place = place.setdefault(table, {})
+            if not isinstance(place, dict):
+                raise InputError(f"--set {key}: {table!r} is a value already, and no table")
+        place[name] = value
+    return out
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """Key and value of a setting, the value read as TOML where it is, else as text.
+
+    Raises
+    ------
+    InputError
+        Where there is no key, or no equals sign.
+
+    >>> setting("symmetric=false"), setting("shape = arctan")
+    (('symmetric', False), ('shape', ' arctan'))
+    """
+    from frictionid.config import parse_toml
+    from frictionid.errors import InputError
+
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise InputError(f"--set {text!r} must be key=value, e.g. --set symmetric=false")
+    try:
+        read = parse_toml(f"x = {value}", "--set")
+    except InputError:
+        read = {}
+    return key.strip(), read["x"] if set(read) == {"x"} else value
+
+
+def _dataset(path: Path) -> Path:
+    from frictionid.data.readers.dataset_path import dataset_path
+
+    dataset_path(path)
+    return path
+
+
+def _suite(path: Path) -> Path:
+    from frictionid.comparison.suite import suite_path
+
+    return suite_path(path)
+
+
+def present(path: Path | None) -> Path | None:
+    """The path of a file or folder that a command reads; InputError where there is none."""
+    from frictionid.errors import InputError
+
+    if path is not None and not path.exists():
+        raise InputError(f"{path}: no such file; correct the path")
+    return path
+
+
+def _results(folder: Path) -> Path:
+    if not (folder / "unfinished" / "provenance.json").exists():  # that was interrupted
+        present(folder / "provenance.json")
+    return folder
+
+
+def _other_results(folder: Path | None) -> Path | None:
+    return None if folder is None else _results(folder)
+
+
+def _models_and_dataset(paths: list[Path]) -> list[Path]:
+    for path in paths[:-1]:
+        present(path)
+    if len(paths) > 1:
+        _dataset(paths[-1])
+    return paths
+
+
+def _models(paths: list[Path]) -> list[Path]:
+    for path in paths:
+        present(path)
+    return paths
+
+
+DatasetPath = Annotated[
+    Path,
+    typer.Argument(
+        help="Folder with dataset.toml, that file, or a name, e.g. acrobot_clean.",
+        callback=_dataset,
+    ),
+]
+SuitePath = Annotated[
+    Path, typer.Argument(help="Suite file, or the name of one, e.g. acrobot.", callback=_suite)
+]
+ResultFolder = Annotated[
+    Path, typer.Argument(help="Result folder of a comparison.", callback=_results)
+]
+OtherFolder = Annotated[
+    Path | None,
+    typer.Argument(help="A second one, to say what changed.", callback=_other_results),
+]
+ModelPath = Annotated[Path, typer.Argument(help="Model file.", callback=present)]
+ModelPaths = Annotated[
+    list[Path], typer.Argument(help="MODEL.json MODEL.json ...", callback=_models)
+]
+ModelsAndDataset = Annotated[
+    list[Path], typer.Argument(help="MODEL.json ... DATASET", callback=_models_and_dataset)
+]
+DataFolder = Annotated[
+    Path | None, typer.Option("--data", help="Folder with the tables.", callback=present)
 ]

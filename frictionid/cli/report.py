@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from frictionid.cli.options import Json, Replace, Require
-from frictionid.cli.paths import OtherFolder, ResultFolder
+import typer
+
+from frictionid.cli.options import Json, OtherFolder, Replace, Require, ResultFolder
 from frictionid.errors import InputError
+
+if TYPE_CHECKING:
+    from frictionid.comparison.results import Results
 
 
 def report(
@@ -28,7 +34,7 @@ def report(
         _side_by_side(folder, other, json)
         return
     from frictionid.api.comparison import load_comparison
-    from frictionid.cli.requirements import check_requirements, exit_unless_met
+    from frictionid.cli.report import check_requirements, exit_unless_met
     from frictionid.comparison.result_folder import lock
     from frictionid.report import build, results_json, show
 
@@ -48,3 +54,27 @@ def _side_by_side(folder: Path, other: Path, json: bool) -> None:
 
     found = load_comparison(folder).against(load_comparison(other))
     print(side_by_side_json(found)) if json else show_side_by_side(found)
+
+
+def check_requirements(requirements: Sequence[str] | None) -> None:
+    """Refuse requirements that no verdict could meet, before anything is computed."""
+    from frictionid.report.verdict_document import check_requirement
+
+    for requirement in requirements or ():
+        check_requirement(requirement)
+
+
+def exit_unless_met(results: Results, requirements: Sequence[str] | None) -> None:
+    """Say on standard error which requirements the verdicts do not meet, and exit with 1."""
+    from frictionid.report.sections import sections_of
+    from frictionid.report.verdict import verdict_of
+    from frictionid.report.verdict_document import unmet
+
+    if not requirements:
+        return
+    verdicts = [verdict_of(section) for section in sections_of(results)]
+    lines = [(wanted, line) for wanted in requirements for line in unmet(verdicts, wanted)]
+    for wanted, line in lines:
+        typer.echo(f"frictionid: {line}, not {wanted.rpartition('=')[2]}", err=True)
+    if lines:
+        raise typer.Exit(1)

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Replace
-from frictionid.cli.paths import present
+from frictionid.cli.options import Json, Replace, present
 
 
 def simulate(

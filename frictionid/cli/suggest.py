@@ -7,8 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from frictionid.cli.options import Json, Replace
-from frictionid.cli.paths import present
+from frictionid.cli.options import Json, Replace, present
 
 MechanismFile = Annotated[
     Path, typer.Option(help="Any TOML file with a [mechanism] table.", callback=present)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from frictionid.api.arguments import count as whole
+from frictionid.api.models import count as whole
 from frictionid.api.models import friction_of
 from frictionid.comparison.equal_joints import groups_of
 from frictionid.comparison.registry import LAWS

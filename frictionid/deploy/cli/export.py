@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from frictionid.cli.options import Json, Replace, Trust
-from frictionid.cli.paths import ModelPath, present
+from frictionid.cli.options import Json, ModelPath, Replace, Trust, present
 
 
 def export(

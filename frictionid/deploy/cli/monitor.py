@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Only, Replace, Trust
-from frictionid.cli.paths import DataFolder, DatasetPath, present
+from frictionid.cli.options import DataFolder, DatasetPath, Json, Only, Replace, Trust, present
 
 STATUS = {"unchanged": 0, "changed": 1, "cannot_tell": 3}
 

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Equal, Json, Replace
-from frictionid.cli.paths import ModelPaths
+from frictionid.cli.options import Equal, Json, ModelPaths, Replace
 
 
 def pool(

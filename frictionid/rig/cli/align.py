@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.paths import present
+from frictionid.cli.options import present
 
 
 def align(

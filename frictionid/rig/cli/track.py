@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Replace
-from frictionid.cli.paths import DatasetPath
+from frictionid.cli.options import DatasetPath, Json, Replace
 
 if TYPE_CHECKING:
     from frictionid.rig.camera.angles import Angles
