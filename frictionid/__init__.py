@@ -10,8 +10,10 @@ The names below are imported when they are first asked for, so that `import fric
 
 from __future__ import annotations
 
+import ast
 import sys
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -110,100 +112,18 @@ if TYPE_CHECKING:
     from frictionid.rig.api.track import track as track
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}
-_HOME = {
-    "Aligned": "frictionid.rig.api.align",
-    "AsymmetricCoulombViscous": "frictionid.friction.laws",
-    "AsymmetricFilmLag": "frictionid.friction.laws",
-    "AsymmetricLuGre": "frictionid.friction.laws",
-    "AsymmetricSpline": "frictionid.friction.laws",
-    "AsymmetricStribeck": "frictionid.friction.laws",
-    "BlackBox": "frictionid.identifiers",
-    "Comparison": "frictionid.api.comparison",
-    "Compensation": "frictionid.deploy.use.compensation",
-    "CompressedNetwork": "frictionid.identifiers",
-    "CoulombViscous": "frictionid.friction.laws",
-    "Dahl": "frictionid.friction.laws",
-    "DahlMotorLoad": "frictionid.friction.laws",
-    "Dataset": "frictionid.data.recordings",
-    "FilmLag": "frictionid.friction.laws",
-    "Episode": "frictionid.deploy.use.gym_env",
-    "Fit": "frictionid.api.fitted",
-    "Friction": "frictionid.friction",
-    "FrictionEnv": "frictionid.deploy.use.gym_env",
-    "FrictionVectorEnv": "frictionid.deploy.use.gym_env",
-    "Frictionless": "frictionid.identifiers",
-    "GearLoad": "frictionid.friction.laws",
-    "Identifier": "frictionid.identifiers",
-    "InputError": "frictionid.errors",
-    "Inputs": "frictionid.friction",
-    "LSTM": "frictionid.friction.laws",
-    "Law": "frictionid.friction",
-    "LeastSquares": "frictionid.identifiers",
-    "Linear": "frictionid.identifiers",
-    "LoadDependent": "frictionid.friction.laws",
-    "LoadDependentStribeck": "frictionid.friction.laws",
-    "LuGre": "frictionid.friction.laws",
-    "MLP": "frictionid.friction.laws",
-    "Monitored": "frictionid.deploy.api.monitor",
-    "MotorLoad": "frictionid.friction.laws",
-    "MotorLoadQuadratic": "frictionid.friction.laws",
-    "Network": "frictionid.identifiers",
-    "NoFriction": "frictionid.friction.laws",
-    "OverCovariate": "frictionid.deploy.api.covariate",
-    "Pooled": "frictionid.deploy.api.pool",
-    "Protocol": "frictionid.evaluation.protocol",
-    "Play": "frictionid.friction.laws",
-    "Published": "frictionid.identifiers",
-    "Quadratic": "frictionid.friction.laws",
-    "Recording": "frictionid.data.recordings",
-    "Regressor": "frictionid.identifiers",
-    "Ripple": "frictionid.friction.laws",
-    "SINDy": "frictionid.identifiers",
-    "Signal": "frictionid.data.signals",
-    "Simulator": "frictionid.deploy.use.simulator",
-    "Spline": "frictionid.friction.laws",
-    "Split": "frictionid.evaluation.folds",
-    "Stribeck": "frictionid.friction.laws",
-    "Sum": "frictionid.friction.laws",
-    "Thermal": "frictionid.friction.laws",
-    "TorchModule": "frictionid.friction.laws",
-    "Tracked": "frictionid.rig.api.track",
-    "TrueMotion": "frictionid.data.recordings",
-    "Tuned": "frictionid.api.tune",
-    "Verdict": "frictionid.api.check",
-    "WindowMLP": "frictionid.friction.laws",
-    "align": "frictionid.rig.api.align",
-    "baseline": "frictionid.deploy.api.monitor",
-    "check": "frictionid.api.check",
-    "compare": "frictionid.api.compare",
-    "compensating": "frictionid.deploy.use.compensation",
-    "compensation_table": "frictionid.deploy.use.compensation",
-    "evaluate": "frictionid.api.evaluate",
-    "export": "frictionid.deploy.api.export",
-    "feed_forward": "frictionid.deploy.use.compensation",
-    "fit": "frictionid.api.fit",
-    "fit_model": "frictionid.comparison.fit_model",
-    "identifiers": "frictionid.api.listing",
-    "laws": "frictionid.api.listing",
-    "load_comparison": "frictionid.api.comparison",
-    "load_dataset": "frictionid.data.readers.dataset",
-    "load_model": "frictionid.api.fit",
-    "make_folds": "frictionid.evaluation.folds",
-    "monitor": "frictionid.deploy.api.monitor",
-    "over_covariate": "frictionid.deploy.api.covariate",
-    "pool": "frictionid.deploy.api.pool",
-    "predict": "frictionid.api.evaluate",
-    "predicted_motion": "frictionid.evaluation.predicted_motion",
-    "quick": "frictionid.api.quick",
-    "run_suite": "frictionid.api.suites",
-    "sensitivity": "frictionid.api.sensitivity",
-    "simulate": "frictionid.api.simulate",
-    "suggest": "frictionid.api.suggest",
-    "suggest_trajectories": "frictionid.api.suggest",
-    "track": "frictionid.rig.api.track",
-    "tune": "frictionid.api.tune",
-}
 
+
+def _modules() -> dict[str, str]:
+    """The module of each public name, as the imports above have it."""
+    tree = ast.parse(Path(__file__).read_text(encoding="utf-8"))
+    imports = next(node.body for node in tree.body if isinstance(node, ast.If))
+    lines = [node for node in imports if isinstance(node, ast.ImportFrom) and node.module]
+    homes = {str(a.asname): str(n.module) for n in lines for a in n.names}
+    return {name: module for name, module in homes.items() if name not in _ROOMS}
+
+
+_HOME = _modules()
 __all__ = ["__version__", *_HOME, *_ROOMS]
 
 

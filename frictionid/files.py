@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
@@ -226,3 +227,25 @@ def shipped_names(kind: Kind) -> list[str]:
 def is_shipped(path: Path, kind: Kind) -> bool:
     """Whether a path is nothing but the name of something that comes with the package."""
     return str(path) == path.name and path.name in shipped_names(kind)
+
+
+def suite_path(path: Path) -> Path:
+    """The path of a suite: a file, or else the suite of that name that comes with the package.
+
+    Raises
+    ------
+    InputError
+        Where there is neither, with the nearest one.
+
+    Examples
+    --------
+    >>> suite_path(Path("acrobot")).name
+    'acrobot.toml'
+    """
+    if path.is_file() or (path.exists() and not is_shipped(path, "comparisons")):
+        return path
+    if is_shipped(path, "comparisons"):
+        return shipped("comparisons") / f"{path}.toml"
+    others = sorted(str(p) for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
+    near = get_close_matches(str(path), [*others, *shipped_names("comparisons")], n=1)
+    raise InputError(f"{path}: no such suite{f'; did you mean {near[0]}?' if near else ''}")

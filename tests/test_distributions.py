@@ -33,7 +33,7 @@ import sys
 from pathlib import Path
 import frictionid
 from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite import suite_path
+from frictionid.files import suite_path
 from frictionid.comparison.suite_tasks import tasks_of
 assert Path(frictionid.__file__).is_relative_to(sys.argv[1]), frictionid.__file__
 suite = suite_path(Path("acrobot"))

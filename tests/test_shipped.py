@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from frictionid.comparison.suite import suite_path
 from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.errors import InputError
-from frictionid.files import shipped, shipped_names
+from frictionid.files import shipped, shipped_names, suite_path
 
 
 @pytest.fixture(autouse=True)

@@ -177,27 +177,6 @@ def _listed(recipes: str | Method | Sequence[str | Method]) -> Sequence[str | Me
     return recipes
 
 
-def _comparison(
-    tasks: Sequence[Task],
-    found: Mapping[tuple[str, str], tuple[Task, Result]],
-    prepared: Mapping[str, PreparedBenchmark],
-) -> Comparison:
-    dataset = tasks[0].benchmark.dataset
-    protocol = tasks[0].benchmark.protocol
-    settings = {
-        "horizons": protocol.horizons,
-        "every": protocol.every,
-        "history": protocol.history,
-        "sample_time": protocol.sample_time,
-        "seeds": [tasks[0].seed],
-        "folds": {"count": tasks[0].benchmark.folds.count},
-        "datasets": [{"path": dataset.name}],
-    }
-    ordered = [found[task.name, task.recipe.name] for task in tasks]
-    results = results_in_memory(dataset.name, settings, ordered, prepared, LAWS)
-    return Comparison(results, dataset, fitted={key: result for key, (_, result) in found.items()})
-
-
 def _named(models: Mapping[str, Any] | Sequence[Any]) -> list[tuple[str, Any]]:
     """Models with their names in tables, all different."""
     if isinstance(models, str) or not isinstance(models, Mapping | Sequence):

@@ -1,4 +1,4 @@
-"""Laws, models and data sets as a user gives them: names, classes, objects, or paths."""
+"""What a user names: laws, models, data sets, numbers; each mistake ends in one sentence."""
 
 from __future__ import annotations
 

@@ -19,11 +19,12 @@ from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
 from frictionid.comparison.sensitivity.settings import SensitivitySettings
 from frictionid.comparison.sensitivity.study import cases_of, run_cases, sensitivity_cases
-from frictionid.comparison.suite import load_suite, suite_path
+from frictionid.comparison.suite import load_suite
 from frictionid.comparison.tasks import Task
 from frictionid.config import mistake
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
+from frictionid.files import suite_path
 from frictionid.fitting.method import Method
 from frictionid.outputs import check_unchanged, check_writable
 from frictionid.report.figures.sensitivity import over_amounts, summarised, tornado

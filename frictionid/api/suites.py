@@ -16,9 +16,10 @@ from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import lock, unfinished
 from frictionid.comparison.results import Results, describe, load_results
-from frictionid.comparison.suite import Suite, suite_path
+from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+from frictionid.files import suite_path
 from frictionid.outputs import check_writable
 from frictionid.report import build
 

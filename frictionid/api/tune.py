@@ -13,9 +13,9 @@ import pandas as pd
 from frictionid.comparison import suite as suites
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.search_space import Objective, Tuning
-from frictionid.comparison.suite import suite_path
 from frictionid.comparison.tuning import StudyResult, TuningTask, study_specs, tuning_tasks
 from frictionid.comparison.tuning import tune as search
+from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
 from frictionid.report.figures.style import drawn
 from frictionid.report.figures.tuning import progress

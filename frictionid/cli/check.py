@@ -1,4 +1,4 @@
-"""frictionid check: errors in recordings and what they identify, before any fit."""
+"""frictionid check and quick: errors in recordings, and a first verdict."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import DataFolder, DatasetPath, Json, Replace, Trust
+from frictionid.cli.options import DataFolder, DatasetPath, Json, Replace, Tables, Trust
 
 
 def check(
     dataset: DatasetPath,
-    data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
+    data: Tables = None,
     published: Annotated[
         Path | None, typer.Option(help="Model file to compare with the data.")
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
+    json: Json = False,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
     replace: Replace = False,
     trust: Trust = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Require, SuitePath, Trust
+from frictionid.cli.options import Json, Require, SuitePath, SuiteTables, Trust
 from frictionid.errors import InputError
 
 
@@ -21,9 +21,7 @@ class Device(StrEnum):
 
 def compare(
     suite: SuitePath,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with the tables of the suite's one data set.")
-    ] = None,
+    data: SuiteTables = None,
     out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>].")] = None,
     jobs: Annotated[
         int, typer.Option(min=0, help="Number of parallel tasks; 0: one per core.")
@@ -47,7 +45,7 @@ def compare(
     from joblib import cpu_count
 
     from frictionid.api.suites import open_suite
-    from frictionid.cli.progress import running
+    from frictionid.cli.progress import interruptible, running
     from frictionid.cli.report import check_requirements, exit_unless_met
     from frictionid.report import results_json, show
 
@@ -56,17 +54,13 @@ def compare(
         raise InputError("--jobs is for this computer, --dask for a cluster: give one of them")
     where = device.value if device else None
     opened = open_suite(suite, data=data, out=out, device=where, trust=trust)
-    try:
-        title = f"comparing ({opened.suite.name})"
-        with running([*opened.steps.values()], title, jobs or cpu_count()) as count:
-            compared = opened.run(jobs=jobs, dask=dask, resume=resume, replace=replace, done=count)
-    except KeyboardInterrupt:
-        typer.echo(
-            f"frictionid: interrupted; what is done stays in {opened.folder}: finish it with "
-            "--resume",
-            err=True,
-        )
-        raise typer.Exit(130) from None
+    with (
+        interruptible(f"what is done stays in {opened.folder}: finish it with --resume"),
+        running(
+            [*opened.steps.values()], f"comparing ({opened.suite.name})", jobs or cpu_count()
+        ) as count,
+    ):
+        compared = opened.run(jobs=jobs, dask=dask, resume=resume, replace=replace, done=count)
     print(results_json(compared.results)) if json else show(compared.results)
     _say_what_stays(opened.folder, list(opened.steps))
     exit_unless_met(compared.results, require)

@@ -1,4 +1,4 @@
-"""frictionid evaluate: score model files on a data set."""
+"""frictionid evaluate and predict: scores of model files, and the motion that they predict."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from frictionid.cli.options import (
     DataFolder,
     DatasetPath,
     Json,
+    Laws,
     ModelPath,
     ModelsAndDataset,
     Replace,
+    SampleTime,
+    Tables,
     Trust,
 )
 
@@ -24,14 +27,9 @@ def evaluate(
     horizons: Annotated[
         str, typer.Option(help="Rollout horizons in seconds, with commas.")
     ] = "0.1,0.25,0.5,1.0",
-    data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
-    sample_time: Annotated[
-        float | None, typer.Option(help="Use samples at least this far apart [s].")
-    ] = None,
-    law: Annotated[
-        list[str] | None,
-        typer.Option(help="Class of a law that is not built in, module:Class; repeatable."),
-    ] = None,
+    data: Tables = None,
+    sample_time: SampleTime = None,
+    law: Laws = None,
     whole: Annotated[
         bool, typer.Option(help="Also simulate whole recordings from their start.")
     ] = False,
@@ -108,10 +106,7 @@ def predict(
     whole: Annotated[
         bool, typer.Option("--whole", help="Whole recordings from their start instead.")
     ] = False,
-    law: Annotated[
-        list[str] | None,
-        typer.Option(help="Class of a law that is not built in, module:Class; repeatable."),
-    ] = None,
+    law: Laws = None,
     data: DataFolder = None,
     json: Json = False,
     replace: Replace = False,

@@ -19,7 +19,9 @@ from frictionid.cli.options import (
     Json,
     KnownCalibration,
     Replace,
+    SampleTime,
     Settings,
+    Tables,
     Trust,
     Windows,
     settings,
@@ -36,10 +38,8 @@ def fit(
     out: Annotated[Path, typer.Option(help="Model file to write.")],
     set_: Settings = None,
     recipe: Annotated[str, typer.Option(help="One-step recipe: integral, or study.")] = "integral",
-    data: Annotated[Path | None, typer.Option(help="Folder with the tables.")] = None,
-    sample_time: Annotated[
-        float | None, typer.Option(help="Use samples at least this far apart [s].")
-    ] = None,
+    data: Tables = None,
+    sample_time: SampleTime = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
     by: Annotated[
         str | None,

@@ -1,4 +1,4 @@
-"""What the commands that list kinds share."""
+"""frictionid laws, identifiers and mechanisms: the kinds that can be named."""
 
 from __future__ import annotations
 

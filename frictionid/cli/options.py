@@ -1,4 +1,4 @@
-"""Options that several commands have."""
+"""Options and arguments that several commands have; wrong paths are refused before imports."""
 
 from __future__ import annotations
 
@@ -63,6 +63,16 @@ Windows = Annotated[
     str | None, typer.Option(help="Lengths of the windows of shooting [s], e.g. 0.1,0.3.")
 ]
 Iterations = Annotated[int | None, typer.Option(min=1, help="Iterations of shooting at most.")]
+Laws = Annotated[
+    list[str] | None,
+    typer.Option("--law", help="Class of a law that is not built in, module:Class; repeatable."),
+]
+SampleTime = Annotated[float | None, typer.Option(help="Use samples at least this far apart [s].")]
+Tables = Annotated[Path | None, typer.Option("--data", help="Folder with the tables.")]
+SuiteTables = Annotated[
+    Path | None,
+    typer.Option("--data", help="Folder with the tables of the suite's one data set."),
+]
 Consistent = Annotated[
     bool, typer.Option("--consistent", help="Inverse dynamics: inertias that bodies can have.")
 ]
@@ -125,7 +135,7 @@ def _dataset(path: Path) -> Path:
 
 
 def _suite(path: Path) -> Path:
-    from frictionid.comparison.suite import suite_path
+    from frictionid.files import suite_path
 
     return suite_path(path)
 

@@ -1,4 +1,4 @@
-"""A progress bar for long work, with the time that is left."""
+"""What a command shows: a progress bar, nothing with --quiet, advice after Ctrl-C."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from typing import Any
+
+import typer
 
 QUIET = ("--quiet", "-q")
 
@@ -29,6 +31,16 @@ def without_quiet(words: Sequence[str]) -> Iterator[list[str]]:
         return
     with redirect_stdout(_Nowhere()):
         yield rest
+
+
+@contextmanager
+def interruptible(advice: str) -> Iterator[None]:
+    """Work that Ctrl-C ends with one line of advice and exit status 130."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo(f"frictionid: interrupted; {advice}", err=True)
+        raise typer.Exit(130) from None
 
 
 @contextmanager

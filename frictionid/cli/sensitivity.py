@@ -1,4 +1,4 @@
-"""frictionid sensitivity: what a wrong parameter, sensor or circumstance does to friction."""
+"""frictionid sensitivity and tune: what errors do to friction; search of settings."""
 
 from __future__ import annotations
 
@@ -9,14 +9,12 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import Json, Replace, SuitePath, Trust
+from frictionid.cli.options import Json, Replace, SuitePath, SuiteTables, Trust
 
 
 def sensitivity(
     suite: SuitePath,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with the tables of the suite's one data set.")
-    ] = None,
+    data: SuiteTables = None,
     out: Annotated[
         Path | None, typer.Option(help="Result folder [report/<suite>-sensitivity].")
     ] = None,
@@ -38,7 +36,7 @@ def sensitivity(
     parameters held and free. Fits that are in the folder are kept.
     """
     from frictionid.api.sensitivity import sensitivity_of_suite
-    from frictionid.cli.progress import counted
+    from frictionid.cli.progress import counted, interruptible
     from frictionid.files import json_text
     from frictionid.report.figures.sensitivity import summarised
     from frictionid.report.sensitivity import sensitivity_table, studies
@@ -47,7 +45,7 @@ def sensitivity(
     def bar(total: int) -> AbstractContextManager[Callable[[str], None]]:
         return counted(total, "sensitivity")
 
-    try:
+    with interruptible("finished fits are kept: run the same command again"):
         frame, page = sensitivity_of_suite(
             suite,
             data=data,
@@ -59,11 +57,6 @@ def sensitivity(
             trust=trust,
             progress=bar,
         )
-    except KeyboardInterrupt:
-        typer.echo(
-            "frictionid: interrupted; finished fits are kept: run the same command again", err=True
-        )
-        raise typer.Exit(130) from None
     if json:
         rows = summarised(frame).to_dict(orient="records")
         print(json_text({"fits": rows, "written": [page]}), end="")
@@ -75,9 +68,7 @@ def sensitivity(
 
 def tune(
     suite: SuitePath,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with the tables of the suite's one data set.")
-    ] = None,
+    data: SuiteTables = None,
     out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>-tune].")] = None,
     trials: Annotated[
         int | None, typer.Option(min=1, help="Number of trials of each study [the suite's].")
@@ -92,20 +83,15 @@ def tune(
 ) -> None:
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
     from frictionid.api.tune import open_tuning
-    from frictionid.cli.progress import counted
+    from frictionid.cli.progress import counted, interruptible
     from frictionid.report.tuning import outcome_json
 
     opened = open_tuning(suite, data=data, out=out, trials=trials, trust=trust)
-    try:
-        with counted(opened.total, f"tuning ({opened.name})") as done:
-            tuned = opened.run(jobs=jobs, resume=resume, replace=replace, done=done)
-    except KeyboardInterrupt:
-        typer.echo(
-            f"frictionid: interrupted; what is done stays in {opened.folder}: finish it with "
-            "--resume",
-            err=True,
-        )
-        raise typer.Exit(130) from None
+    with (
+        interruptible(f"what is done stays in {opened.folder}: finish it with --resume"),
+        counted(opened.total, f"tuning ({opened.name})") as done,
+    ):
+        tuned = opened.run(jobs=jobs, resume=resume, replace=replace, done=done)
     if json:
         print(outcome_json(tuned.studies, tuned.page), end="")
         return

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import present
+from frictionid.cli.options import Json, present
 
 
 def align(
@@ -32,7 +32,7 @@ def align(
     hold: Annotated[
         str, typer.Option(help="The logged torque between two rows: previous, or linear.")
     ] = "previous",
-    json: Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """Estimate offset and drift between two clocks from the motion itself (docs/drive.md)."""
     import json as texts
