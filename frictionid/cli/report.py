@@ -34,7 +34,6 @@ def report(
         _side_by_side(folder, other, json)
         return
     from frictionid.api.comparison import load_comparison
-    from frictionid.cli.report import check_requirements, exit_unless_met
     from frictionid.comparison.result_folder import lock
     from frictionid.report import build, results_json, show
 
