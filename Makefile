@@ -107,18 +107,18 @@ endef
 
 $(CORE): pyproject.toml constraints.txt $(if $(BROKEN),ALWAYS)
 	$(if $(READY),,$(create))
-	$(call install,.)
+	$(call install,'.[all]')
 	@pwd -P >.venv/place
 	@$(ONE_THREAD) $(BIN)/python -m frictionid.dynamics.tangent.compile_loops
 
 $(TEST): $(CORE)
 	@echo "Adding pytest, MuJoCo, Pinocchio, CasADi, ONNX to .venv: 0.3 GB to download, 0.8 GB on disk, a minute."
-	$(call install,'.[test]')
+	$(call install,'.[all,test]')
 
 $(DEV): $(CORE)
 	@echo "Adding ruff, mypy, pre-commit to .venv: 0.1 GB on disk, ten seconds."
-	$(call install,'.[dev]')
+	$(call install,'.[all,dev]')
 
 $(DOCS): $(CORE)
 	@echo "Adding MkDocs to .venv: 20 MB to download, 0.1 GB on disk, ten seconds."
-	$(call install,'.[docs]')
+	$(call install,'.[all,docs]')

@@ -1,5 +1,8 @@
 """The one exception that tells the user what to change."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 _LONGEST = 1200  # characters of a message
 
 
@@ -20,6 +23,26 @@ class InputError(ValueError):
         text = printable(" ".join(message.split()))
         half = _LONGEST // 2
         super().__init__(text if len(text) <= _LONGEST else f"{text[:half]} [...] {text[-half:]}")
+
+
+@contextmanager
+def needs(extra: str) -> Iterator[None]:
+    """Imports of packages that an extra of frictionid installs; a missing one is an InputError.
+
+    >>> with needs("export"):
+    ...     import no_such_package
+    Traceback (most recent call last):
+        ...
+    frictionid.errors.InputError: no_such_package is not installed: pip install 'frictionid[export]'
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if str(error.name).startswith("frictionid"):
+            raise
+        raise InputError(
+            f"{error.name} is not installed: pip install 'frictionid[{extra}]'"
+        ) from None
 
 
 def printable(text: str) -> str:

@@ -13,13 +13,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import serial
-from serial.tools import list_ports
-
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.rig.logfile import Appender, Layout
 from frictionid.rig.protocol import Cells, Format, Rejected, diagnosis, framed, parsed
 from frictionid.rig.rig_settings import RigSettings
+
+with needs("drive"):
+    import serial
+    from serial.tools import list_ports
+
 
 _CHUNK = 65536
 _WRITE_TIMEOUT = 1.0  # [s]

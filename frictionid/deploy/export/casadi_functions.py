@@ -9,15 +9,11 @@ from typing import Any, NamedTuple
 
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
-from frictionid.errors import InputError
+from frictionid.errors import needs
 from frictionid.programs.program import Program
 
-try:
+with needs("export"):
     import casadi
-except ImportError:
-    raise InputError(
-        "format casadi needs CasADi, which is not installed: pip install frictionid[export]"
-    ) from None
 
 OPERATIONS: Mapping[str, Any] = {
     "add": lambda a, b: a + b,

@@ -15,16 +15,12 @@ import numpy as np
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.expressions import TRUTHS
 from frictionid.deploy.export.formats import ExportSettings, Written
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.programs.program import Line, Operand, Program, Value
 
-try:
+with needs("export"):
     import onnx
     from onnx import TensorProto, helper
-except ImportError:
-    raise InputError(
-        "format onnx needs the package onnx, which is not installed: pip install frictionid[export]"
-    ) from None
 
 _OPSET = 17
 _NODES = {

@@ -7,13 +7,15 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
-import torch
-
 from frictionid.deploy.export.exported import INPUTS, ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.friction import Inputs
 from frictionid.programs.program import Program
+
+with needs("networks"):
+    import torch
+
 
 _OPERATIONS: Mapping[str, Any] = {
     "add": lambda a, b: a + b,

@@ -10,16 +10,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
-from frictionid.errors import InputError
+from frictionid.errors import needs
 from frictionid.friction import Friction
 from frictionid.friction.laws import LinearOutside, Table
 
-try:
+with needs("export"):
     import yaml
-except ImportError:
-    raise InputError(
-        "format yaml needs PyYAML, which is not installed: pip install frictionid[export]"
-    ) from None
 
 FORMAT = "frictionid table 1"
 _SLOWEST, _COUNT, _UNKNOWN = 3e-3, 26, 10.0  # [rad/s], speeds, greatest speed where unknown

@@ -11,14 +11,10 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.deploy.use.simulator import Simulator
 from frictionid.dynamics.state import State
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 
-try:
+with needs("gym"):
     import gymnasium
-except ImportError:
-    raise InputError(
-        "environments are those of Gymnasium, which is not installed: pip install frictionid[gym]"
-    ) from None
 
 # reward of the positions and velocities that a torque has led to, (..., n) each: (...)
 Reward = Callable[[Array, Array, Array], Any]

@@ -12,12 +12,16 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.errors import needs
 from frictionid.rig.camera.marker_setup import Marker
 from frictionid.rig.camera.source import Image
+
+with needs("camera"):
+    import cv2
+
 
 _LEVEL = 0.4  # share of the colour from which on a pixel may belong to a dot
 _EDGE = 2.5  # [px] around the dot that belong to its window

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from frictionid.data.video_file import VideoFormat, video_file
+from frictionid.errors import needs
 from frictionid.rig.camera.angles import FOUND, LOST, Angles
 from frictionid.rig.camera.source import Frame, Image, Source
+
+with needs("camera"):
+    import cv2
+
 
 _COLOURS = {FOUND: (90, 255, 90), "predicted": (60, 190, 255), LOST: (90, 90, 255)}
 _SHEET, _ACROSS = 12, 4  # pictures of the contact sheet

@@ -10,11 +10,10 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.rig.camera.marker_setup import (
     MIN_HUE_DISTANCE,
     Camera,
@@ -24,6 +23,10 @@ from frictionid.rig.camera.marker_setup import (
     hue_distance,
 )
 from frictionid.rig.camera.source import Frame, Image, Source
+
+with needs("camera"):
+    import cv2
+
 
 _SECONDS, _FRAMES = 5.0, 90  # of the video that are analysed, and how many frames of them
 _CHROMA, _SATURATION = 45.0, 0.33  # from which on a pixel is colourful

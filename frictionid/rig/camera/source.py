@@ -11,11 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
+
+with needs("camera"):
+    import cv2
+
 
 # FFmpeg, which OpenCV loads with its first video, would write lines beside our one; -8 is quiet
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")

@@ -7,15 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from typing import Literal
 
-import cv2
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.rig.camera.angles import Angles, angles_of
 from frictionid.rig.camera.follow import FrameMarkers, follow, gather
 from frictionid.rig.camera.marker_setup import Marker, MarkerSetup, SyncLed
 from frictionid.rig.camera.source import Frame, Image, Source
+
+with needs("camera"):
+    import cv2
+
 
 _HUE = 15.0  # [deg] of hue that belong to a dot
 _LEVEL = 0.4  # least saturation and value, relative to the dot's

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Literal
 
-import cv2
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
@@ -15,9 +14,13 @@ from frictionid.config import NotNegative, Positive, check_settings, read_toml
 from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
 from frictionid.data.video_file import VideoFormat, video_file
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.rig.film.scene import Image, Look, Scene, SyncLed, View, chain
 from frictionid.simulate.rig_file import settings_of
+
+with needs("camera"):
+    import cv2
+
 
 CLOCK = 90_000  # ticks per second of time stamps
 _STREAK = 1.0  # [px] between two instants of an exposure

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -14,7 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from frictionid.config import Positive, check_settings
 from frictionid.data.signals import Array
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
+
+with needs("camera"):
+    import cv2
+
 
 Image = NDArray[np.uint8]
 _SHIFT = 4  # fractional bits of the coordinates of lines

@@ -109,5 +109,5 @@ def test_a_batch_of_another_size_is_refused():
 def test_without_gymnasium_there_is_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     monkeypatch.delitem(sys.modules, "frictionid.deploy.use.gym_env")
-    with pytest.raises(InputError, match=r"pip install frictionid\[gym\]"):
+    with pytest.raises(InputError, match=r"pip install 'frictionid\[gym\]'"):
         importlib.import_module("frictionid.deploy.use.gym_env")
