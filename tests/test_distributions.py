@@ -22,7 +22,15 @@ def test_every_extra_is_imported_somewhere() -> None:
     files = (p for room in ("frictionid", "comparisons", "tests") for p in (ROOT / room).rglob("*"))
     source = "\n".join(path.read_text() for path in files if path.suffix == ".py")
     imported = set(re.findall(r'(?:^\s*(?:import|from) |importorskip\(")(\w+)', source, re.M))
-    tools, modules = {"dev", "docs", "test"}, {"pin": "pinocchio", "pyyaml": "yaml"}
+    tools = {"all", "dev", "docs", "test"}
+    modules = {
+        "array-api-compat": "array_api_compat",
+        "opencv-python-headless": "cv2",
+        "pin": "pinocchio",
+        "pyserial": "serial",
+        "pyyaml": "yaml",
+        "scikit-learn": "sklearn",
+    }
     optional = project["optional-dependencies"]
     wanted = {Requirement(r).name for extra in optional.keys() - tools for r in optional[extra]}
     assert {name for name in wanted if modules.get(name, name) not in imported} == set()

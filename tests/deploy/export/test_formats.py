@@ -37,7 +37,7 @@ PACKAGES = {"casadi": "casadi_functions", "onnx": "onnx_graph", "yaml": "yaml_ta
 
 @pytest.mark.parametrize(("package", "module"), PACKAGES.items())
 def test_a_missing_package_is_asked_for(package, module, monkeypatch):
-    monkeypatch.delitem(sys.modules, f"frictionid.export.{module}", raising=False)
+    monkeypatch.delitem(sys.modules, f"frictionid.deploy.export.{module}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=r"not installed: pip install 'frictionid\[export\]'"):
         writer_of(package)
