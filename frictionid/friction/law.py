@@ -105,6 +105,9 @@ class Law(ABC):
         in those combinations that the motion shows.
     reads_window : bool
         Whether the memory holds samples of the motion, whatever theta is.
+    stepwise : tuple of str
+        Parameters in which friction at samples changes by steps: a derivative does not show where
+        the next step is, so that fits try other values of them.
     left_out_of_files : tuple of str
         Settings that model files leave out; the class has defaults for them.
     cannot_be_saved : str
@@ -136,6 +139,7 @@ class Law(ABC):
     is_sparse: bool = False
     is_network: bool = False
     reads_window: bool = False
+    stepwise: tuple[str, ...] = ()
     left_out_of_files: tuple[str, ...] = ()
     cannot_be_saved: str = ""
     __dataclass_fields__: ClassVar[dict[str, Any]]  # every law is a dataclass

@@ -33,6 +33,8 @@ _CLEAR = 1e-8  # a change of slope above rounding
 _ROUNDS = 2  # of weights
 _ENOUGH = 100_000  # rows to begin with, where there are more
 _NEAR = 1e-2  # tolerance of the fits that give the next weights
+_SPREADS = (8.0, 2.0, 1.2, 1.03)  # factors up and down over which stepwise parameters are tried
+_TRIED = 17  # values of each
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,12 @@ class LeastSquares(Identifier):
             if self.prior:
                 variance = _cost(residual, reduced) / _freedom(law, reduced)
         state = _first(law, theta, stepped, reduced, variance)
-        return self._minimum(law, state, self.tolerance)
+        theta = self._minimum(law, state, self.tolerance)
+        for spread in _SPREADS if law.law.stepwise else ():
+            tried = _tried(law, theta, reduced, spread)
+            state = _first(law, theta, tried, reduced, variance)
+            theta = self._minimum(law, state, self.tolerance)
+        return theta
 
     def _begin(self, law: Linearised, weights: Array) -> tuple[Array, Array]:
         """Two guesses (F, N) each to begin at: of many rows, the fit of some of them."""
@@ -170,6 +177,27 @@ def _first(
         _cost(law.problem.r[None], weights),
     )
     return state._replace(**_with_prior(state, descent, hessian))
+
+
+def _tried(law: Linearised, theta: Array, weights: Array, spread: float) -> Array:
+    """Parameters (F, N) with the values of stepwise ones, one after the other, of lowest cost.
+
+    Values are tried from theta / spread to theta spread, within the bounds. Between two steps of
+    the cost its slope is that of the other samples alone, or zero.
+    """
+    P, (low, high) = len(law.law.names), law.bounds
+    stepwise = np.array([name in law.law.stepwise for name in law.law.names])
+    columns = np.flatnonzero(law.once(np.broadcast_to(stepwise, (1, law.joints, P)))[0])
+    theta = theta.copy()
+    for column in columns:
+        values = theta[:, column] * np.geomspace(1 / spread, spread, _TRIED)[:, None]
+        costs = []
+        for value in np.clip(values, low[:, column], high[:, column]):
+            theta[:, column] = value
+            costs.append(_cost(law.residual(theta), weights))
+        best = np.argmin(costs, axis=0)
+        theta[:, column] = np.clip(values, low[:, column], high[:, column])[best, range(len(theta))]
+    return theta
 
 
 def _cost(residual: Array, weights: Array) -> Array:

@@ -28,6 +28,7 @@ class FilmLaw(Law):
     """
 
     stribeck = StribeckLevel()
+    stepwise = ("stribeck_velocity", "lag")
 
     @property
     def names(self) -> tuple[str, ...]:

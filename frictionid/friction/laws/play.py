@@ -49,6 +49,7 @@ class Play(Law):
     closing: Positive = 0.01
     width: float = 0.02
     shape: str = "tanh"
+    stepwise = ("gap",)
 
     def __post_init__(self) -> None:
         super().__post_init__()

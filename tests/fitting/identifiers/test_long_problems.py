@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frictionid.fitting.identifiers import LeastSquares, least_squares, linearised
+from frictionid.fitting.identifiers import LeastSquares, least_squares
 from frictionid.fitting.identifiers.initial_guess import _grams
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.one_step import linearised
 from frictionid.fitting.one_step.linearised import Given, Linearised
 from frictionid.friction import Nodes, along
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
