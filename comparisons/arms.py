@@ -35,20 +35,18 @@ from frictionid.fitting.torque_balance import (
 from frictionid.fitting.torque_balance.residual import left_to_friction
 from frictionid.friction import along
 from frictionid.friction.laws import (
-    AsymmetricCoulombViscous,
     CoulombViscous,
     LoadDependent,
-    LoadDependentStribeck,
     Stribeck,
 )
 
 DATA = Path(__file__).parent.parent / "data"
 LAWS = {
     "Coulomb and viscous": CoulombViscous(),
-    "by direction": AsymmetricCoulombViscous(),
+    "by direction": CoulombViscous(symmetric=False),
     "Stribeck": Stribeck(),
     "load-dependent": LoadDependent(),
-    "load-dependent, Stribeck": LoadDependentStribeck(),
+    "load-dependent, Stribeck": LoadDependent(stribeck=True),
 }
 BLOCKS = 5  # of the cross-validation
 PRIOR = 0.3  # of the base parameters, relative to their size

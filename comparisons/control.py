@@ -29,7 +29,7 @@ from rich.table import Table
 import frictionid as fid
 from frictionid.deploy.export.casadi_functions import casadi_functions
 from frictionid.deploy.export.exported import exported
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, NoFriction
+from frictionid.friction.laws import CoulombViscous, NoFriction, Stribeck
 from frictionid.mechanics.description import equations_of_motion
 from frictionid.mechanics.symbolic import scalar_code
 from frictionid.simulate import Rig, load_rig, sampled_loop
@@ -50,7 +50,11 @@ FOLLOW = 4.0  # [s] of the other motion
 RECORDINGS = 8  # of the data set, for a fit
 STATE_WEIGHT = np.diag([20.0, 20.0, 1.0, 1.0])
 TORQUE_WEIGHT = 10.0
-MODELS = {"none": None, "Coulomb-viscous": CoulombViscous(), "recommended": AsymmetricStribeck()}
+MODELS = {
+    "none": None,
+    "Coulomb-viscous": CoulombViscous(),
+    "recommended": Stribeck(symmetric=False),
+}
 NONE = fid.Friction(NoFriction(), np.zeros((2, 0)))
 HOLDING = (0.0, 3.0, 0.0, 0.15)  # feedback after the plan: the elbow's alone, the shaft sticks
 OBSERVER = (0.6, 0.25)  # share of a wrong angle that is believed, and that goes to the velocity

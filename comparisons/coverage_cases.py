@@ -15,7 +15,6 @@ import numpy as np
 
 from frictionid.data.recordings import Dataset
 from frictionid.friction.laws import (
-    AsymmetricStribeck,
     CoulombViscous,
     Dahl,
     FilmLag,
@@ -126,7 +125,7 @@ _GEAR = {
 LAWS: dict[str, tuple[Any, Callable[[dict[str, Sequence[float]]], Any], dict[str, Any]]] = {
     "coulomb_viscous": (CoulombViscous(), _static, _C),
     "stribeck": (Stribeck(), _static, _P),
-    "stribeck_asymmetric": (AsymmetricStribeck(), _static, _SIDED),
+    "stribeck_asymmetric": (Stribeck(symmetric=False), _static, _SIDED),
     "spline": (Spline(knots=KNOTS), _static, _WIDE),
     "load_dependent": (LoadDependent(), _loaded, {**_C, "load_coefficient": (0.008, 0.006)}),
     "motor_load": (MotorLoad(), _loaded, {**_C, "loss": (0.15, 0.15)}),

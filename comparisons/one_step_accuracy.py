@@ -29,7 +29,7 @@ from frictionid.fitting.identifiers import LeastSquares, SINDy
 from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
-from frictionid.friction.laws import LSTM, MLP, AsymmetricStribeck
+from frictionid.friction.laws import LSTM, MLP, Stribeck
 from frictionid.simulate import Curve, load_rig, noise_free, simulate
 from frictionid.simulate import Stribeck as SimulatedStribeck
 
@@ -44,7 +44,7 @@ def accuracy(name: str, dataset: Any) -> list[tuple[str, str]]:
     for recipe, robust in ((STUDY, None), (INTEGRAL, None), (INTEGRAL, 3.0)):
         problem = training_problem(dataset, plant_of(dataset), recipe)
         weights = np.ones((1, len(problem.r)))
-        identifier = LeastSquares(AsymmetricStribeck(), robust=robust)
+        identifier = LeastSquares(Stribeck(symmetric=False), robust=robust)
         friction = identifier.fit(problem, weights, 0)[0]
         errors.append(curve_error(curves(friction, grid), true, grid))
         shown = " / ".join(f"{100 * e:.1f} %" for e in errors[-1])

@@ -23,7 +23,7 @@ from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.shooting import Shooting
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricStribeck
+from frictionid.friction.laws import Stribeck
 
 MOST = 1.5  # times the curve error of clean data
 
@@ -65,7 +65,7 @@ def error_of(friction: Friction, clean: Dataset) -> Array:
 def main(seeds: int) -> None:
     """Print curve errors [%] of each case, and whether they are within the limit."""
     clean = load_dataset(Path(__file__).parents[1] / "data" / "acrobot_clean")
-    identifier = LeastSquares(AsymmetricStribeck())
+    identifier = LeastSquares(Stribeck(symmetric=False))
     for recipe in (INTEGRAL, Shooting()):
         usual = error_of(fit_model(clean, identifier, recipe), clean)
         print(f"{recipe.name}, clean: {100 * usual[0]:.3f} {100 * usual[1]:.3f} %")

@@ -48,14 +48,14 @@ from frictionid.fitting.parameters import (
     ParameterBlock,
 )
 from frictionid.fitting.shooting import Refined, Shooting, refine
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Spline, Stribeck
+from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.rig import true_system
 
 DATA = Path(__file__).parent.parent / "data"
 ALL = (FrictionBlock(), InertiaBlock(), DelayBlock())
-LAWS = (CoulombViscous(), Stribeck(), AsymmetricStribeck(), Spline())
+LAWS = (CoulombViscous(), Stribeck(), Stribeck(symmetric=False), Spline())
 COULOMB = Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008))
 ONE = 1.0  # [s] ahead
 UNSEEN = 100  # added to the seeds of sets that only test
@@ -92,7 +92,7 @@ def machine(seed: int) -> tuple[np.ndarray, ...]:
     rig = load_rig(DATA / "acrobot_sim" / "rig.toml")
     with threadpool_limits(1):
         dataset = simulate(rig, seed)
-        found = fitted(dataset, AsymmetricStribeck())
+        found = fitted(dataset, Stribeck(symmetric=False))
         base = np.asarray(found.calibration.base) / true_system(rig).p - 1.0
         late = np.abs(found.calibration.delay - rig.drive.delay)
         later = ahead(found, simulate(rig, UNSEEN + seed))
@@ -130,7 +130,7 @@ def gained(rig: Rig) -> Lines:
     """A torque that is 5 % larger than logged, one base parameter known."""
     dataset = simulate(replace(rig, drive=replace(rig.drive, gain=1.05)))
     blocks = (FrictionBlock(), InertiaBlock(fixed=("gravity_2",)), GainBlock())
-    gain = float(fitted(dataset, AsymmetricStribeck(), blocks).rig.gain[1])
+    gain = float(fitted(dataset, Stribeck(symmetric=False), blocks).rig.gain[1])
     return [("gain 1.05, gravity_2 fixed: found (to 1 %)", f"{gain:.4f}")]
 
 
@@ -140,7 +140,7 @@ def weighed(rig: Rig) -> Lines:
     heavy = replace(rig, true_parameters={"m3": float(mass)})
     dataset, true = simulate(heavy), true_system(heavy).p
     free, told = (
-        fitted(dataset, AsymmetricStribeck(), blocks)
+        fitted(dataset, Stribeck(symmetric=False), blocks)
         for blocks in ((FrictionBlock(), InertiaBlock()), (FrictionBlock(),))
     )
     base = np.abs(np.asarray(free.calibration.base) / true - 1.0).max()

@@ -81,21 +81,13 @@ if TYPE_CHECKING:
     from frictionid.friction import Law as Law
     from frictionid.friction.laws import LSTM as LSTM
     from frictionid.friction.laws import MLP as MLP
-    from frictionid.friction.laws import AsymmetricCoulombViscous as AsymmetricCoulombViscous
-    from frictionid.friction.laws import AsymmetricFilmLag as AsymmetricFilmLag
-    from frictionid.friction.laws import AsymmetricLuGre as AsymmetricLuGre
-    from frictionid.friction.laws import AsymmetricSpline as AsymmetricSpline
-    from frictionid.friction.laws import AsymmetricStribeck as AsymmetricStribeck
     from frictionid.friction.laws import CoulombViscous as CoulombViscous
     from frictionid.friction.laws import Dahl as Dahl
-    from frictionid.friction.laws import DahlMotorLoad as DahlMotorLoad
     from frictionid.friction.laws import FilmLag as FilmLag
     from frictionid.friction.laws import GearLoad as GearLoad
     from frictionid.friction.laws import LoadDependent as LoadDependent
-    from frictionid.friction.laws import LoadDependentStribeck as LoadDependentStribeck
     from frictionid.friction.laws import LuGre as LuGre
     from frictionid.friction.laws import MotorLoad as MotorLoad
-    from frictionid.friction.laws import MotorLoadQuadratic as MotorLoadQuadratic
     from frictionid.friction.laws import NoFriction as NoFriction
     from frictionid.friction.laws import Play as Play
     from frictionid.friction.laws import Quadratic as Quadratic

@@ -33,7 +33,8 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
+from frictionid.friction.laws import CoulombViscous
+from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.simulate import Curve, Rig, Stribeck, load_rig, simulate
 
 HERE = Path(__file__).parent
@@ -43,7 +44,10 @@ OURS = "frictionid"
 WAYS = ("documented", "batched", "free")
 COULOMB = Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008))
 SHARP = 1e-6  # [rad/s]: curves are compared with a true sgn(w)
-LAWS = {"coulomb_viscous": CoulombViscous(width=SHARP), "stribeck": AsymmetricStribeck(width=SHARP)}
+LAWS = {
+    "coulomb_viscous": CoulombViscous(width=SHARP),
+    "stribeck": StribeckLaw(width=SHARP, symmetric=False),
+}
 # what has to hold: our curve error over the peer's, and its wall time over ours
 ERROR_BAR = {"coulomb_viscous": 1.0, "stribeck": 0.1}
 TIME_BAR = 10.0

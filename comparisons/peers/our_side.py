@@ -23,9 +23,9 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import refine
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
+from frictionid.friction.laws import CoulombViscous, Stribeck
 
-LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": AsymmetricStribeck()}
+LAWS = {"coulomb_viscous": CoulombViscous(), "stribeck": Stribeck(symmetric=False)}
 
 
 def dataset_of(task: Task) -> Dataset:

@@ -40,12 +40,12 @@ class Kind:
 
     Examples
     --------
-    >>> from frictionid.friction.laws import AsymmetricStribeck, Stribeck
+    >>> from frictionid.friction.laws import CoulombViscous, Stribeck
     >>> from frictionid.fitting.identifiers import LeastSquares
     >>> asymmetric = Choice("symmetric", False, (LeastSquares, AsymmetricStribeck))
     >>> kind = Kind((LeastSquares, Stribeck), (asymmetric,))
     >>> kind.build({"symmetric": False, "width": 0.1, "iterations": 9}, "identifier").law
-    AsymmetricStribeck(width=0.1, shape='tanh')
+    Stribeck(width=0.1, shape='tanh', symmetric=False)
     """
 
     parts: tuple[Part, ...]

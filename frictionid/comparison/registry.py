@@ -1,9 +1,11 @@
-"""The only place where parts have names: laws of model files, what suites and commands can name."""
+"""What suites, commands and model files can name: the laws by their kinds, and other parts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 from frictionid.comparison.kinds import Choice, Kind, Part
 from frictionid.data.state_estimators import RTS, Backward, SavitzkyGolay
@@ -34,79 +36,31 @@ from frictionid.fitting.parameters import (
     ParameterBlock,
     TargetDelayBlock,
 )
-from frictionid.friction import Friction
+from frictionid.friction import Friction, Law, laws
 from frictionid.friction.laws import (
     LSTM,
     MLP,
-    AsymmetricCoulombViscous,
-    AsymmetricFilmLag,
-    AsymmetricLuGre,
-    AsymmetricSpline,
-    AsymmetricStribeck,
-    CoulombViscous,
-    Dahl,
-    DahlMotorLoad,
-    Ensemble,
-    FilmLag,
-    GearLoad,
     Library,
-    LoadDependent,
-    LoadDependentStribeck,
-    LuGre,
-    MotorLoad,
-    MotorLoadQuadratic,
-    NoFriction,
-    PerJoint,
-    Play,
-    Quadratic,
-    Ripple,
     Spline,
-    StateLibrary,
     StateLSTM,
     StateMLP,
-    Stribeck,
-    Sum,
     Table,
-    Thermal,
     WindowMLP,
 )
 from frictionid.friction.model_files import load_model, own_law
 
-LAWS: Mapping[str, type] = {
-    "none": NoFriction,
-    "coulomb_viscous": CoulombViscous,
-    "coulomb_viscous_asymmetric": AsymmetricCoulombViscous,
-    "motor_load": MotorLoad,
-    "motor_load_quadratic": MotorLoadQuadratic,
-    "gear_load": GearLoad,
-    "load_dependent": LoadDependent,
-    "load_dependent_stribeck": LoadDependentStribeck,
-    "quadratic": Quadratic,
-    "stribeck": Stribeck,
-    "stribeck_asymmetric": AsymmetricStribeck,
-    "spline": Spline,
-    "spline_asymmetric": AsymmetricSpline,
-    "ripple": Ripple,
-    "per_joint": PerJoint,
-    "play": Play,
-    "sum": Sum,
-    "library": Library,
-    "table": Table,
-    "thermal": Thermal,
-    "state_library": StateLibrary,
-    "film_lag": FilmLag,
-    "film_lag_asymmetric": AsymmetricFilmLag,
-    "dahl": Dahl,
-    "dahl_motor_load": DahlMotorLoad,
-    "lugre": LuGre,
-    "lugre_asymmetric": AsymmetricLuGre,
-    "ensemble": Ensemble,
-    "mlp": MLP,
-    "window_mlp": WindowMLP,
-    "lstm": LSTM,
-    "state_mlp": StateMLP,
-    "state_lstm": StateLSTM,
-}
+
+def _built_in() -> Iterator[type[Law]]:
+    """The laws of the files in `friction/laws` that model files can hold."""
+    for module in iter_modules(laws.__path__, f"{laws.__name__}."):
+        for law in vars(import_module(module.name)).values():
+            if not (isinstance(law, type) and issubclass(law, Law)):
+                continue
+            if law.kind and law.__module__ == module.name and "__dataclass_params__" in vars(law):
+                yield law
+
+
+LAWS: Mapping[str, type[Law]] = dict(sorted((law.kind, law) for law in _built_in()))
 
 
 def friction_of(path: Path, own_laws: Sequence[str] = ()) -> Friction:
@@ -129,44 +83,20 @@ def _kind(*parts: Part, choices: Sequence[Choice] = (), without: Sequence[str] =
     return Kind(parts, tuple(choices), frozenset((*_FROM_THE_PROBLEM, *without)))
 
 
-def _law(symmetric: type, asymmetric: type, identifier: Part = LeastSquares) -> Kind:
-    """A law whose levels differ by direction with `symmetric = false`."""
-    other = Choice("symmetric", False, (identifier, asymmetric))
-    return _kind(identifier, symmetric, choices=[other])
-
-
-def _variant(law: type, key: str, variant: type) -> Kind:
-    """A law, and another one with `key = true`."""
-    return _kind(LeastSquares, law, choices=[Choice(key, True, (LeastSquares, variant))])
-
-
 _SOLVERS = (
     Choice("solver", "levenberg_marquardt", (CompressedNetwork, MLP)),
     Choice("solver", "adam", (Network, MLP)),
     Choice("inputs", "all", (Network, MLP)),
 )
 
-IDENTIFIERS: Mapping[str, Kind] = {
+
+# Laws of identifiers of their own; all others are fitted by nonlinear least squares.
+_FITTED_OTHERWISE: Mapping[str, Kind] = {
     "none": _kind(Frictionless),
-    "coulomb_viscous": _law(CoulombViscous, AsymmetricCoulombViscous),
-    "motor_load": _variant(MotorLoad, "squared", MotorLoadQuadratic),
-    "gear_load": _kind(LeastSquares, GearLoad),
-    "load_dependent": _variant(LoadDependent, "stribeck", LoadDependentStribeck),
-    "quadratic": _kind(LeastSquares, Quadratic),
-    "stribeck": _law(Stribeck, AsymmetricStribeck),
-    "spline": _law(Spline, AsymmetricSpline, Linear),
-    "ripple": _kind(LeastSquares, Ripple),
-    "per_joint": _kind(LeastSquares, PerJoint),
-    "play": _kind(LeastSquares, Play),
-    "sum": _kind(LeastSquares, Sum),
-    "thermal": _kind(LeastSquares, Thermal),
+    "spline": _kind(Linear, Spline),
     "sindy": _kind(SINDy, Library),
     "sklearn": _kind(Regressor, estimator_named, without=["inputs"]),
     "sindy_dynamics": _kind(BlackBox, SparseDynamics),
-    "film_lag": _law(FilmLag, AsymmetricFilmLag),
-    "dahl": _kind(LeastSquares, Dahl),
-    "dahl_motor_load": _kind(LeastSquares, DahlMotorLoad),
-    "lugre": _law(LuGre, AsymmetricLuGre),
     "mlp": _kind(CompressedNetwork, MLP, choices=_SOLVERS, without=_OF_SEQUENCES),
     "window_mlp": _kind(Network, WindowMLP, without=["inputs", *_OF_SEQUENCES]),
     "lstm": _kind(Network, LSTM, without=["inputs"]),
@@ -175,6 +105,14 @@ IDENTIFIERS: Mapping[str, Kind] = {
     ),
     "blackbox_lstm": _kind(BlackBox, StateNetwork, Network, StateLSTM, without=["inputs"]),
     "published": _kind(Published, _published),
+}
+IDENTIFIERS: Mapping[str, Kind] = {
+    **{
+        kind: _kind(LeastSquares, law)
+        for kind, law in LAWS.items()
+        if not (law.is_network or law.is_sparse or law is Table)
+    },
+    **_FITTED_OTHERWISE,
 }
 ESTIMATORS: Mapping[str, Kind] = {
     "backward": Kind((Backward,), internal=frozenset({"support"})),

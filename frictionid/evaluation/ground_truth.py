@@ -14,14 +14,14 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.sample_faults import LARGEST
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricLuGre, AsymmetricStribeck
+from frictionid.friction.laws import FilmLag, LuGre, Stribeck
 
 # The law of each kind of truth, and what its table has besides the steady-state curve. Stribeck
 # velocities and what follows stand in the order of the law's parameters.
 MODELS: Mapping[str, tuple[Any, tuple[str, ...]]] = {
-    "stribeck": (AsymmetricStribeck(), ()),
-    "film_lag": (AsymmetricFilmLag(), ("lag",)),
-    "lugre": (AsymmetricLuGre(), ("bristle_stiffness", "bristle_damping", "damping_velocity")),
+    "stribeck": (Stribeck(symmetric=False), ()),
+    "film_lag": (FilmLag(symmetric=False), ("lag",)),
+    "lugre": (LuGre(symmetric=False), ("bristle_stiffness", "bristle_damping", "damping_velocity")),
 }
 
 
@@ -33,7 +33,7 @@ def steady_state(truth: Mapping[str, Any], width: float = 1e-6) -> Friction:
     InputError
         Where the table does not hold one finite number for each parameter and joint.
     """
-    law = AsymmetricStribeck(width=width)
+    law = Stribeck(width=width, symmetric=False)
     theta = _columns(truth, law.names, np.size(truth.get(law.names[0], ())))
     return Friction(law, theta, provenance={"source": "truth"})
 
@@ -70,7 +70,7 @@ def true_friction(truth: Mapping[str, Any]) -> Friction | None:
     law, own = MODELS[truth["kind"]]
     curve = steady_state(truth, law.width)
     columns = _columns(truth, own, curve.n)
-    if isinstance(law, AsymmetricLuGre):
+    if isinstance(law, LuGre):
         if not (columns > 0)[:, [0, 2]].all():
             raise InputError("[truth] bristle_stiffness and damping_velocity must be positive")
         # bristles have a stiffness here, in the law a bend at the mean break-away level

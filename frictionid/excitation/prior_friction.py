@@ -33,7 +33,7 @@ def prior_friction_of(text: str, limits: Limits) -> Friction:
       joint 1  coulomb 0.01 N m, viscous 0.002 N m s/rad
       joint 2  coulomb 0.01 N m, viscous 0.002 N m s/rad
     """
-    given = table_of("--friction", text, CoulombViscous.names, _EXAMPLE)
+    given = table_of("--friction", text, CoulombViscous().names, _EXAMPLE)
     joints = (len(limits.torque), "joints")
     level = SHARE * float(limits.torque.max())
     coulomb = np.full(joints[0], level)

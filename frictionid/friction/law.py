@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -108,6 +109,8 @@ class Law(ABC):
     stepwise : tuple of str
         Parameters in which friction at samples changes by steps: a derivative does not show where
         the next step is, so that fits try other values of them.
+    kind : str
+        Name in suites, commands and model files: that of the class in snake case; "": it has none.
     left_out_of_files : tuple of str
         Settings that model files leave out; the class has defaults for them.
     cannot_be_saved : str
@@ -140,9 +143,16 @@ class Law(ABC):
     is_network: bool = False
     reads_window: bool = False
     stepwise: tuple[str, ...] = ()
+    kind: ClassVar[str] = ""
     left_out_of_files: tuple[str, ...] = ()
     cannot_be_saved: str = ""
     __dataclass_fields__: ClassVar[dict[str, Any]]  # every law is a dataclass
+
+    def __init_subclass__(cls) -> None:
+        """Give a law its name in files, unless it says one itself."""
+        if "kind" not in vars(cls):
+            words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__)
+            cls.kind = words.lower()
 
     @property
     @abstractmethod

@@ -137,7 +137,7 @@ def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
         *("--set", "symmetric=false", "--set", "width = 0.05", "--set", "shape=arctan"),
         *("--recipe", "study", "--sample-time", 2 / RATE, "--seed", 3),
     )
-    assert code == 0 and "AsymmetricStribeck(width=0.05, shape='arctan')" in out
+    assert code == 0 and "Stribeck(width=0.05, shape='arctan', symmetric=False)" in out
     model = json.loads((place / "other.json").read_text())
     source = model["provenance"]
     assert source["seed"] == 3 and source["sample_time"] == 2 / RATE

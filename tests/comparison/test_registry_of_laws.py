@@ -13,13 +13,10 @@ from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
-    AsymmetricCoulombViscous,
-    AsymmetricFilmLag,
-    AsymmetricLuGre,
+    CoulombViscous,
     Dahl,
     FilmLag,
     LoadDependent,
-    LoadDependentStribeck,
     LuGre,
     Quadratic,
     check_law,
@@ -64,15 +61,15 @@ def test_the_page_of_laws_has_every_law():
 @pytest.mark.parametrize(
     ("kind", "settings", "law"),
     [
-        ("coulomb_viscous", {"symmetric": False}, AsymmetricCoulombViscous()),
+        ("coulomb_viscous", {"symmetric": False}, CoulombViscous(symmetric=False)),
         ("load_dependent", {"width": 0.1}, LoadDependent(0.1)),
-        ("load_dependent", {"stribeck": True}, LoadDependentStribeck()),
+        ("load_dependent", {"stribeck": True}, LoadDependent(stribeck=True)),
         ("quadratic", {"shape": "arctan"}, Quadratic(shape="arctan")),
         ("film_lag", {}, FilmLag()),
-        ("film_lag", {"symmetric": False}, AsymmetricFilmLag()),
+        ("film_lag", {"symmetric": False}, FilmLag(symmetric=False)),
         ("dahl", {"width": 0.05}, Dahl(0.05)),
         ("lugre", {}, LuGre()),
-        ("lugre", {"symmetric": False, "width": 0.1}, AsymmetricLuGre(0.1)),
+        ("lugre", {"symmetric": False, "width": 0.1}, LuGre(0.1, symmetric=False)),
     ],
 )
 def test_settings_choose_the_law(kind, settings, law):

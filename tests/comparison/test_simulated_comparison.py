@@ -13,7 +13,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe, training_problem
-from frictionid.friction.laws import AsymmetricStribeck
+from frictionid.friction.laws import Stribeck
 from frictionid.simulate import load_rig, noise_free, simulate
 
 
@@ -21,7 +21,9 @@ def errors(dataset: Dataset, recipe: Recipe) -> Array:
     """Curve error of each joint, fitted to all recordings."""
     assert dataset.truth is not None
     problem = training_problem(dataset, plant_of(dataset), recipe)
-    fitted = LeastSquares(AsymmetricStribeck()).fit(problem, np.ones((1, len(problem.r))), 0)[0]
+    fitted = LeastSquares(Stribeck(symmetric=False)).fit(problem, np.ones((1, len(problem.r))), 0)[
+        0
+    ]
     speeds = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
     grid = velocity_grid(np.concatenate(speeds))
     return curve_error(curves(fitted, grid), curves(steady_state(dataset.truth), grid), grid)

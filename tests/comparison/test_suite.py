@@ -20,7 +20,7 @@ from frictionid.evaluation import Protocol, Split
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model
 
 
@@ -97,7 +97,7 @@ def test_a_suite_is_the_constructor_calls_of_its_parts(place):
     file = write_toml(place / "suite.toml", document)
     made = tasks_of(load_suite(file), file)
     local = Recipe("local", SavitzkyGolay(5, 2), "integral", 0.1)
-    none, mine = Frictionless(), LeastSquares(AsymmetricStribeck(0.05))
+    none, mine = Frictionless(), LeastSquares(Stribeck(0.05, symmetric=False))
     rubs = LeastSquares(CoulombViscous(shape="arctan"))
     expected = [("none", none, STUDY)]
     for recipe in (STUDY, local):
@@ -127,7 +127,7 @@ def test_the_truth_stands_beside_the_identifiers_where_it_is_one_of_our_laws(pla
     truths = [task for task in tasks(place) if task.name == "truth"]
     assert [task.recipe for task in truths] == [STUDY, INTEGRAL]
     theta = truths[0].identifier.friction.theta[0]
-    assert theta.tolist() == [TRUTH[name][0] for name in AsymmetricStribeck().names]
+    assert theta.tolist() == [TRUTH[name][0] for name in Stribeck(symmetric=False).names]
     write_dataset(place / "hidden", name="hidden", changes=[("truth.kind", "maxwell_slip")])
     write_dataset(place / "measured", name="measured", changes=[("truth", None)])
     for name in ("hidden", "measured"):

@@ -40,7 +40,7 @@ NETWORK = known.MLP(hidden=(4, 4))
 LAWS: dict[str, tuple[Law, list[float]]] = {
     "none": (known.NoFriction(), []),
     "coulomb": (known.CoulombViscous(), [0.03, 0.01]),
-    "stribeck": (known.AsymmetricStribeck(), [0.02, 0.03, 0.01, 0.02, 0.5, 0.01]),
+    "stribeck": (known.Stribeck(symmetric=False), [0.02, 0.03, 0.01, 0.02, 0.5, 0.01]),
     "a wide smoothing": (known.CoulombViscous(width=0.1), [0.03, 0.01]),
     "an arctangent": (known.CoulombViscous(shape="arctan"), [0.03, 0.01]),
     "motor load": (known.MotorLoad(), [0.02, 0.01, 0.1]),

@@ -15,7 +15,6 @@ from frictionid.dynamics.step_size import step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
 from frictionid.friction.laws import (
-    AsymmetricStribeck,
     CoulombViscous,
     FilmLag,
     NoFriction,
@@ -125,7 +124,7 @@ def test_a_second_is_that_of_the_simulator_with_its_real_stick():
     )
     true = simulated(system, start.q, start.w, u, np.arange(61) / 60, 5e-4)
     for width, most in ((0.02, 4e-4), (0.005, 1e-4)):
-        friction = Friction(AsymmetricStribeck(width=width), theta)
+        friction = Friction(Stribeck(width=width, symmetric=False), theta)
         motion = rollout(plant, friction, start, u, np.full(60, 1 / 60))
         error = np.abs(motion.q - true[:, 0]).max(axis=-1)
         assert np.median(error[-1]) < most and error[-1].max() < 0.01

@@ -15,7 +15,7 @@ from frictionid.dynamics.step_size import substeps
 from frictionid.dynamics.torque_balance import Balance, sticking_torque
 from frictionid.dynamics.zero_crossing import Substep, after_crossing, crossing
 from frictionid.friction import Friction, Inputs
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 
 # 0.01 kg m^2 without gravity: a rotor on which torques are loads
@@ -23,7 +23,7 @@ ROTOR = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1, "g": 0.0}
 INERTIA = 0.01
 DOUBLE = Plant.from_parameters(double_pendulum(), {})
 # break-away 0.1 for positive and 0.06 for negative velocities, sliding levels 0.07 and 0.05
-UNEQUAL = Friction(AsymmetricStribeck(), np.array([[0.07, 0.05, 0.03, 0.01, 1.0, 0.0]]))
+UNEQUAL = Friction(Stribeck(symmetric=False), np.array([[0.07, 0.05, 0.03, 0.01, 1.0, 0.0]]))
 
 
 def coulomb(*levels, width=0.02):

@@ -11,10 +11,12 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
+from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import save_model
 
-TRUE = Friction(AsymmetricStribeck(), np.array([[v[0] for k, v in TRUTH.items() if k != "kind"]]))
+TRUE = Friction(
+    Stribeck(symmetric=False), np.array([[v[0] for k, v in TRUTH.items() if k != "kind"]])
+)
 WRONG = Friction(CoulombViscous(), np.array([[0.05, 0.0]]))
 
 

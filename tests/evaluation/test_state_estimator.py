@@ -10,7 +10,8 @@ import pytest
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.initial_state_estimator import estimate_initial_states
 from frictionid.friction import Friction, Law
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag
+from frictionid.friction.laws import CoulombViscous, FilmLag
+from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.friction.smooth_sign import smooth_sign
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
@@ -141,7 +142,7 @@ def test_a_memory_of_samples_is_that_of_the_motion_found(drag):
 @pytest.mark.parametrize(
     ("law", "theta"),
     [
-        (AsymmetricStribeck(), [[0.02, 0.02, 0.0, 0.0, 1.0, 0.002]]),
+        (StribeckLaw(symmetric=False), [[0.02, 0.02, 0.0, 0.0, 1.0, 0.002]]),
         (FilmLag(), [[0.02, 0.0, 1.0, 0.002, 0.01]]),
     ],
 )

@@ -8,7 +8,6 @@ from fixtures.memory_laws import Follower, Sampled
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along, at_rest, memory_along
 from frictionid.friction.laws import (
-    AsymmetricStribeck,
     CoulombViscous,
     FilmLag,
     NoFriction,
@@ -23,7 +22,7 @@ STATIC = {
     "arctan": (CoulombViscous(0.01, "arctan"), np.array([[0.1, 0.02], [0.05, 0.01]])),
     "stribeck": (Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]])),
     "asymmetric": (
-        AsymmetricStribeck(),
+        Stribeck(symmetric=False),
         np.array([[0.1, 0.08, 0.03, 0.05, 1.5, 0.02], [0.05, 0.06, 0.0, 0.04, 0.7, 0.01]]),
     ),
 }
@@ -98,7 +97,7 @@ def test_richer_laws_contain_the_plainer_ones():
     both = np.stack([level, level, peak, peak, ws, viscous], axis=-1)
     stribeck = Friction(Stribeck(), theta)
     np.testing.assert_allclose(
-        Friction(AsymmetricStribeck(), both).torque(x), stribeck.torque(x), rtol=1e-14
+        Friction(Stribeck(symmetric=False), both).torque(x), stribeck.torque(x), rtol=1e-14
     )
     flat = theta * [1.0, 0.0, 1.0, 1.0]
     plain = Friction(CoulombViscous(), theta[:, [0, 3]])
@@ -116,7 +115,7 @@ def test_levels_far_above_the_smoothing_are_the_parameters():
 
 
 def test_an_unknown_shape_of_the_sign_is_refused():
-    for law in (CoulombViscous, Stribeck, AsymmetricStribeck):
+    for law in (CoulombViscous, Stribeck):
         with pytest.raises(InputError, match="shape = 'step' is unknown; known are tanh, arctan"):
             law(shape="step")
     with pytest.raises(ValueError, match="must be 'tanh' or 'arctan', got 'step'"):

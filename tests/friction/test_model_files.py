@@ -18,7 +18,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json, write_text
 from frictionid.friction import Friction
-from frictionid.friction.laws import MLP, AsymmetricStribeck, CoulombViscous, NoFriction, Stribeck
+from frictionid.friction.laws import MLP, CoulombViscous, NoFriction, Stribeck
 from frictionid.friction.model_files import load_model, model_document, read_model, save_model
 
 FRICTION = Friction(
@@ -62,7 +62,7 @@ def _units():
 
 
 @pytest.mark.parametrize(
-    "law", [NoFriction(), CoulombViscous(0.1), Stribeck(), AsymmetricStribeck()]
+    "law", [NoFriction(), CoulombViscous(0.1), Stribeck(), Stribeck(symmetric=False)]
 )
 @pytest.mark.parametrize("batch", [(), (3,), (2, 3)])
 def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):

@@ -8,7 +8,7 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.friction import Friction, units_of
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics import Plant, linear_axis, mechanism_of
 
@@ -45,7 +45,7 @@ def test_options_are_checked():
         mechanism_of({"kind": "linear_axis", "driven": 3})
 
 
-@pytest.mark.parametrize("law", [CoulombViscous(), Stribeck(), AsymmetricStribeck()], ids=str)
+@pytest.mark.parametrize("law", [CoulombViscous(), Stribeck(), Stribeck(symmetric=False)], ids=str)
 def test_no_unit_of_a_prismatic_joint_turns(law):
     assert units_of(law) == law.units
     assert not any("rad" in unit or "N m" in unit for unit in units_of(law, "m"))

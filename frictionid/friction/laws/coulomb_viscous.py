@@ -9,7 +9,7 @@ from typing import ClassVar
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
 from frictionid.friction.law import LinearLaw
-from frictionid.friction.laws.levels import LEVEL, by_side
+from frictionid.friction.laws.levels import LEVEL, SIDES, by_side
 
 
 @dataclass(frozen=True)
@@ -18,45 +18,40 @@ class CoulombViscous(LinearLaw):
 
     The physics step holds a joint at rest by itself; the width only has to be well below the
     velocities of interest [Olsson1998].
+
+    symmetric : false gives each direction a Coulomb level, `coulomb_positive` for w > 0 and
+        `coulomb_negative` for w < 0; both are positive numbers
     """
 
     width: float = 0.02
     shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 2
+    symmetric: bool = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        levels = ("coulomb",) if self.symmetric else tuple(f"coulomb{side}" for side in SIDES)
+        return (*levels, "viscous")
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return (*("N m",) * (len(self.names) - 1), "N m s/rad")
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return (LEVEL,) * len(self.names)
 
     def levels(self, x: Inputs) -> Mapping[int, Array | float]:
-        return {0: 1.0}
+        return {0: 1.0} if self.symmetric else dict(enumerate(by_side(x.w, 1.0 + 0.0 * x.w)))
 
     def drags(self, x: Inputs) -> Mapping[int, Array | float]:
-        return {1: x.w}
-
-
-@dataclass(frozen=True)
-class AsymmetricCoulombViscous(LinearLaw):
-    """Tf = coulomb sgn(w) + viscous w, with a Coulomb level for each direction.
-
-    `coulomb_positive` holds for w > 0, `coulomb_negative` for w < 0; both are positive numbers.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = ("coulomb_positive", "coulomb_negative", "viscous")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
-
-    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
-        return dict(enumerate(by_side(x.w, 1.0 + 0.0 * x.w)))
-
-    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
-        return {2: x.w}
+        return {1 if self.symmetric else 2: x.w}
 
 
 @dataclass(frozen=True)
 class NoFriction(Law):
     """Tf = 0. It has no parameters: theta has shape (..., n, 0)."""
 
+    kind = "none"
     names: ClassVar[tuple[str, ...]] = ()
     units: ClassVar[tuple[str, ...]] = ()
     bounds: ClassVar[tuple[tuple[float, float], ...]] = ()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
@@ -48,20 +47,40 @@ class Dahl(Law):
     presliding [N m/rad]. Memory is the bend z [rad]. It starts as in steady sliding; of a joint at
     rest the bend is not known, and is taken to grow over `width` [rad/s]. At rest the spring holds
     the joint, there is no break-away level.
+
+    motor_load : true lets the level grow with the motor torque u, coulomb + loss |u|, as in
+        `MotorLoad`: the spring is stiffer under load
     """
 
     width: float = 0.02
     shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "presliding")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, PRESLIDING)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple((0.0, 0.0, z) for z in PRESLIDINGS)
+    motor_load: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return ("coulomb", "viscous", "presliding", *(("loss",) if self.motor_load else ()))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return ("N m", "N m s/rad", "rad", *(("1",) if self.motor_load else ()))
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        return (LEVEL, LEVEL, PRESLIDING, *((SHARE,) if self.motor_load else ()))
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        loss = (0.0,) if self.motor_load else ()
+        return tuple((0.0, 0.0, z, *loss) for z in PRESLIDINGS)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
         return (theta[..., 2] * smooth_sign(x.w, self.width, self.shape),)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return theta[..., 0] * memory[0] / theta[..., 2] + theta[..., 1] * x.w
+        level = theta[..., 0]
+        if self.motor_load:
+            level = level + theta[..., 3] * namespace(x.u).abs(x.u)
+        return level * memory[0] / theta[..., 2] + theta[..., 1] * x.w
 
     def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array]:
         return bristle_relaxation(x.w, theta[..., 2], dt)
@@ -72,24 +91,3 @@ class Dahl(Law):
     def sharpened(self) -> Law:
         """The law itself: its smoothing says how the bristles start, they hold the joint."""
         return self
-
-
-@dataclass(frozen=True)
-class DahlMotorLoad(Dahl):
-    """Tf = (coulomb + loss |u|) z/presliding + viscous w, with dz/dt = w - |w| z/presliding.
-
-    A gear whose level grows with the motor torque u that it transmits, as in `MotorLoad`
-    [Duclusaud2025], and that gives by `presliding` before it slips, as in `Dahl` [Dahl1968]: the
-    spring is stiffer under load.
-    """
-
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "presliding", "loss")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad", "rad", "1")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL, LEVEL, PRESLIDING, SHARE)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (0.0, 0.0, z, 0.0) for z in PRESLIDINGS
-    )
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = theta[..., 0] + theta[..., 3] * namespace(x.u).abs(x.u)
-        return level * memory[0] / theta[..., 2] + theta[..., 1] * x.w

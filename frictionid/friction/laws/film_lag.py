@@ -13,22 +13,33 @@ from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import COARSE_VELOCITIES, LEVEL, SIDES, StribeckLevel
+from frictionid.friction.laws.levels import COARSE_VELOCITIES, LEVEL, StribeckLevel, stribeck_level
 from frictionid.friction.smooth_sign import smooth_sign
 
 _LAG = (1e-3, 1.0)  # [s]; what is faster than a millisecond is no memory
 _STARTS = tuple((ws, lag) for lag in (0.01, 0.06) for ws in COARSE_VELOCITIES)
 
 
-class FilmLaw(Law):
-    """Stribeck friction whose level is that of the film, for one side or for each.
+@dataclass(frozen=True)
+class FilmLag(Law):
+    """Tf = (coulomb + peak exp(-(z/stribeck_velocity)^2)) sgn(w) + viscous w, z = |w| after `lag`.
 
-    Memory is the film's height z >= 0, written as the speed [rad/s] at which it would be steady; it
-    starts so, and advances by the exact solution for a constant speed.
+    The film z follows the speed with the time constant `lag` [s]. Memory is the film's height
+    z >= 0, written as the speed [rad/s] at which it would be steady; it starts so, and advances by
+    the exact solution for a constant speed.
+
+    symmetric : false gives each direction a Coulomb level and a peak; the film is one for both
     """
 
-    stribeck = StribeckLevel()
+    width: float = 0.02
+    shape: str = "tanh"
+    symmetric: bool = True
     stepwise = ("stribeck_velocity", "lag")
+
+    @property
+    def stribeck(self) -> StribeckLevel:
+        """The level, of both directions or of each."""
+        return stribeck_level(self.symmetric)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,27 +70,3 @@ class FilmLaw(Law):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.stribeck.at(theta, memory[0], x.w) + 0.0 * x.w
-
-
-@dataclass(frozen=True)
-class FilmLag(FilmLaw):
-    """Tf = (coulomb + peak exp(-(z/stribeck_velocity)^2)) sgn(w) + viscous w, z = |w| after `lag`.
-
-    The film z follows the speed with the time constant `lag` [s].
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-
-
-@dataclass(frozen=True)
-class AsymmetricFilmLag(FilmLaw):
-    """Tf = (coulomb + peak exp(-(z/stribeck_velocity)^2)) sgn(w) + viscous w, by direction.
-
-    As `FilmLag`, with a Coulomb level and a peak for each direction of motion. The film,
-    and with it the Stribeck velocity and the lag, is one for both.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-    stribeck = StribeckLevel(SIDES)

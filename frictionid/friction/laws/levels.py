@@ -85,6 +85,11 @@ class StribeckLevel(NamedTuple):
         return [*(side + zero for side in signs), *(side * left for side in signs), by_velocity]
 
 
+def stribeck_level(symmetric: bool) -> StribeckLevel:
+    """One level for both directions, or one for each."""
+    return StribeckLevel() if symmetric else StribeckLevel(SIDES)
+
+
 def stribeck_factor(speed: Array, velocity: Any) -> Array:
     """exp(-(speed/velocity)^2): what is left of a peak at a speed.
 

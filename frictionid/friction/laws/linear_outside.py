@@ -36,6 +36,7 @@ class LinearOutside(WrappedLaw):
     """
 
     speeds: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    kind = ""
 
     @property
     def is_network(self) -> bool:  # type: ignore[override]

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction import Inputs, Memory
 from frictionid.friction.law import LinearLaw
 from frictionid.friction.laws.levels import LEVEL, VELOCITIES, StribeckLevel
 from frictionid.friction.smooth_sign import smooth_sign
@@ -25,14 +24,40 @@ class LoadDependent(LinearLaw):
     """Tf = (coulomb + load_coefficient load) sgn(w) + viscous w, sgn smoothed over `width`.
 
     `load_coefficient` is the coefficient of friction times the radius at which the bearing rubs.
+
+    stribeck : true adds the peak of Stribeck friction to the level, peak exp(-(w/ws)^2)
     """
 
     width: float = 0.02
     shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "load_coefficient", "viscous")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m/N", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (LEVEL,) * 3
+    stribeck: bool = False
     uses_load = True
+
+    @property
+    def is_linear(self) -> bool:  # type: ignore[override]
+        """Whether there is no peak, whose velocity is not linear."""
+        return not self.stribeck
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        level = _STRIBECK.names if self.stribeck else ("coulomb",)
+        return (*level, "load_coefficient", "viscous")
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        level = _STRIBECK.units if self.stribeck else ("N m",)
+        return (*level, "N m/N", "N m s/rad")
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        level = _STRIBECK.bounds if self.stribeck else (LEVEL,)
+        return (*level, LEVEL, LEVEL)
+
+    @property
+    def initial(self) -> tuple[tuple[float, ...], ...]:
+        if not self.stribeck:
+            return super().initial
+        return tuple((*_STRIBECK.start(ws), 0.0, 0.0) for ws in VELOCITIES)
 
     def levels(self, x: Inputs) -> Mapping[int, Array | float]:
         return {0: 1.0, 1: x.load}
@@ -40,33 +65,21 @@ class LoadDependent(LinearLaw):
     def drags(self, x: Inputs) -> Mapping[int, Array | float]:
         return {2: x.w}
 
-
-@dataclass(frozen=True)
-class LoadDependentStribeck(Law):
-    """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2) + c load) sgn(w) + viscous w.
-
-    c is the `load_coefficient`, as in `LoadDependent`.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-    names: ClassVar[tuple[str, ...]] = (*_STRIBECK.names, "load_coefficient", "viscous")
-    units: ClassVar[tuple[str, ...]] = (*_STRIBECK.units, "N m/N", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = (*_STRIBECK.bounds, LEVEL, LEVEL)
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = tuple(
-        (*_STRIBECK.start(ws), 0.0, 0.0) for ws in VELOCITIES
-    )
-    uses_load = True
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        if not self.stribeck:
+            return super().torque(theta, x, memory)
         level = _STRIBECK.at(theta, x.w, x.w) + theta[..., 3] * x.load
         return level * smooth_sign(x.w, self.width, self.shape) + theta[..., 4] * x.w
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
+        if not self.stribeck:
+            return super().gradient(theta, x)
         sign = smooth_sign(x.w, self.width, self.shape) + 0.0 * theta[..., 0]
         columns = _STRIBECK.gradient(theta, x.w, sign)
         columns += [x.load * sign, x.w + 0.0 * sign]
         return namespace(theta, x.w).stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        if not self.stribeck:
+            return super().limit(theta, x, memory)
         return _STRIBECK.at_rest(theta, x.w) + theta[..., 3] * x.load

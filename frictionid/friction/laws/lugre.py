@@ -22,10 +22,10 @@ from frictionid.friction.laws.dahl import PRESLIDING, PRESLIDINGS, bristle_rate,
 from frictionid.friction.laws.levels import (
     COARSE_VELOCITIES,
     LEVEL,
-    SIDES,
     VELOCITY,
     StribeckLevel,
     stribeck_factor,
+    stribeck_level,
 )
 from frictionid.friction.smooth_sign import smooth_sign
 
@@ -34,17 +34,29 @@ _STARTS = tuple((ws, z) for z in PRESLIDINGS for ws in COARSE_VELOCITIES)
 _TINY = 1e-12  # no division by zero where there is no friction, or no motion
 
 
-class BristleLaw(Law):
-    """LuGre friction whose level is that of one side, or of each.
+@dataclass(frozen=True)
+class LuGre(Law):
+    """Tf = stiffness z + damping(w) dz/dt + viscous w, LuGre's bristles at the Stribeck level.
 
-    The stiffness of the bristles is s0 = break-away level / presliding [N m/rad], with the mean of
-    the levels of both sides, so that Stribeck friction is the limit of small `presliding`. Memory
-    is their deflection z [rad]. It starts as in steady sliding; at rest it is not known, and is
-    taken to grow over `width` [rad/s]. At rest the bristles hold the joint, there is no break-away
-    level. After the level's parameters, theta holds viscous, presliding, damping, damping_velocity.
+    They bend by z, up to `presliding` [rad], before a joint breaks away. Their stiffness is s0 =
+    break-away level / presliding [N m/rad], with the mean of the levels of both sides, so that
+    Stribeck friction is the limit of small `presliding`. Memory is their deflection z [rad]. It
+    starts as in steady sliding; at rest it is not known, and is taken to grow over `width` [rad/s].
+    At rest the bristles hold the joint, there is no break-away level. After the level's parameters,
+    theta holds viscous, presliding, damping, damping_velocity.
+
+    symmetric : false gives each direction a Coulomb level and a peak; the bristles are the same
     """
 
-    stribeck = StribeckLevel()
+    width: float = 0.02
+    shape: str = "tanh"
+    symmetric: bool = True
+    kind = "lugre"
+
+    @property
+    def stribeck(self) -> StribeckLevel:
+        """The level, of both directions or of each."""
+        return stribeck_level(self.symmetric)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -94,28 +106,3 @@ class BristleLaw(Law):
         share = level / xp.where(top == 0, xp.ones_like(top), top)
         share = xp.where(top == 0, xp.ones_like(share), share)
         return theta[..., -3] * xp.maximum(share, _TINY + 0.0 * share)
-
-
-@dataclass(frozen=True)
-class LuGre(BristleLaw):
-    """Tf = stiffness z + damping(w) dz/dt + viscous w, LuGre's bristles at the Stribeck level.
-
-    They bend by z, up to `presliding` [rad], before a joint breaks away; their stiffness is the
-    break-away level over `presliding`.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-
-
-@dataclass(frozen=True)
-class AsymmetricLuGre(BristleLaw):
-    """Tf = stiffness z + damping(w) dz/dt + viscous w, LuGre's bristles, by direction.
-
-    As `LuGre`, with a Coulomb level and a peak for each direction of motion. The
-    bristles are the same both ways.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-    stribeck = StribeckLevel(SIDES)

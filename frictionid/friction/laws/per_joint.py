@@ -6,9 +6,9 @@ Tf_j = law_j(q_j, w_j, u_j, load_j)
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +17,13 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.coulomb_viscous import (
-    AsymmetricCoulombViscous,
-    CoulombViscous,
-    NoFriction,
-    Quadratic,
-)
-from frictionid.friction.laws.dahl import Dahl, DahlMotorLoad
-from frictionid.friction.laws.film_lag import AsymmetricFilmLag, FilmLag
-from frictionid.friction.laws.load_dependent import LoadDependent, LoadDependentStribeck
-from frictionid.friction.laws.lugre import AsymmetricLuGre, LuGre
-from frictionid.friction.laws.motor_load import MotorLoad, MotorLoadQuadratic
-from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
+from frictionid.friction.laws.coulomb_viscous import CoulombViscous, NoFriction, Quadratic
+from frictionid.friction.laws.dahl import Dahl
+from frictionid.friction.laws.film_lag import FilmLag
+from frictionid.friction.laws.load_dependent import LoadDependent
+from frictionid.friction.laws.lugre import LuGre
+from frictionid.friction.laws.motor_load import MotorLoad
+from frictionid.friction.laws.stribeck import Stribeck
 
 Name = Literal[
     "none",
@@ -48,24 +43,33 @@ Name = Literal[
     "lugre",
     "lugre_asymmetric",
 ]
-PARTS: dict[Name, type[Law]] = {
-    "none": NoFriction,
-    "coulomb_viscous": CoulombViscous,
-    "coulomb_viscous_asymmetric": AsymmetricCoulombViscous,
-    "stribeck": Stribeck,
-    "stribeck_asymmetric": AsymmetricStribeck,
-    "quadratic": Quadratic,
-    "load_dependent": LoadDependent,
-    "load_dependent_stribeck": LoadDependentStribeck,
-    "motor_load": MotorLoad,
-    "motor_load_quadratic": MotorLoadQuadratic,
-    "film_lag": FilmLag,
-    "film_lag_asymmetric": AsymmetricFilmLag,
-    "dahl": Dahl,
-    "dahl_motor_load": DahlMotorLoad,
-    "lugre": LuGre,
-    "lugre_asymmetric": AsymmetricLuGre,
+PARTS: dict[Name, Law] = {
+    "none": NoFriction(),
+    "coulomb_viscous": CoulombViscous(),
+    "coulomb_viscous_asymmetric": CoulombViscous(symmetric=False),
+    "stribeck": Stribeck(),
+    "stribeck_asymmetric": Stribeck(symmetric=False),
+    "quadratic": Quadratic(),
+    "load_dependent": LoadDependent(),
+    "load_dependent_stribeck": LoadDependent(stribeck=True),
+    "motor_load": MotorLoad(),
+    "motor_load_quadratic": MotorLoad(squared=True),
+    "film_lag": FilmLag(),
+    "film_lag_asymmetric": FilmLag(symmetric=False),
+    "dahl": Dahl(),
+    "dahl_motor_load": Dahl(motor_load=True),
+    "lugre": LuGre(),
+    "lugre_asymmetric": LuGre(symmetric=False),
 }
+
+
+def smoothed_part(name: Name, width: float, shape: str = "") -> Law:
+    """The law of a name, smoothed over a width where it smooths sgn(w) at all."""
+    law = PARTS[name]
+    if not law.width:
+        return law
+    settings: dict[str, Any] = {"width": width, "shape": shape or law.shape}
+    return replace(law, **settings)
 
 
 class _Part(NamedTuple):
@@ -99,8 +103,7 @@ class PerJoint(Law):
     @cached_property
     def parts(self) -> tuple[Law, ...]:
         """The law of each joint, smoothed over `width` where it smooths sgn(w)."""
-        made = (PARTS[name]() for name in self.laws)
-        return tuple(law.with_width(self.width) if law.width else law for law in made)
+        return tuple(smoothed_part(name, self.width) for name in self.laws)
 
     @cached_property
     def _first(self) -> dict[str, tuple[Law, int]]:

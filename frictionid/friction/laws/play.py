@@ -21,7 +21,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.per_joint import PARTS, Name
+from frictionid.friction.laws.per_joint import PARTS, Name, smoothed_part
 
 _GAP = (1e-4, 1.0)  # [rad]
 _GAPS = (0.002, 0.006, 0.02, 0.06)
@@ -54,7 +54,7 @@ class Play(Law):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in (self.law, self.joint):
-            if PARTS[name]().has_memory:
+            if PARTS[name].has_memory:
                 raise InputError(f"play: {name!r} has a memory: play is of a law without")
         if self.law == "none":
             raise InputError("play: law = 'none' is no friction behind the play: name another law")
@@ -62,12 +62,10 @@ class Play(Law):
     @cached_property
     def parts(self) -> tuple[Law, Law]:
         """The laws behind the play and of the joint, smoothed over `width`."""
-        made = (PARTS[name]() for name in (self.law, self.joint))
-        first, second = (
-            type(law)(self.width, self.shape) if law.width else law  # type: ignore[call-arg]
-            for law in made
+        behind, joint = (
+            smoothed_part(name, self.width, self.shape) for name in (self.law, self.joint)
         )
-        return first, second
+        return behind, joint
 
     @property
     def names(self) -> tuple[str, ...]:

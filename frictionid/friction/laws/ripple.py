@@ -19,16 +19,9 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.coulomb_viscous import AsymmetricCoulombViscous, CoulombViscous
-from frictionid.friction.laws.stribeck import AsymmetricStribeck, Stribeck
+from frictionid.friction.laws.per_joint import smoothed_part
 
 Base = Literal["coulomb_viscous", "coulomb_viscous_asymmetric", "stribeck", "stribeck_asymmetric"]
-BASES: dict[Base, Any] = {
-    "coulomb_viscous": CoulombViscous,
-    "coulomb_viscous_asymmetric": AsymmetricCoulombViscous,
-    "stribeck": Stribeck,
-    "stribeck_asymmetric": AsymmetricStribeck,
-}
 
 
 @dataclass(frozen=True)
@@ -55,7 +48,7 @@ class Ripple(Law):
     @cached_property
     def law(self) -> Any:
         """The law that the ripple is laid over."""
-        return BASES[self.base](self.width, self.shape)
+        return smoothed_part(self.base, self.width, self.shape)
 
     @property
     def names(self) -> tuple[str, ...]:

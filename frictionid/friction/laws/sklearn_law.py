@@ -29,6 +29,7 @@ class Predicted(Law):
     units: ClassVar[tuple[str, ...]] = ("1",)
     bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")),)
     shape = ""
+    kind = ""
     cannot_be_saved = "regressors of more than the velocity are no curve: use them in Python"
 
     def __repr__(self) -> str:

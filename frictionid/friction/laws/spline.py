@@ -33,17 +33,33 @@ KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 _RISE = (-float("inf"), float("inf"))
 
 
-class SplineLaw(Law):
-    """Tf = level(|w|) sgn(w), with a level for one side or for each."""
+@dataclass(frozen=True)
+class Spline(Law):
+    """Tf = level(|w|) sgn(w), the level a spline of `knots` [rad/s] and a polynomial `degree`.
 
-    knots: tuple[float, ...]
-    degree: int
-    sides: tuple[str, ...] = ("",)
+    `level` is that at rest, the break-away level; each `rise` is what the level gains, or loses,
+    from one part of the curve to the next, all of them together up to the last knot. Beyond it the
+    curve goes on straight. Zero is always a knot. A negative level counts as zero: friction does
+    not drive. A last knot that the data hardly reach leaves the last rise to chance.
+
+    symmetric : false gives each direction a level of its own, w > 0 first
+    """
+
+    knots: Speeds = KNOTS
+    degree: Annotated[int, Field(ge=1, le=3)] = 2
+    width: float = 0.02
+    shape: str = "tanh"
+    symmetric: bool = True
     is_linear = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_increasing("Spline: knots", self.knots)
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Endings of the names of each level."""
+        return ("",) if self.symmetric else SIDES
 
     @property
     def _size(self) -> int:
@@ -84,33 +100,6 @@ class SplineLaw(Law):
         """Parameters of each side."""
         n = self._size
         return [theta[..., i * n : (i + 1) * n] for i in range(len(self.sides))]
-
-
-@dataclass(frozen=True)
-class Spline(SplineLaw):
-    """Tf = level(|w|) sgn(w), the level a spline of `knots` [rad/s] and a polynomial `degree`.
-
-    `level` is that at rest, the break-away level; each `rise` is what the level gains, or loses,
-    from one part of the curve to the next, all of them together up to the last knot. Beyond it the
-    curve goes on straight. Zero is always a knot. A negative level counts as zero: friction does
-    not drive. A last knot that the data hardly reach leaves the last rise to chance.
-    """
-
-    knots: Speeds = KNOTS
-    degree: Annotated[int, Field(ge=1, le=3)] = 2
-    width: float = 0.02
-    shape: str = "tanh"
-
-
-@dataclass(frozen=True)
-class AsymmetricSpline(SplineLaw):
-    """Tf = level(|w|) sgn(w), the level a spline as in `Spline` for each direction, w > 0 first."""
-
-    knots: Speeds = KNOTS
-    degree: Annotated[int, Field(ge=1, le=3)] = 2
-    width: float = 0.02
-    shape: str = "tanh"
-    sides = SIDES
 
 
 def _steps(speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:

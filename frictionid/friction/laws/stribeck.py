@@ -9,14 +9,28 @@ from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import LEVEL, SIDES, VELOCITIES, StribeckLevel
+from frictionid.friction.laws.levels import LEVEL, VELOCITIES, StribeckLevel, stribeck_level
 from frictionid.friction.smooth_sign import smooth_sign
 
 
-class StribeckLaw(Law):
-    """Stribeck friction, with a level for one side or for each."""
+@dataclass(frozen=True)
+class Stribeck(Law):
+    """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2)) sgn(w) + viscous w.
 
-    stribeck = StribeckLevel()
+    `peak` is the break-away minus the Coulomb level; sgn is smoothed over `width`.
+
+    symmetric : false gives each direction a Coulomb level and a peak; the Stribeck velocity and the
+        viscous coefficient are shared
+    """
+
+    width: float = 0.02
+    shape: str = "tanh"
+    symmetric: bool = True
+
+    @property
+    def stribeck(self) -> StribeckLevel:
+        """The level, of both directions or of each."""
+        return stribeck_level(self.symmetric)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -45,27 +59,3 @@ class StribeckLaw(Law):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.stribeck.at_rest(theta, x.w)
-
-
-@dataclass(frozen=True)
-class Stribeck(StribeckLaw):
-    """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2)) sgn(w) + viscous w.
-
-    `peak` is the break-away minus the Coulomb level; sgn is smoothed over `width`.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-
-
-@dataclass(frozen=True)
-class AsymmetricStribeck(StribeckLaw):
-    """Tf = (coulomb + peak exp(-(w/stribeck_velocity)^2)) sgn(w) + viscous w, by direction.
-
-    The Coulomb level and the peak have a value for each direction of motion; the Stribeck velocity
-    and the viscous coefficient are shared.
-    """
-
-    width: float = 0.02
-    shape: str = "tanh"
-    stribeck = StribeckLevel(SIDES)

@@ -12,7 +12,7 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.per_joint import PARTS, Name
+from frictionid.friction.laws.per_joint import PARTS, Name, smoothed_part
 
 _SHARED = "rad/s"  # unit of parameters that are the same in all laws; all others are factors
 
@@ -48,7 +48,7 @@ class Sum(Law):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in self.laws:
-            if PARTS[name]().has_memory:
+            if PARTS[name].has_memory:
                 raise InputError(f"sum: {name!r} has a memory: a sum is one of laws without")
         had: list[int] = []
         for name, places in zip(self.laws, self._places, strict=True):
@@ -59,8 +59,7 @@ class Sum(Law):
     @cached_property
     def parts(self) -> tuple[Law, ...]:
         """The laws, smoothed over `width`."""
-        made = (PARTS[name]() for name in self.laws)
-        return tuple(type(law)(self.width, self.shape) if law.width else law for law in made)  # type: ignore[call-arg]
+        return tuple(smoothed_part(name, self.width, self.shape) for name in self.laws)
 
     @cached_property
     def _layout(self) -> tuple[list[_Own], list[list[int | None]]]:

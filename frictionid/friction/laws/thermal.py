@@ -15,7 +15,7 @@ from functools import cached_property
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.per_joint import PARTS, Name
+from frictionid.friction.laws.per_joint import PARTS, Name, smoothed_part
 
 _LEVEL = "N m"  # units of parameters that are levels of friction, and of viscous terms
 _VISCOUS = ("N m s/rad", "N m s^2/rad^2")
@@ -47,14 +47,14 @@ class Thermal(Law):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.law == "none" or PARTS[self.law]().has_memory:
+        if self.law == "none" or PARTS[self.law].has_memory:
             why = "is no friction" if self.law == "none" else "has a memory"
             raise InputError(f"thermal: law = {self.law!r} {why}: name a static law")
 
     @cached_property
     def inner(self) -> Law:
         """The law at one temperature, smoothed over `width`."""
-        return PARTS[self.law](self.width, self.shape)  # type: ignore[call-arg]
+        return smoothed_part(self.law, self.width, self.shape)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -39,6 +39,7 @@ class TorchModule(NetworkLaw):
     width: float = 0.02
     shape: str = "tanh"
     left_out_of_files = ("module",)
+    kind = ""
 
     @property
     def sizes(self) -> tuple[int, ...]:

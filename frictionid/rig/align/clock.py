@@ -32,12 +32,12 @@ from frictionid.fitting.shooting import (
     intervals_of,
     solve,
 )
-from frictionid.friction.laws import AsymmetricStribeck
+from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Mechanism
 from frictionid.rig.align.cross_correlation import CoarseOffset, around, coarse_offset
 from frictionid.rig.align.drifting import Drifting, drifting
 
-LAW = AsymmetricStribeck()
+LAW = Stribeck(symmetric=False)
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:
 # the fit does not converge, and its error exceeds its interval (simulated acrobots). Then the
 # shorter windows count.

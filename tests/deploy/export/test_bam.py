@@ -21,7 +21,6 @@ from frictionid.friction.laws import (
     CoulombViscous,
     GearLoad,
     MotorLoad,
-    MotorLoadQuadratic,
     Quadratic,
     Stribeck,
 )
@@ -117,7 +116,7 @@ def test_a_law_that_follows_the_motor_is_held_by_one_that_does():
     """Along recorded motion, its square of the motor torque is nearly a share of it."""
     whole = load_dataset("acrobot_clean")
     driven = [r for r in whole.recordings if np.ptp(r.torque.value) > 0]
-    friction = Friction(MotorLoadQuadratic(), np.array([[0.02, 0.01, 0.3, 0.1]] * 2))
+    friction = Friction(MotorLoad(squared=True), np.array([[0.02, 0.01, 0.3, 0.1]] * 2))
     own = exported(friction, data=replace(whole, recordings=tuple(driven[:1])))
     nodes = own.prepared.integral.nodes
     model, other = (along(f, nodes) for f in (friction, held(own)))

@@ -13,7 +13,7 @@ from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.nearest import break_away, differs, nearest
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricCoulombViscous, CoulombViscous, Quadratic, Stribeck
+from frictionid.friction.laws import CoulombViscous, Quadratic, Stribeck
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_a_law_without_its_own_terms_is_found_as_it_is():
 
 
 def test_levels_of_two_directions_give_their_mean():
-    model = Friction(AsymmetricCoulombViscous(), np.array([[0.1, 0.3, 0.02]]))
+    model = Friction(CoulombViscous(symmetric=False), np.array([[0.1, 0.3, 0.02]]))
     np.testing.assert_allclose(nearest(exported(model, speeds=(7.0,))).theta, [[0.2, 0.02]])
     np.testing.assert_allclose(break_away(model), [0.2])
 

@@ -18,7 +18,6 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.law import at_rest
 from frictionid.friction.laws import (
-    AsymmetricStribeck,
     CoulombViscous,
     FilmLag,
     LuGre,
@@ -40,7 +39,7 @@ def some(law):
 
 
 @pytest.mark.parametrize(
-    "law", [CoulombViscous(), AsymmetricStribeck(), Spline(), FilmLag()], ids=str
+    "law", [CoulombViscous(), Stribeck(symmetric=False), Spline(), FilmLag()], ids=str
 )
 def test_beyond_the_change_of_sides_it_is_the_gain_times_friction(law):
     friction = some(law)

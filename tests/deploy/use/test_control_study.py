@@ -7,14 +7,14 @@ from fixtures.paths import ROOT
 
 from frictionid.deploy.use.simulator import Simulator
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricStribeck
+from frictionid.friction.laws import Stribeck
 from frictionid.simulate.rig import nominal_mechanism
 
 sys.path.append(str(ROOT / "comparisons"))
 import control
 
 THETA = [[0.16, 0.15, 0.01, 0.02, 1.0, 0.004], [0.05, 0.06, 0.03, 0.02, 2.0, 0.001]]
-FRICTION = Friction(AsymmetricStribeck(), np.array(THETA))
+FRICTION = Friction(Stribeck(symmetric=False), np.array(THETA))
 
 
 def moving(rng, count):

@@ -22,7 +22,6 @@ from frictionid.fitting.networks.network import Network
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import (
     MLP,
-    AsymmetricStribeck,
     CoulombViscous,
     FilmLag,
     NoFriction,
@@ -56,7 +55,7 @@ class Mean(Identifier):
 
 OURS = [
     Frictionless(),
-    *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), AsymmetricStribeck())),
+    *(LeastSquares(law) for law in (CoulombViscous(), Stribeck(), Stribeck(symmetric=False))),
     *(LeastSquares(law) for law in (NoFriction(), Sampled())),
     LeastSquares(Stribeck(), robust=2.0),
     CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,)),

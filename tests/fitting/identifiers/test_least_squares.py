@@ -24,7 +24,7 @@ from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, 
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Friction, Law, along
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, FilmLag, Stribeck
+from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 
 CLEAN = DATA / "acrobot_clean"
 STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
@@ -207,9 +207,9 @@ def test_fewer_rows_than_parameters_are_refused(rows):
 
 
 def test_a_direction_that_never_occurs_keeps_its_start():
-    problem = explained_by(AsymmetricStribeck(), [[0.1, 0.2, 0.04, 0.05, 1.5, 0.02]])
+    problem = explained_by(Stribeck(symmetric=False), [[0.1, 0.2, 0.04, 0.05, 1.5, 0.02]])
     forward = (problem.nodes.inputs.w[problem.stencil] > 0).all(axis=(1, 2))
-    found = fit(AsymmetricStribeck(), problem, forward[None] * 1.0).theta[0, 0]
+    found = fit(Stribeck(symmetric=False), problem, forward[None] * 1.0).theta[0, 0]
     np.testing.assert_allclose(found[[0, 2, 4, 5]], [0.1, 0.04, 1.5, 0.02], rtol=1e-4)
     np.testing.assert_array_equal(found[[1, 3]], [0.0, 0.0])
 
@@ -287,7 +287,9 @@ def clean():
 
 
 @pytest.mark.parametrize("recipe", [INTEGRAL, STUDY], ids=lambda recipe: recipe.name)
-@pytest.mark.parametrize("law", [Stribeck(), AsymmetricStribeck()], ids=["symmetric", "asymmetric"])
+@pytest.mark.parametrize(
+    "law", [Stribeck(), Stribeck(symmetric=False)], ids=["symmetric", "asymmetric"]
+)
 def test_ten_folds_of_8575_samples_take_less_than_a_second(clean, recipe, law):
     dataset, plant, folds = clean
     problem = training_problem(dataset, plant, recipe)

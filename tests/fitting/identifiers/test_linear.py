@@ -14,11 +14,11 @@ from frictionid.fitting.identifiers import LeastSquares, Linear, check_identifie
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck, Table
+from frictionid.friction.laws import Spline, Stribeck, Table
 from frictionid.friction.model_files import load_model, save_model
 
 KNOTS = (0.5, 1.5, 3.0, 6.0)
-LAWS_ = (Spline(KNOTS), Spline(KNOTS, 1), AsymmetricSpline(KNOTS), Table((0.5, 1.5, 3.0)))
+LAWS_ = (Spline(KNOTS), Spline(KNOTS, 1), Spline(KNOTS, symmetric=False), Table((0.5, 1.5, 3.0)))
 ALL = pytest.mark.parametrize("law", LAWS_, ids=["spline", "hats", "sided", "table"])
 
 

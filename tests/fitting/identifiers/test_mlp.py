@@ -22,7 +22,7 @@ from frictionid.fitting.networks.compressed import CompressedNetwork, _torque
 from frictionid.fitting.networks.compressed_problem import compressed, node_speeds
 from frictionid.fitting.networks.early_stopping import held_out
 from frictionid.friction import Friction, along, at_rest
-from frictionid.friction.laws import MLP, AsymmetricStribeck, Stribeck, check_law
+from frictionid.friction.laws import MLP, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model
 
 OPTIONS = list(product([False, True], repeat=3))
@@ -98,12 +98,14 @@ def test_other_joints_count_when_they_are_asked_for():
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_it_finds_a_curve_that_is_none_of_its_own(n):
-    problem = explained_by(AsymmetricStribeck(), TRUTH[:n], 5e-4, np.random.default_rng(1))
+    problem = explained_by(Stribeck(symmetric=False), TRUTH[:n], 5e-4, np.random.default_rng(1))
     found = CompressedNetwork(MLP()).fit(problem, everything(problem), 0)
     fast = np.quantile(np.abs(problem.nodes.inputs.w), 0.95)
     w = np.linspace(-fast, fast, 401)
     grid = np.repeat(w[:, None], n, axis=1)
-    error = curve_error(found.curve(w)[0], Friction(AsymmetricStribeck(), TRUTH[:n]).curve(w), grid)
+    error = curve_error(
+        found.curve(w)[0], Friction(Stribeck(symmetric=False), TRUTH[:n]).curve(w), grid
+    )
     assert (error < 0.05).all()
     line = LeastSquares(Stribeck()).fit(problem, everything(problem), 0)
     weights = everything(problem)

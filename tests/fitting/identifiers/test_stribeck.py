@@ -19,10 +19,10 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.friction import along
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Stribeck
+from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import load_model, save_model
 
-SYMMETRIC, ASYMMETRIC = Stribeck(), AsymmetricStribeck()
+SYMMETRIC, ASYMMETRIC = Stribeck(), Stribeck(symmetric=False)
 TRUTH = {
     SYMMETRIC: np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]]),
     ASYMMETRIC: np.array(
@@ -167,7 +167,7 @@ def test_it_prints_itself_with_units_and_comes_back_from_its_file(law, tmp_path)
 def test_its_settings_choose_the_law():
     assert identifier_named("stribeck", {}) == LeastSquares(Stribeck())
     made = identifier_named("stribeck", {"symmetric": False, "width": 0.1, "shape": "arctan"})
-    assert made == LeastSquares(AsymmetricStribeck(0.1, "arctan"))
+    assert made == LeastSquares(Stribeck(0.1, "arctan", symmetric=False))
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ NETWORK = known.MLP(hidden=(3,))
 CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
     "acrobot, stribeck": (
         acrobot(),
-        known.AsymmetricStribeck(),
+        known.Stribeck(symmetric=False),
         STRIBECK,
     ),
     "pendulum, coulomb": (pendulum(mass=0.5, length=0.3), known.CoulombViscous(), [0.05, 0.01]),
@@ -70,7 +70,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(
 
 def test_only_what_is_free_has_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a law's parameters one joint may free others than the next one."""
-    machine, law, n = double_pendulum(), known.AsymmetricStribeck(), 2
+    machine, law, n = double_pendulum(), known.Stribeck(symmetric=False), 2
     theta = np.tile(np.array(STRIBECK), (n, 1))
     plant = Plant.from_parameters(machine, {})
     plant = Plant(machine, {}, np.repeat(plant.p[None], COUNT, 0))

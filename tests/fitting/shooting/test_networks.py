@@ -23,7 +23,8 @@ from frictionid.fitting.shooting.combination_law import CombinationLaw
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction, Inputs
-from frictionid.friction.laws import AsymmetricStribeck, WindowMLP, check_law
+from frictionid.friction.laws import Stribeck as StribeckLaw
+from frictionid.friction.laws import WindowMLP, check_law
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
 from frictionid.simulate.true_friction import FilmLag
 
@@ -225,7 +226,7 @@ def as_numpy(friction):
 
 def test_tensors_of_a_law_with_names_give_what_numpy_gives():
     theta = np.array([[0.05, 0.05, 0.005, 0.005, 2.0, 0.005]])
-    law = AsymmetricStribeck()
+    law = StribeckLaw(symmetric=False)
     a = refine(Friction(law, theta), swings(), settings=SHORT)
     b = refine(Friction(law, torch.tensor(theta)), swings(), settings=SHORT)
     np.testing.assert_allclose(a.friction.theta, b.friction.theta.numpy(), rtol=1e-5)

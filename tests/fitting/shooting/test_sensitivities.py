@@ -22,7 +22,8 @@ from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous
+from frictionid.friction.laws import CoulombViscous
+from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.simulate import Camera, Curve, Drive, Noise, Run, Sine, Stribeck, simulate
 from frictionid.simulate import Rig as Simulated
 
@@ -72,7 +73,7 @@ def test_derivatives_of_all_blocks_are_those_of_central_differences():
         bias=np.array([0.0, 0.01]),
         offset=np.array([0.02, -0.01]),
     )
-    friction = Friction(AsymmetricStribeck(), np.array(level), calibration=calibration)
+    friction = Friction(StribeckLaw(symmetric=False), np.array(level), calibration=calibration)
     blocks = (
         *(FrictionBlock(), InertiaBlock(fixed=("gravity_2",)), DelayBlock()),
         *(GainBlock(), BiasBlock(), OffsetBlock()),

@@ -7,7 +7,7 @@ from fixtures.exact_problems import everything, explained_by
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
-from frictionid.friction.laws import CoulombViscous, Dahl, DahlMotorLoad, LuGre, MotorLoad
+from frictionid.friction.laws import CoulombViscous, Dahl, LuGre, MotorLoad
 
 THETA = np.array([[0.1, 0.02, 0.01]])
 
@@ -56,7 +56,7 @@ def test_under_load_it_is_dahl_friction_of_a_level_that_grows_with_the_torque():
     nodes = synthetic_problem(2).nodes
     idle = nodes._replace(inputs=nodes.inputs._replace(u=0.0 * nodes.inputs.u))
     np.testing.assert_allclose(
-        along(Friction(DahlMotorLoad(), LOADED), idle),
+        along(Friction(Dahl(motor_load=True), LOADED), idle),
         along(Friction(Dahl(), LOADED[:, :3]), idle),
         rtol=1e-12,
     )
@@ -64,10 +64,10 @@ def test_under_load_it_is_dahl_friction_of_a_level_that_grows_with_the_torque():
     x = at_rest(np.full((1, 2), 3.0))._replace(u=np.array([[0.7, -0.4]]))
     z = (LOADED[:, 2] * np.ones((1, 2)),)
     expected = MotorLoad().torque(LOADED[:, [0, 1, 3]], x, ())
-    np.testing.assert_allclose(DahlMotorLoad().torque(LOADED, x, z), expected, rtol=1e-9)
+    np.testing.assert_allclose(Dahl(motor_load=True).torque(LOADED, x, z), expected, rtol=1e-9)
 
 
 def test_truth_in_truth_out_under_load():
-    problem = explained_by(DahlMotorLoad(), LOADED)
-    found = LeastSquares(DahlMotorLoad()).fit(problem, everything(problem), 0)
+    problem = explained_by(Dahl(motor_load=True), LOADED)
+    found = LeastSquares(Dahl(motor_load=True)).fit(problem, everything(problem), 0)
     np.testing.assert_allclose(found.theta[0], LOADED, rtol=1e-6)

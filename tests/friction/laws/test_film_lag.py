@@ -8,7 +8,7 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import AsymmetricFilmLag, AsymmetricStribeck, FilmLag, Stribeck
+from frictionid.friction.laws import FilmLag, Stribeck
 from frictionid.mechanics import Plant, pendulum
 
 THETA = np.array([[0.1, 0.06, 1.5, 0.02, 0.05]])
@@ -60,12 +60,12 @@ def test_friction_is_higher_while_the_speed_grows_than_while_it_falls():
 def test_it_never_drives_whatever_the_film_does():
     rng = np.random.default_rng(0)
     w, z = rng.normal(scale=3.0, size=(500, 2)), rng.exponential(2.0, (500, 2))
-    for law, theta in ((FilmLag(), THETA), (AsymmetricFilmLag(), BOTH_WAYS)):
+    for law, theta in ((FilmLag(), THETA), (FilmLag(symmetric=False), BOTH_WAYS)):
         assert (law.torque(theta, at_rest(w), (z,)) * w >= 0).all()
 
 
 def test_break_away_is_the_torque_just_above_rest_with_the_film_of_this_moment():
-    for law, theta in ((FilmLag(1e-9), THETA), (AsymmetricFilmLag(1e-9), BOTH_WAYS)):
+    for law, theta in ((FilmLag(1e-9), THETA), (FilmLag(1e-9, symmetric=False), BOTH_WAYS)):
         z = np.array([[0.3], [1.5], [8.0]])
         for side in (1.0, -1.0):
             level = law.limit(theta, at_rest(side + 0.0 * z), (z,))
@@ -98,7 +98,7 @@ def test_a_joint_that_has_just_moved_fast_slips_under_a_load_that_holds_it_later
     ("law", "theta", "plain"),
     [
         (FilmLag(), THETA, Stribeck()),
-        (AsymmetricFilmLag(), BOTH_WAYS, AsymmetricStribeck()),
+        (FilmLag(symmetric=False), BOTH_WAYS, Stribeck(symmetric=False)),
     ],
 )
 def test_at_constant_speed_and_from_its_start_it_is_stribeck_friction(law, theta, plain):
@@ -114,7 +114,7 @@ def test_with_equal_levels_both_ways_the_asymmetric_law_is_the_symmetric_one():
     rng = np.random.default_rng(1)
     x, z = at(*rng.normal(size=50)), (rng.random((50, 1)),)
     same = THETA[:, [0, 0, 1, 1, 2, 3, 4]]
-    a, b = AsymmetricFilmLag(), FilmLag()
+    a, b = FilmLag(symmetric=False), FilmLag()
     np.testing.assert_array_equal(a.torque(same, x, z), b.torque(THETA, x, z))
     np.testing.assert_array_equal(a.limit(same, x, z), b.limit(THETA, x, z))
     np.testing.assert_array_equal(a.advance(same, x, z, dt(0.01)), b.advance(THETA, x, z, dt(0.01)))
@@ -130,8 +130,8 @@ def test_truth_in_truth_out(lag, velocity):
 
 
 def test_truth_in_truth_out_with_two_joints_and_levels_of_each_direction():
-    problem = explained_by(AsymmetricFilmLag(), BOTH_WAYS)
-    found = LeastSquares(AsymmetricFilmLag()).fit(problem, everything(problem), 0)
+    problem = explained_by(FilmLag(symmetric=False), BOTH_WAYS)
+    found = LeastSquares(FilmLag(symmetric=False)).fit(problem, everything(problem), 0)
     np.testing.assert_allclose(found.theta[0], BOTH_WAYS, rtol=1e-6, atol=1e-9)
 
 

@@ -13,14 +13,13 @@ from frictionid.friction.laws import (
     CoulombViscous,
     GearLoad,
     MotorLoad,
-    MotorLoadQuadratic,
     Stribeck,
     check_law,
 )
 
 MOMENT = 0.5
 GEAR = GearLoad(MOMENT)
-LAWS = [GEAR, GearLoad(0.0, shape="arctan"), MotorLoadQuadratic()]
+LAWS = [GEAR, GearLoad(0.0, shape="arctan"), MotorLoad(squared=True)]
 # a published model in its order of size
 M6 = dict(
     coulomb=0.005,
@@ -132,11 +131,11 @@ def test_it_contains_the_simpler_laws():
     np.testing.assert_allclose(torque(exponent=2.0), m2)
     loaded = MotorLoad().torque(np.array([[0.005, 0.005, 0.27]]), x, ())
     np.testing.assert_allclose(torque(peak=0.0, motor=0.27), loaded)
-    rising = MotorLoadQuadratic().torque(np.array([[0.005, 0.005, 0.27, 0.0]]), x, ())
+    rising = MotorLoad(squared=True).torque(np.array([[0.005, 0.005, 0.27, 0.0]]), x, ())
     np.testing.assert_allclose(rising, loaded)
 
 
-@pytest.mark.parametrize("law", [GEAR, MotorLoadQuadratic()], ids=str)
+@pytest.mark.parametrize("law", [GEAR, MotorLoad(squared=True)], ids=str)
 def test_truth_in_truth_out(law):
     truth = theta() if law is GEAR else np.array([[0.01, 0.005, 0.3, 0.2]])
     x, rows = inputs(3000), np.arange(3000)
@@ -162,7 +161,7 @@ def test_a_moment_that_means_nothing_is_refused(moment):
     ("kind", "settings", "law"),
     [
         ("gear_load", {"moment": 0.5, "width": 0.1}, GearLoad(0.5, 0.1)),
-        ("motor_load", {"squared": True}, MotorLoadQuadratic()),
+        ("motor_load", {"squared": True}, MotorLoad(squared=True)),
         ("motor_load", {}, MotorLoad()),
     ],
 )

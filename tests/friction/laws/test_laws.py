@@ -8,17 +8,10 @@ from fixtures.memory_laws import Sampled
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import (
-    AsymmetricCoulombViscous,
-    AsymmetricFilmLag,
-    AsymmetricLuGre,
-    AsymmetricSpline,
-    AsymmetricStribeck,
     CoulombViscous,
     Dahl,
-    DahlMotorLoad,
     FilmLag,
     LoadDependent,
-    LoadDependentStribeck,
     LuGre,
     MotorLoad,
     NoFriction,
@@ -36,15 +29,16 @@ LAWS = [
     *(MotorLoad(shape=shape) for shape in ("tanh", "arctan")),
     *(CoulombViscous(shape=shape) for shape in ("tanh", "arctan")),
     *(Stribeck(width, shape) for width in (0.005, 0.02) for shape in ("tanh", "arctan")),
-    *(AsymmetricStribeck(shape=shape) for shape in ("tanh", "arctan")),
-    *(law(shape="arctan") for law in (AsymmetricCoulombViscous, Quadratic, LoadDependent)),
-    *(LoadDependentStribeck(), AsymmetricCoulombViscous(), Quadratic(), LoadDependent()),
-    *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), AsymmetricSpline()),
+    *(Stribeck(shape=shape, symmetric=False) for shape in ("tanh", "arctan")),
+    *(CoulombViscous(shape="arctan", symmetric=False), Quadratic(shape="arctan")),
+    LoadDependent(shape="arctan"),
+    *(LoadDependent(stribeck=True), CoulombViscous(symmetric=False), Quadratic(), LoadDependent()),
+    *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), Spline(symmetric=False)),
     *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple("stribeck_asymmetric", (2,))),
     *(Sum(), Sum(("motor_load_quadratic", "quadratic"), shape="arctan")),
 ]
-REMEMBERING = [FilmLag(), AsymmetricFilmLag(), Dahl(), DahlMotorLoad(), LuGre()]
-REMEMBERING += [AsymmetricLuGre()]
+REMEMBERING = [FilmLag(), FilmLag(symmetric=False), Dahl(), Dahl(motor_load=True), LuGre()]
+REMEMBERING += [LuGre(symmetric=False)]
 W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
 
 
@@ -128,7 +122,7 @@ def test_curves_at_high_and_low_speed_are_the_levels_that_the_names_say():
     curve = Friction(Stribeck(width=1e-6), theta).curve(np.array([-50.0, -1e-3, 1e-3, 50.0]))
     np.testing.assert_allclose(curve[:, 0], [-1.0, -0.75, 0.75, 1.0], rtol=1e-4)
     theta = np.array([[0.5, 0.4, 0.25, 0.1, 2.0, 0.01]])
-    curve = Friction(AsymmetricStribeck(width=1e-6), theta).curve(
+    curve = Friction(Stribeck(width=1e-6, symmetric=False), theta).curve(
         np.array([-50.0, -1e-3, 1e-3, 50])
     )
     np.testing.assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
@@ -155,7 +149,7 @@ def test_laws_are_nested_no_friction_in_coulomb_in_stribeck_in_asymmetric_stribe
 
     coulomb, stribeck = torque(CoulombViscous(), fc, fv), torque(Stribeck(), fc, fp, ws, fv)
     none, flat = torque(CoulombViscous(), 0.0, 0.0), torque(Stribeck(), fc, 0.0, ws, fv)
-    alike = torque(AsymmetricStribeck(), fc, fc, fp, fp, ws, fv)
+    alike = torque(Stribeck(symmetric=False), fc, fc, fp, fp, ws, fv)
     np.testing.assert_allclose(none, torque(NoFriction()), atol=0.0)
     np.testing.assert_allclose(flat, coulomb, rtol=1e-15)
     np.testing.assert_allclose(alike, stribeck, rtol=1e-14)
@@ -164,7 +158,7 @@ def test_laws_are_nested_no_friction_in_coulomb_in_stribeck_in_asymmetric_stribe
 def test_turning_the_axis_round_swaps_the_directions():
     theta = np.array([[0.5, 0.4, 0.25, 0.1, 2.0, 0.01]])
     turned = theta[:, [1, 0, 3, 2, 4, 5]]
-    law, x = AsymmetricStribeck(), speeds(1)
+    law, x = Stribeck(symmetric=False), speeds(1)
     back = x._replace(w=-x.w)
     np.testing.assert_array_equal(law.torque(theta, x, ()), -law.torque(turned, back, ()))
     np.testing.assert_array_equal(law.limit(theta, x, ()), law.limit(turned, back, ()))
@@ -173,9 +167,8 @@ def test_turning_the_axis_round_swaps_the_directions():
 @pytest.mark.parametrize(
     "law",
     [
-        *(CoulombViscous, Stribeck, AsymmetricStribeck, Quadratic, LoadDependent, Spline, Ripple),
-        *(AsymmetricCoulombViscous, LoadDependentStribeck, AsymmetricSpline),
-        *(FilmLag, AsymmetricFilmLag, Dahl, LuGre, AsymmetricLuGre),
+        *(CoulombViscous, Stribeck, Quadratic, LoadDependent, Spline, Ripple),
+        *(FilmLag, Dahl, LuGre),
     ],
 )
 @pytest.mark.parametrize(
@@ -199,7 +192,7 @@ def test_the_smooth_sign_refuses_unknown_shapes():
 
 
 @pytest.mark.parametrize(
-    "law", [Stribeck(), AsymmetricStribeck(), LoadDependentStribeck()], ids=str
+    "law", [Stribeck(), Stribeck(symmetric=False), LoadDependent(stribeck=True)], ids=str
 )
 def test_starts_cover_the_stribeck_velocities_of_slow_and_fast_joints(law):
     place = law.names.index("stribeck_velocity")

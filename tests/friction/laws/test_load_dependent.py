@@ -9,13 +9,13 @@ from frictionid.dynamics.step import acceleration
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, Inputs, at_rest
-from frictionid.friction.laws import CoulombViscous, LoadDependent, LoadDependentStribeck, Stribeck
+from frictionid.friction.laws import CoulombViscous, LoadDependent, Stribeck
 from frictionid.mechanics import Plant, pendulum
 
 THETA = np.array([[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]])
 PEAKED = np.array([[0.04, 0.03, 1.5, 0.01, 0.02], [0.02, 0.03, 2.5, 0.005, 0.01]])
 BOTH = pytest.mark.parametrize(
-    ("law", "theta"), [(LoadDependent(), THETA), (LoadDependentStribeck(), PEAKED)], ids=str
+    ("law", "theta"), [(LoadDependent(), THETA), (LoadDependent(stribeck=True), PEAKED)], ids=str
 )
 
 
@@ -39,12 +39,12 @@ def test_without_load_it_is_the_plainer_law():
     plain = CoulombViscous().torque(THETA[:, [0, 2]], x, ())
     np.testing.assert_allclose(LoadDependent().torque(THETA, x, ()), plain)
     peaked = Stribeck().torque(PEAKED[:, [0, 1, 2, 4]], x, ())
-    np.testing.assert_allclose(LoadDependentStribeck().torque(PEAKED, x, ()), peaked)
+    np.testing.assert_allclose(LoadDependent(stribeck=True).torque(PEAKED, x, ()), peaked)
 
 
 def test_without_a_peak_the_richer_law_is_the_plainer_one():
     x, flat = drawn(), np.insert(THETA, [1, 1], [[0.0, 2.0], [0.0, 2.0]], axis=1)
-    torque = LoadDependentStribeck().torque(flat, x, ())
+    torque = LoadDependent(stribeck=True).torque(flat, x, ())
     np.testing.assert_allclose(torque, LoadDependent().torque(THETA, x, ()))
 
 

@@ -12,8 +12,6 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import (
-    AsymmetricLuGre,
-    AsymmetricStribeck,
     CoulombViscous,
     LuGre,
     Stribeck,
@@ -117,7 +115,7 @@ def test_under_a_load_below_its_level_a_joint_gives_but_does_not_creep():
 
 @pytest.mark.parametrize(
     ("law", "theta", "plain"),
-    [(LuGre(), THETA, Stribeck()), (AsymmetricLuGre(), BOTH_WAYS, AsymmetricStribeck())],
+    [(LuGre(), THETA, Stribeck()), (LuGre(symmetric=False), BOTH_WAYS, Stribeck(symmetric=False))],
 )
 def test_at_constant_speed_it_is_stribeck_friction(law, theta, plain):
     w = np.array([-20.0, -3.0, -0.6, 0.4, 2.0, 15.0])
@@ -141,7 +139,7 @@ def test_with_equal_levels_both_ways_the_asymmetric_law_is_the_symmetric_one():
     rng = np.random.default_rng(1)
     x, z = at(*rng.normal(size=50)), (0.01 * rng.normal(size=(50, 1)),)
     same = THETA[:, [0, 0, 1, 1, 2, 3, 4, 5, 6]]
-    a, b = AsymmetricLuGre(), LuGre()
+    a, b = LuGre(symmetric=False), LuGre()
     np.testing.assert_allclose(a.torque(same, x, z), b.torque(THETA, x, z), rtol=1e-12)
     np.testing.assert_allclose(a.advance(same, x, z, dt(0.01)), b.advance(THETA, x, z, dt(0.01)))
     np.testing.assert_allclose(a.start(same, x), b.start(THETA, x))
@@ -150,7 +148,7 @@ def test_with_equal_levels_both_ways_the_asymmetric_law_is_the_symmetric_one():
 def test_turning_the_axis_round_swaps_the_directions():
     rng = np.random.default_rng(2)
     w, z = rng.normal(size=(50, 2)), 0.02 * rng.normal(size=(50, 2))
-    turned, law = BOTH_WAYS[:, [1, 0, 3, 2, 4, 5, 6, 7, 8]], AsymmetricLuGre()
+    turned, law = BOTH_WAYS[:, [1, 0, 3, 2, 4, 5, 6, 7, 8]], LuGre(symmetric=False)
     torque = law.torque(BOTH_WAYS, at_rest(w), (z,))
     np.testing.assert_allclose(law.torque(turned, at_rest(-w), (-z,)), -torque)
 
@@ -171,6 +169,6 @@ def test_truth_in_truth_out(presliding, velocity):
 
 
 def test_truth_in_truth_out_with_two_joints_and_levels_of_each_direction():
-    problem = explained_by(AsymmetricLuGre(), BOTH_WAYS)
-    found = LeastSquares(AsymmetricLuGre()).fit(problem, everything(problem), 0)
+    problem = explained_by(LuGre(symmetric=False), BOTH_WAYS)
+    found = LeastSquares(LuGre(symmetric=False)).fit(problem, everything(problem), 0)
     np.testing.assert_allclose(found.theta[0], BOTH_WAYS, rtol=1e-6)

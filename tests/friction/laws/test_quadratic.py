@@ -6,7 +6,7 @@ from fixtures.exact_problems import everything, explained_by
 
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import AsymmetricCoulombViscous, CoulombViscous, Quadratic
+from frictionid.friction.laws import CoulombViscous, Quadratic
 
 THETA = np.array([[0.1, 0.02, 0.003], [0.05, 0.0, 0.001]])
 SIDES = np.array([[0.1, 0.14, 0.02], [0.05, 0.03, 0.01]])
@@ -42,20 +42,20 @@ def test_drag_alone_is_told_from_coulomb_friction_with_noise():
 
 
 def test_each_direction_has_its_level():
-    curve = Friction(AsymmetricCoulombViscous(), SIDES).curve(np.array([-2.0, 2.0]))
+    curve = Friction(CoulombViscous(symmetric=False), SIDES).curve(np.array([-2.0, 2.0]))
     np.testing.assert_allclose(curve, [[-0.18, -0.05], [0.14, 0.07]])
-    law = AsymmetricCoulombViscous()
+    law = CoulombViscous(symmetric=False)
     for side, level in ((1.0, SIDES[:, 0]), (-1.0, SIDES[:, 1])):
         np.testing.assert_array_equal(law.limit(SIDES, at_rest(np.full(2, side)), ()), level)
 
 
 def test_with_equal_levels_it_is_the_symmetric_law():
     x = at_rest(np.random.default_rng(1).normal(size=(50, 2)))
-    same = AsymmetricCoulombViscous().torque(SIDES[:, [0, 0, 2]], x, ())
+    same = CoulombViscous(symmetric=False).torque(SIDES[:, [0, 0, 2]], x, ())
     np.testing.assert_array_equal(same, CoulombViscous().torque(SIDES[:, [0, 2]], x, ()))
 
 
 def test_truth_in_truth_out_in_each_direction():
-    problem = explained_by(AsymmetricCoulombViscous(), SIDES)
-    found = LeastSquares(AsymmetricCoulombViscous()).fit(problem, everything(problem), 0)
+    problem = explained_by(CoulombViscous(symmetric=False), SIDES)
+    found = LeastSquares(CoulombViscous(symmetric=False)).fit(problem, everything(problem), 0)
     np.testing.assert_allclose(found.theta[0], SIDES, rtol=1e-9)

@@ -9,7 +9,7 @@ from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, Inputs
-from frictionid.friction.laws import AsymmetricStribeck, CoulombViscous, Ripple, Stribeck
+from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
 from frictionid.friction.laws.ripple import BASES
 from frictionid.friction.model_files import load_model, save_model
 
@@ -98,7 +98,7 @@ def test_it_comes_back_from_its_file_with_its_settings(tmp_path):
     theta = rippled("stribeck_asymmetric")
     save_model(Friction(law, theta), tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", LAWS)
-    assert again.law == law and again.law.law == AsymmetricStribeck(0.01, "arctan")
+    assert again.law == law and again.law.law == Stribeck(0.01, "arctan", symmetric=False)
     assert law.names[-4:] == ("cos_2", "sin_2", "cos_5", "sin_5")
     np.testing.assert_array_equal(again.theta, theta)
 

@@ -11,7 +11,7 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, Linear
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import AsymmetricSpline, Spline, Stribeck
+from frictionid.friction.laws import Spline, Stribeck
 from frictionid.friction.model_files import load_model, model_document, read_model, save_model
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -69,7 +69,7 @@ def test_truth_in_truth_out(degree, n):
 
 
 def test_truth_in_truth_out_in_each_direction():
-    law = AsymmetricSpline((0.5, 1.5, 3.0, 6.0))
+    law = Spline((0.5, 1.5, 3.0, 6.0), symmetric=False)
     theta = drawn(law, 2)
     problem = explained_by(law, theta)
     found = LeastSquares(law).fit(problem, everything(problem), 0)
@@ -77,7 +77,7 @@ def test_truth_in_truth_out_in_each_direction():
 
 
 def test_each_direction_is_a_spline_of_its_own():
-    law = AsymmetricSpline()
+    law = Spline(symmetric=False)
     theta, w = drawn(law), np.linspace(0.1, 10, 40)
     half = theta.shape[-1] // 2
     both = Friction(law, theta).curve(np.concatenate([-w, w]))
@@ -108,7 +108,7 @@ def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
 
 
 def test_it_comes_back_from_its_file_with_its_knots(tmp_path):
-    for law in (Spline((1.0, 2.5), 1), AsymmetricSpline((1.0, 2.5, 7.0), width=0.01)):
+    for law in (Spline((1.0, 2.5), 1), Spline((1.0, 2.5, 7.0), width=0.01, symmetric=False)):
         save_model(Friction(law, drawn(law)), tmp_path / "model.json", LAWS)
         again = load_model(tmp_path / "model.json", LAWS)
         assert again.law == law and hash(again.law) == hash(law)
@@ -126,9 +126,8 @@ def test_it_comes_back_from_its_file_with_its_knots(tmp_path):
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings, rule):
-    for law in (Spline, AsymmetricSpline):
-        with pytest.raises(InputError, match=rule):
-            law(**settings)
+    with pytest.raises(InputError, match=rule):
+        Spline(**settings)
     document = model_document(Friction(Spline(), drawn(Spline())), LAWS)
     document["law"] |= {k: list(v) if isinstance(v, tuple) else v for k, v in settings.items()}
     with pytest.raises(InputError, match=rule):
@@ -137,7 +136,7 @@ def test_settings_that_mean_nothing_are_refused(settings, rule):
 
 def test_its_settings_choose_the_law():
     made = identifier_named("spline", {"symmetric": False, "knots": [1.0, 4.0], "degree": 1})
-    assert made == Linear(AsymmetricSpline((1.0, 4.0), 1))
+    assert made == Linear(Spline((1.0, 4.0), 1, symmetric=False))
     assert identifier_named("spline", {}) == Linear(Spline())
     with pytest.raises(InputError, match=r"knots.*1"):
         identifier_named("spline", {"knots": [-1.0, 4.0]})

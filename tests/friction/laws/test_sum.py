@@ -9,10 +9,8 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Inputs
 from frictionid.friction.laws import (
-    AsymmetricStribeck,
-    LoadDependentStribeck,
+    LoadDependent,
     MotorLoad,
-    MotorLoadQuadratic,
     Quadratic,
     Stribeck,
     Sum,
@@ -37,14 +35,14 @@ def test_levels_by_direction_stand_for_a_level_of_both():
     law = Sum(("stribeck_asymmetric", "motor_load"))
     assert "coulomb" not in law.names and law.names[-1] == "loss"
     both = torque(law, 0.1, 0.2, 0.05, 0.03, 1.5, 0.02, 0.3)
-    own = torque(AsymmetricStribeck(), 0.1, 0.2, 0.05, 0.03, 1.5, 0.02)
+    own = torque(Stribeck(symmetric=False), 0.1, 0.2, 0.05, 0.03, 1.5, 0.02)
     np.testing.assert_allclose(both, own + torque(MotorLoad(), 0.0, 0.0, 0.3), rtol=1e-13)
 
 
 def test_of_laws_that_hold_each_other_the_larger_one_is_the_sum():
     for laws, whole in (
-        (("stribeck", "load_dependent_stribeck"), LoadDependentStribeck()),
-        (("motor_load", "motor_load_quadratic"), MotorLoadQuadratic()),
+        (("stribeck", "load_dependent_stribeck"), LoadDependent(stribeck=True)),
+        (("motor_load", "motor_load_quadratic"), MotorLoad(squared=True)),
         (("coulomb_viscous", "quadratic"), Quadratic()),
     ):
         law = Sum(laws)
