@@ -157,12 +157,10 @@ def _is_beside(top: str, folder: Path) -> bool:
 class Strict(BaseModel):
     """A table of a TOML file: no other keys, no conversion of types, no infinite numbers.
 
-    renamed : keys of older files, and what they are called now
     settings : keys beside the fields, which a model that allows other keys takes
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, **STRICT)
-    renamed: ClassVar[Mapping[str, str]] = {}
     settings: ClassVar[tuple[str, ...]] = ()
 
     @model_validator(mode="before")
@@ -170,32 +168,12 @@ class Strict(BaseModel):
     def _known_keys(cls, table: Any) -> Any:
         if not isinstance(table, dict):
             return table
-        table = with_new_names(table, cls.renamed)
         known = [*cls.model_fields, *cls.settings]
         strict = cls.settings or cls.model_config.get("extra") == "forbid"
         for key in table if strict else ():
             if key not in known:
                 raise ValueError(f"unknown key {key!r}; {nearest(key, known)}")
         return table
-
-
-def with_new_names(table: Mapping[str, Any], renamed: Mapping[str, str]) -> dict[str, Any]:
-    """The table with the keys of older files under their names of today.
-
-    Raises
-    ------
-    InputError
-        Where a key stands there under both names.
-
-    Examples
-    --------
-    >>> with_new_names({"rest": 0.1, "name": "mine"}, {"rest": "velocity_threshold"})
-    {'velocity_threshold': 0.1, 'name': 'mine'}
-    """
-    for old, new in renamed.items():
-        if old in table and new in table:
-            raise InputError(f"{old!r} is the old name of {new!r}: give one of them")
-    return {renamed.get(key, key): value for key, value in table.items()}
 
 
 def mistake(invalid: ValidationError) -> str:

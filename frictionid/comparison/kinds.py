@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, get_type_hints
 
 from pydantic import ValidationError, create_model
 
-from frictionid.config import STRICT, mistake, nearest, unknown, with_new_names
+from frictionid.config import STRICT, mistake, nearest, unknown
 from frictionid.errors import InputError
 
 Part = Callable[..., Any]  # a dataclass, or a function whose arguments are settings
@@ -58,12 +58,6 @@ class Kind:
         names = [name for parts in self._forms() for name in self._arguments(parts)]
         return tuple(dict.fromkeys([*(choice.key for choice in self.choices), *names]))
 
-    @property
-    def renamed(self) -> dict[str, str]:
-        """Older names of settings, and those of today, as the parts declare them."""
-        declared = [getattr(part, "renamed", {}) for parts in self._forms() for part in parts]
-        return {old: new for names in declared for old, new in names.items()}
-
     def defaults(self, table: Mapping[str, Any]) -> dict[str, Any]:
         """Settings that a table may leave out, and their values then."""
         arguments = self._arguments(self._chosen(table))
@@ -97,7 +91,6 @@ class Kind:
         InputError
             As from `build`.
         """
-        table = with_new_names(table, self.renamed)
         parts = self._chosen(table)
         own = self._arguments(parts)
         # settings of parts that other choices lead to, by the first such choice

@@ -282,14 +282,11 @@ def _score_frame(
     """Scores of all tasks, see `Results.scores`.
 
     Rows count numbers of friction: here `n_parameters` counts what shooting freed beside it, too.
-    In folders of earlier versions "rad" stands for the unit of the positions.
     """
     frames = []
     for number, task in enumerate(tasks):
         for dataset, rows in task["rows"].items():
             frame = score_frame(rows)
-            if own := datasets[dataset].get("angle_unit"):
-                frame["unit"] = frame["unit"].str.replace("rad", own)
             beside = beside_friction((task.get("refined") or {}).get("parameters", ()))
             frame.loc[frame["score"] == "n_parameters", "value"] += beside
             names = suite, dataset, task["identifier"], task["fit"]

@@ -14,11 +14,10 @@ from typing import Annotated, Any, ClassVar
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from frictionid.comparison.kinds import Kind
-from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Search, Tuning
 from frictionid.comparison.sensitivity.settings import SensitivitySettings
 from frictionid.comparison.suite_recipes import Name, RecipeEntry
-from frictionid.config import STRICT, Strict, mistake, read_toml, with_new_names
+from frictionid.config import STRICT, Strict, mistake, read_toml
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
 from frictionid.evaluation.hysteresis import HysteresisSettings
@@ -61,18 +60,6 @@ class IdentifierEntry(Strict):
     recipes: Annotated[list[str], Field(min_length=1)] | None = None
     search: Search | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _new_names(cls, table: Any) -> Any:
-        """The table with older names of settings replaced, also those to search."""
-        kind = IDENTIFIERS.get(str(table.get("kind"))) if isinstance(table, dict) else None
-        if kind is None:
-            return table
-        table = with_new_names(table, kind.renamed)
-        if isinstance(table.get("search"), dict):
-            table["search"] = with_new_names(table["search"], kind.renamed)
-        return table
-
     @property
     def given(self) -> dict[str, Any]:
         """Settings of the identifier."""
@@ -94,7 +81,6 @@ class Suite(Strict):
     """A suite's tables; its file has the keys of the `protocol` beside the others."""
 
     settings: ClassVar[tuple[str, ...]] = (*PROTOCOL.settings, "loops")
-    renamed: ClassVar[Mapping[str, str]] = PROTOCOL.renamed
     name: Name
     title: str = ""
     protocol: Protocol = Protocol()
@@ -112,7 +98,6 @@ class Suite(Strict):
         """The table with the keys of the protocol in one object."""
         if not isinstance(table, dict) or "protocol" in table:
             return table
-        table = with_new_names(table, cls.renamed)
         keys = {key: table.pop(key) for key in PROTOCOL.settings if key in table}
         protocol: Protocol = PROTOCOL.build(keys, "")
         if "loops" in table:

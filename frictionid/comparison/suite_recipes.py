@@ -85,11 +85,6 @@ class RecipeEntry(Strict):
     like: str | None = None
     calibration: CalibrationEntry | None = None
     known: str | None = None
-    renamed: ClassVar[Mapping[str, str]] = {
-        **{"rig": "calibration"},
-        **ONE_STEP.renamed,
-        **SHOOTING.renamed,
-    }
     settings: ClassVar[tuple[str, ...]] = (
         *ONE_STEP.settings,
         *SHOOTING.settings,

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 from frictionid.errors import InputError
 from frictionid.evaluation.hysteresis import HysteresisSettings
@@ -37,10 +35,6 @@ class Protocol:
     initial_states: str = "filter"
     true_initial_states: bool = False
     loops: HysteresisSettings | None = None
-    renamed: ClassVar[Mapping[str, str]] = {
-        "starts": "initial_states",
-        "true_starts": "true_initial_states",
-    }
 
     def __post_init__(self) -> None:
         if not self.horizons:

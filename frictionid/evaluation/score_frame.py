@@ -8,7 +8,7 @@ statistic  how the errors are summarised: "mean", "rms", "median", "q90", "diver
 horizon_s  [s] ahead, NaN for scores without a horizon
 joint      "1", "2", ..., or "all" for the norm over the joints
 value      the score, infinite or NaN where a prediction is not finite
-unit       of the value; in folders of earlier versions "rad" stands for that of the positions
+unit       of the value
 
 Where some joints turn and others slide, errors in the norm over the joints count in units of their
 joint's size (`frictionid.data.joint_scales`): the norm has the unit "1", or "1/s" of velocities.

@@ -227,7 +227,7 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where
         theta = _theta(document, law, where)
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
         units = _units_of_document(document, theta.shape[-2] if theta.ndim > 1 else 1, where)
-        calibration = _calibration(document.get("calibration", document.get("rig")), where)
+        calibration = _calibration(document.get("calibration"), where)
         source, mechanism = dict(document.get("provenance", {})), document.get("mechanism", "")
         friction = Friction(
             *(law, theta, parameters, source, units, calibration, str(mechanism)),

@@ -74,7 +74,7 @@ def _estimate(entry: Mapping[str, Any], data: DataDescription | None) -> Estimat
         parameter = name.rpartition(" of ")[0]
         if data is not None:
             parameter = name.removesuffix(f" of {data.joints[joint]}")
-    nominal = entry.get("nominal", entry.get("told"))  # told: documents of earlier versions
+    nominal = entry.get("nominal")
     inner, outer = (tuple(map(float, entry[f"interval_{level}"])) for level in (90, 95))
     return Estimate(
         block=block,

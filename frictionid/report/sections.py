@@ -85,31 +85,26 @@ class DataDescription:
 
 
 def description_of(document: Mapping[str, Any]) -> DataDescription:
-    """A data set's description; what folders of earlier versions lack is taken from the grid."""
+    """A data set's description."""
     velocity = np.asarray(document["velocity"], dtype=float)
     truth, velocities = document["truth"], document.get("velocities")
     others: Any = {key: document.get(key) for key in ("mechanism", "speeds", "check")}
     return DataDescription(
         joints=tuple(map(str, document["joints"])),
-        torque_units=_each(document, "torque_unit"),
-        position_units=_each(document, "position_unit", "angle_unit"),
+        torque_units=tuple(document["torque_units"]),
+        position_units=tuple(document["position_units"]),
         recordings=int(document["recordings"]),
         samples=int(document["samples"]),
         seconds=float(document["seconds"]),
         velocity=velocity,
         truth=None if truth is None else np.asarray(truth, dtype=float),
         density=np.asarray(document["density"], dtype=float),
-        measured=np.asarray(document.get("measured", velocity[[0, -1]]), dtype=float),
+        measured=np.asarray(document["measured"], dtype=float),
         true_parameters=document.get("true_parameters") or {},
         own_base=document.get("own_base", 0.0),
         velocities=None if velocities is None else np.asarray(velocities, dtype=float),
         **others,
     )
-
-
-def _each(document: Mapping[str, Any], key: str, older: str = "") -> tuple[str, ...]:
-    """Units of the joints; folders of earlier versions have one for all."""
-    return tuple(document.get(f"{key}s") or [document[older or key]] * len(document["joints"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +127,9 @@ class Model:
     loops : friction along sinusoids, where the suite asked for it
     method : scheme of the recipe, and what corrects its data
     beyond : friction where no motion was recorded, see `frictionid.evaluation.plausibility.Beyond`;
-        empty in folders of earlier versions and of black boxes
+        empty of black boxes
     motions, examples : predictions from the same starts as others', and from its own best, median
-        and worst start; folders of earlier versions have none of the latter
+        and worst start
     """
 
     task: int
@@ -158,7 +153,7 @@ class Model:
 
     @property
     def scheme(self) -> str:
-        """By what it was fitted; folders of earlier versions have results of shooting only."""
+        """By what it was fitted."""
         return str(self.method.get("scheme", "shooting"))
 
 

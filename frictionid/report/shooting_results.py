@@ -63,9 +63,9 @@ class ShootingResults:
 
     @property
     def warnings(self) -> Sequence[str]:
-        """Warnings of the fit itself; the key of earlier versions is doubts."""
-        own: Sequence[str] = self.document.get("warnings", self.document.get("doubts", ()))
-        return own
+        """Warnings of the fit itself."""
+        warnings: Sequence[str] = self.document.get("warnings", ())
+        return warnings
 
 
 def shooting_results(document: Mapping[str, Any], read: Sequence[Estimate]) -> ShootingResults:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 
-import numpy as np
 import pandas as pd
 
-from frictionid.mechanics import mechanism_of
 from frictionid.report.estimates import (
     Estimate,
     digits,
@@ -69,7 +67,7 @@ def interval_table(
     given : models with fixed numbers, whose parameters of the same name stand beside
     """
     read = estimates(model.refined or NONE, data)
-    numbers = {m.label: given_numbers(m, read, data) for m in given}
+    numbers = {m.label: given_numbers(m, read) for m in given}
     beside = {name: own for name, own in numbers.items() if own}
     nominal = any(e.nominal is not None and e.block in SIZES for e in read)
     true = any(e.true is not None for e in read)
@@ -93,11 +91,9 @@ def interval_table(
     return Table(_caption(model, dataset, data, nominal), label, tuple(heads), tuple(lines))
 
 
-def given_numbers(
-    model: Model, read: Sequence[Estimate], data: DataDescription
-) -> dict[str, float]:
+def given_numbers(model: Model, read: Sequence[Estimate]) -> dict[str, float]:
     """A given model's own numbers for these parameters, by their names with the joint's."""
-    out = dict(model.base or _base_by_table(model, data))
+    out = dict(model.base or {})
     joints = model.document["joints"]
     for e in read:
         known = joints[e.joint] if e.block == "friction" and e.joint is not None else {}
@@ -105,19 +101,6 @@ def given_numbers(
         if value is not None:
             out[e.name] = float(value)
     return {e.name: out[e.name] for e in read if e.name in out}
-
-
-def _base_by_table(model: Model, data: DataDescription) -> dict[str, float]:
-    """Base parameters by the model's own parameters, in folders of earlier versions.
-
-    Not of mechanisms that are code: reading results runs none.
-    """
-    own, table = model.document.get("parameters"), data.mechanism
-    if not own or not table or ":" in str(table["kind"]):
-        return {}
-    mechanism = mechanism_of(table)
-    base = mechanism.base(mechanism.nominal(own)) + np.asarray(data.own_base)
-    return dict(zip(mechanism.base_names, map(float, base), strict=True))
 
 
 def _cells(e: Estimate, nominal: bool) -> list[str | Cell]:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from frictionid.config import nearest, read_toml, with_new_names
+from frictionid.config import nearest, read_toml
 from frictionid.errors import InputError
 from frictionid.simulate.dataset_folder import ROBOT_FILES
 from frictionid.simulate.rig import Rig
@@ -56,7 +56,6 @@ def rig_of(document: dict[str, Any], file: str) -> Rig:
 
 def settings_of(kind: type[Settings], document: dict[str, Any], file: str) -> Settings:
     """A dataclass of settings from a parsed TOML document; `file` is its name in errors."""
-    document = with_new_names(document, getattr(kind, "renamed", {}))
     for place, key, known in _unknown_keys(document, kind, ""):
         raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")
     try:

@@ -8,10 +8,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective
 from frictionid.comparison.tuning.studies import StudyResult
-from frictionid.config import read_toml, with_new_names
+from frictionid.config import read_toml
 from frictionid.files import read_bytes
 
 
@@ -65,9 +64,7 @@ def _chosen(
     table: Mapping[str, Any], best: Sequence[StudyResult], file: Path, place: Path
 ) -> list[dict[str, Any]]:
     """An identifier's table with the settings chosen, one for each recipe that tuned it."""
-    kind = IDENTIFIERS.get(table["kind"])
     entry = {key: value for key, value in table.items() if key != "search"}
-    entry = with_new_names(entry, kind.renamed if kind else {})
     if entry["kind"] == "published" and "file" in entry:
         entry["file"] = _from(file.parent / entry["file"], place)
     name = entry.get("name", str(entry["kind"]).rpartition(":")[2])

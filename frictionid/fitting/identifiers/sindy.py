@@ -9,9 +9,9 @@ Each threshold proposes an active set; recordings that are held out decide which
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -79,7 +79,6 @@ class SINDy(Identifier):
     search_sets: bool = True
     n_standard_errors: NotNegative = 2.5
     ensemble: Annotated[int, Field(ge=0)] = 0
-    renamed: ClassVar[Mapping[str, str]] = {"sets": "search_sets", "sure": "n_standard_errors"}
 
     def __post_init__(self) -> None:
         check_settings(self)

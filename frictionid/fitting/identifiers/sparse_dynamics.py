@@ -6,9 +6,8 @@ are held out decide between them. All of it works on Gram matrices, one for each
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -52,7 +51,6 @@ class SparseDynamics(Identifier):
     ridge: NotNegative = 1e-6
     n_standard_errors: NotNegative = 1.0
     seeded = False
-    renamed: ClassVar[Mapping[str, str]] = {"sure": "n_standard_errors"}
 
     def __post_init__(self) -> None:
         check_settings(self)

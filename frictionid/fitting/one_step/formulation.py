@@ -46,7 +46,6 @@ class Recipe:
     needs_intervals: ClassVar[bool] = False
     calibrator: ClassVar[None] = None
     corrects: ClassVar[tuple[str, ...]] = ()
-    renamed: ClassVar[Mapping[str, str]] = {"rest": "velocity_threshold"}
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:

@@ -14,7 +14,7 @@ from frictionid.report.sections import Model, SummaryData
 
 
 def examples_of(model: Model, data: SummaryData) -> list[Mapping[str, Any]]:
-    """A model's own example motions on a data set; folders of earlier versions have none."""
+    """A model's own example motions on a data set."""
     return [example for example in model.examples if example["dataset"] == data.dataset]
 
 

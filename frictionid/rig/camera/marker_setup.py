@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import tomli_w
 from pydantic import Field, field_validator, model_validator
@@ -110,8 +110,6 @@ class SyncLed(Strict):
 class MarkerSetup(Strict):
     """Markers in order from the pivot to the tip, links, camera, and a sync LED."""
 
-    renamed: ClassVar[Mapping[str, str]] = {"lamp": "sync_led"}
-
     markers: Annotated[list[Marker], Field(min_length=2)]
     links: Links = Links()
     camera: Camera = Camera()
@@ -171,8 +169,8 @@ def load_marker_setup(path: Path) -> MarkerSetup:
     InputError
         Where the file cannot be read or a setting of these tables is wrong.
     """
-    own = {*MarkerSetup.model_fields, *MarkerSetup.renamed}
-    tables = {key: table for key, table in rig_tables(path).items() if key in own}
+    known = MarkerSetup.model_fields
+    tables = {key: table for key, table in rig_tables(path).items() if key in known}
     return checked(MarkerSetup, tables, str(path))
 
 

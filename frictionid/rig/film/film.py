@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -50,8 +50,6 @@ class Film:
         videos; "jpeg444", at full resolution; or "mpeg4", compressed and evenly spaced
     seed : of noise, jitter, dropped frames and occlusions
     """
-
-    renamed: ClassVar[Mapping[str, str]] = {"lamp": "sync_led"}
 
     lengths: tuple[Positive, ...]
     rate: Positive = 60.0

@@ -35,7 +35,7 @@ def test_it_is_the_laws_side_by_side(first, second):
     has = law.has_parameters(2)
     theta[has] = rng.uniform(0.1, 1.0, has.sum())
     memory = law.advance(theta, x, law.start(theta, x), dt)
-    for j, alone in enumerate(PARTS[name]() for name in (first, second)):
+    for j, alone in enumerate(PARTS[name] for name in (first, second)):
         one = x.each(lambda entry, j=j: entry[..., j : j + 1])
         places = [law.names.index(name) for name in alone.names]
         own = theta[j : j + 1][:, places]

@@ -1,5 +1,7 @@
 """Friction that varies with the angle."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
@@ -10,7 +12,8 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
-from frictionid.friction.laws.ripple import BASES
+from frictionid.friction.laws.per_joint import PARTS
+from frictionid.friction.laws.ripple import Base
 from frictionid.friction.model_files import load_model, save_model
 
 THETA = {
@@ -23,7 +26,7 @@ THETA = {
     ],
 }
 WAVES = [[0.2, -0.1, 0.05, 0.1], [-0.2, 0.05, 0.1, 0.0]]
-EVERY = pytest.mark.parametrize("base", BASES)
+EVERY = pytest.mark.parametrize("base", get_args(Base))
 
 
 def rippled(base, waves=WAVES):
@@ -38,7 +41,7 @@ def drawn(seed=0):
 @EVERY
 def test_without_amplitudes_it_is_the_law_below(base):
     law, x = Ripple(base, (1, 2)), drawn()
-    plain = BASES[base]().torque(np.array(THETA[base]), x, ())
+    plain = PARTS[base].torque(np.array(THETA[base]), x, ())
     np.testing.assert_allclose(law.torque(rippled(base, 0 * np.array(WAVES)), x, ()), plain)
 
 
@@ -51,7 +54,7 @@ def test_the_level_varies_and_viscous_friction_does_not(base):
     )
     level = np.array(THETA[base]) * [1.0] * 1
     viscous = level[:, -1] * x.w
-    plain = BASES[base]().torque(level, x, ())
+    plain = PARTS[base].torque(level, x, ())
     np.testing.assert_allclose(law.torque(theta, x, ()), height * (plain - viscous) + viscous)
 
 
