@@ -32,7 +32,7 @@ from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 
 FOLDS = 10
 SCIPY = ("numpy", "scipy.optimize")
-OURS = ("frictionid.identifiers", "frictionid.friction.laws")
+OURS = ("frictionid.fitting", "frictionid.friction.laws")
 
 
 class Folds(NamedTuple):

@@ -265,15 +265,19 @@ def _setting(name: str, default: Any, parts: Iterable[Any]) -> Entry:
     )
 
 
+_REFERENCE = re.compile(r"as in `\w+`")
+
+
 def _said(part: Any, name: str) -> str:
     """What a part says of a name, or another one to which it refers: "as in `MLP`"."""
     said = meaning(part, name)
-    if said and not re.fullmatch(r"as in `\w+`", said):
+    if said and not _REFERENCE.fullmatch(said):
         return said
     doc = inspect.getdoc(part) or ""
     parts: dict[Any, None] = dict.fromkeys(p for k in IDENTIFIERS.values() for p in k.parts)
     others = [p for p in (*LAWS.values(), *parts) if p is not part and f"`{p.__name__}`" in doc]
-    return next(filter(None, (meaning(other, name) for other in others)), "")
+    meanings = (meaning(other, name) for other in others)
+    return next((m for m in meanings if m and not _REFERENCE.fullmatch(m)), "")
 
 
 def _allowed(part: Any, name: str) -> str:

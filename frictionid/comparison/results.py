@@ -232,7 +232,7 @@ def results_in_memory(
         "tasks": [content_of(task, result, laws) for task, result in results],
     }
     provenance, datasets, contents = json.loads(json_text(document)).values()
-    table = _score_frame(title, contents, datasets)
+    table = _score_frame(title, contents)
     return Results(Path(), provenance, datasets, tuple(contents), (), table, True)
 
 
@@ -263,7 +263,7 @@ def load_results(folder: Path) -> Results:
                 )
         tasks = tuple(documents.values())
         missing = tuple(path.name for path in paths if path not in documents)
-        table = _score_frame(provenance["suite"], tasks, datasets)
+        table = _score_frame(provenance["suite"], tasks)
     return Results(folder, provenance, datasets, tasks, missing, table, sealed_all)
 
 
@@ -276,9 +276,7 @@ def _complete(task: Mapping[str, Any], datasets: Mapping[str, Any]) -> bool:
     return lengths <= {len(SCORE_COLUMNS)}
 
 
-def _score_frame(
-    suite: str, tasks: Sequence[Mapping[str, Any]], datasets: Mapping[str, Any]
-) -> pd.DataFrame:
+def _score_frame(suite: str, tasks: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Scores of all tasks, see `Results.scores`.
 
     Rows count numbers of friction: here `n_parameters` counts what shooting freed beside it, too.

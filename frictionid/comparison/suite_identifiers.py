@@ -91,7 +91,7 @@ def _imported(kind: str, settings: Mapping[str, Any], folder: Path, where: str) 
     own = isinstance(part, type) and issubclass(part, Identifier)
     if is_installed(kind.partition(":")[0]) and not own:
         raise InputError(
-            f"{where}: {kind!r} is no class derived from frictionid.identifiers.Identifier, and "
+            f"{where}: {kind!r} is no class derived from frictionid.Identifier, and "
             "installed packages are asked for nothing else"
         )
     try:
@@ -103,7 +103,7 @@ def _imported(kind: str, settings: Mapping[str, Any], folder: Path, where: str) 
     if not isinstance(made, Identifier):
         raise InputError(
             f"{where}: {kind!r} is no identifier: derive it from "
-            "frictionid.identifiers.Identifier, with a method fit(problem, weights, seed)"
+            "frictionid.Identifier, with a method fit(problem, weights, seed)"
         )
     return made
 

@@ -22,7 +22,8 @@ from pathlib import Path
 from signal import SIGKILL
 from time import sleep
 from frictionid.friction.laws import CoulombViscous
-from frictionid.fitting.identifiers import Identifier, LeastSquares
+from frictionid import Identifier
+from frictionid.fitting.identifiers import LeastSquares
 
 @dataclass(frozen=True)
 class Killer(Identifier):

@@ -44,7 +44,7 @@ def test_a_file_of_the_name_of_a_python_module_does_not_open_it(complaint, tmp_p
 
 @pytest.mark.parametrize("kind", ["joblib:load", "numpy:load", "sklearn.svm:SVR"])
 def test_installed_packages_are_asked_for_identifiers_only(complaint, kind):
-    assert "is no class derived from frictionid.identifiers.Identifier" in complaint(kind=kind)
+    assert "is no class derived from frictionid.Identifier" in complaint(kind=kind)
 
 
 ESTIMATORS = {

@@ -87,7 +87,7 @@ OWN = """
 from dataclasses import dataclass
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
-from frictionid.fitting.identifiers import Identifier
+from frictionid import Identifier
 
 @dataclass(frozen=True)
 class Seeded(Identifier):

@@ -52,7 +52,7 @@ def test_parameters_of_a_law_are_those_of_its_class():
             assert [p.name for p in kind.parameters] == list(law.names)
             assert [p.unit for p in kind.parameters] == list(law.units)
     shown = {kind.name for kind in laws() if kind.parameters}
-    assert {"stribeck", "lugre", "spline_asymmetric", "ripple", "dahl"} <= shown
+    assert {"stribeck", "lugre", "spline", "ripple", "dahl"} <= shown
 
 
 def test_base_parameters_are_what_the_mechanism_makes_of_its_defaults():

@@ -4,7 +4,7 @@ import pytest
 
 from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS
 from frictionid.comparison.suite import LOOPS, PROTOCOL, SPLIT
-from frictionid.comparison.suite_recipes import ONE_STEP, SHOOTING
+from frictionid.comparison.suite_recipes import SHOOTING
 from frictionid.errors import InputError
 
 REQUIRED = {"gear_load": {"moment": 0.1}, "sklearn": {"estimator": "knn"}}
@@ -48,11 +48,3 @@ def test_settings_of_parts_that_are_not_chosen_are_refused_with_the_choice():
     assert mlp.build({"epochs": 5, "inputs": "all"}, "mlp").epochs == 5
     with pytest.raises(InputError, match='nodes = 9 needs solver = "levenberg_marquardt"'):
         mlp.build({"nodes": 9, "solver": "adam"}, "mlp")
-
-
-def test_older_names_are_declared_on_the_dataclasses():
-    assert IDENTIFIERS["sindy"].renamed["sure"] == "n_standard_errors"
-    assert ONE_STEP.renamed == {"rest": "velocity_threshold"}
-    old, new = ({"sure": 1.0}, {"n_standard_errors": 1.0})
-    sindy = IDENTIFIERS["sindy"]
-    assert sindy.build(old, "sindy") == sindy.build(new, "sindy")

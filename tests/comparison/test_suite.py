@@ -1,7 +1,5 @@
 """Suites: what they make, and every mistake in one line that names file, key and way out."""
 
-import re
-
 import numpy as np
 import pytest
 import tomli_w
@@ -43,7 +41,8 @@ def place(tmp_path_factory):
 
 OWN = """
 from dataclasses import dataclass
-from frictionid.fitting.identifiers import Frictionless, Identifier
+from frictionid import Identifier
+from frictionid.fitting.identifiers import Frictionless
 
 @dataclass(frozen=True)
 class Mine(Identifier):
@@ -295,75 +294,3 @@ def test_friction_files_are_read_by_the_names_of_the_laws(place):
 
 
 # A suite of an older version: every key that has another name now, under its old one.
-OLDER = """
-name = "older"
-starts = "model"
-true_starts = true
-horizons = [0.1]
-folds = { count = 3 }
-datasets = [{ path = "tiny" }]
-
-[[recipes]]
-name = "mine"
-states = { kind = "rts" }
-scheme = "integral"
-rest = 0.05
-
-[[recipes]]
-name = "corrected"
-like = "mine"
-rig = { free = ["friction", "delay"] }
-
-[[identifiers]]
-kind = "sindy"
-sets = false
-sure = 1.0
-search = { sure = { low = 0.5, high = 3.0 } }
-
-[[identifiers]]
-kind = "sindy_dynamics"
-sure = 2.0
-recipes = ["mine"]
-"""
-RENAMED = {
-    "starts": "initial_states",
-    "true_starts": "true_initial_states",
-    "rest": "velocity_threshold",
-    "rig": "calibration",
-    "sets": "search_sets",
-    "sure": "n_standard_errors",
-}
-
-
-def test_an_older_suite_means_the_same_under_its_old_keys(place):
-    text = OLDER
-    for old, new in RENAMED.items():
-        text = re.sub(rf"\b{old} =", f"{new} =", text)
-    suites = []
-    for name, content in (("older", OLDER), ("newer", text)):
-        (place / f"{name}.toml").write_text(content)
-        suites.append(load_suite(place / f"{name}.toml"))
-    assert suites[0].document() == suites[1].document()
-    older, newer = (tasks_of(suite, place / "older.toml") for suite in suites)
-    settings = [
-        [(t.name, t.identifier, t.recipe, t.benchmark.protocol) for t in ts]
-        for ts in (older, newer)
-    ]
-    assert repr(settings[0]) == repr(settings[1])
-    protocol = newer[0].benchmark.protocol
-    assert (protocol.initial_states, protocol.true_initial_states) == ("model", True)
-
-
-@pytest.mark.parametrize(
-    ("changes", "names"),
-    [
-        ([("starts", "model"), ("initial_states", "model")], "'starts' is the old name of 'init"),
-        (
-            [("identifiers.1", {"kind": "sindy", "sure": 1.0, "n_standard_errors": 1.0})],
-            "'sure' is the old name of 'n_standard_errors': give one of them",
-        ),
-    ],
-)
-def test_a_key_under_both_names_is_refused(place, changes, names):
-    with pytest.raises(InputError, match=names):
-        tasks(place, changes)

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from time import sleep
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
-from frictionid.fitting.identifiers import Identifier
+from frictionid import Identifier
 
 @dataclass(frozen=True)
 class Slow(Identifier):

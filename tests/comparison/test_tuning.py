@@ -30,7 +30,8 @@ from frictionid.report.tuning import score_table, settings_tables, write_outcome
 OWN = """
 from dataclasses import dataclass, replace
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import Identifier, LeastSquares
+from frictionid import Identifier
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
 
 @dataclass(frozen=True)

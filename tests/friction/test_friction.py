@@ -186,7 +186,7 @@ def test_tensors_give_the_same_numbers(static):
 def test_friction_prints_its_numbers_with_units():
     assert str(Friction(*STATIC["none"])) == "NoFriction()"
     lines = str(Friction(*STATIC["stribeck"])).splitlines()
-    assert lines[0] == "Stribeck(width=0.02, shape='tanh')"
+    assert lines[0] == "Stribeck(width=0.02, shape='tanh', symmetric=True)"
     assert lines[2] == (
         "  joint 2  coulomb 0.05 N m, peak 0.04 N m, stribeck_velocity 0.7 rad/s, "
         "viscous 0.01 N m s/rad"

@@ -80,7 +80,12 @@ def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
 def test_the_file_says_in_words_and_units_what_it_holds(tmp_path):
     save_model(FRICTION, tmp_path / "model.json", LAWS)
     document = read_json(tmp_path / "model.json")
-    assert document["law"] == {"kind": "stribeck", "width": 0.01, "shape": "arctan"}
+    assert document["law"] == {
+        "kind": "stribeck",
+        "width": 0.01,
+        "shape": "arctan",
+        "symmetric": True,
+    }
     assert document["joints"][0]["stribeck_velocity"] == {"value": 1.5, "unit": "rad/s"}
     assert document["provenance"] == {"by": "someone", "sizes": [1, 2], "rate": 60.0}
     assert "import" not in json.dumps(document)

@@ -280,18 +280,6 @@ def test_a_led_survives_its_file(tmp_path):
     assert load_marker_setup(tmp_path / "rig.toml") == setup
 
 
-def test_tables_called_lamp_are_still_read(tmp_path):
-    old = RIG.replace("[sync_led]", "[lamp]")
-    assert old != RIG
-    for name, text in (("new", RIG), ("old", old)):
-        (tmp_path / name).write_text(text)
-    assert load_marker_setup(tmp_path / "old") == load_marker_setup(tmp_path / "new")
-    film = "lengths = [0.1, 0.1]\n[{}]\nat = [9.0, 9.0]\nswitches = [0.5]\n"
-    for name in ("lamp", "sync_led"):
-        (tmp_path / f"{name}.toml").write_text(film.format(name))
-    assert load_film(tmp_path / "lamp.toml") == load_film(tmp_path / "sync_led.toml")
-
-
 def test_a_simulated_led_is_read_and_checked(tmp_path):
     path = tmp_path / "camera.toml"
     head = "lengths = [0.1, 0.1]\n[sync_led]\n"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from frictionid.dynamics.state import State
+from frictionid.dynamics.tangent import end_states as sensitivities
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
-from frictionid.fitting.shooting import sensitivities
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction import laws as known
 from frictionid.mechanics import Mechanism, Plant, acrobot, double_pendulum, pendulum

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from frictionid import compiled
+from frictionid.programs import loops as compiled
 
 SOURCE = """
 from frictionid.programs.loops import compiled
