@@ -30,6 +30,7 @@ from frictionid.evaluation import score_value
 from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import read_model
 from frictionid.report import show_summary
+from frictionid.report.console import printed
 from frictionid.report.exhibits import (
     FITTED,
     Names,
@@ -44,8 +45,7 @@ from frictionid.report.sections import Section, sections_of
 from frictionid.report.side_by_side import SideBySide, side_by_side
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
 from frictionid.report.tables import html
-from frictionid.report.terminal.console import printed
-from frictionid.report.terminal.terminal import verdict
+from frictionid.report.terminal import verdict
 from frictionid.report.verdict import Verdict, verdict_of
 
 PLOTS = (*FITTED, "motion", "bands", "correlation")

@@ -27,14 +27,13 @@ from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.report import show_fit
+from frictionid.report.console import printed
 from frictionid.report.estimates import Estimate
-from frictionid.report.figures.correlation import fit_correlation
-from frictionid.report.figures.fitted import fit_figure
-from frictionid.report.figures.predicted import predicted_figure
+from frictionid.report.figures.fits import fit_correlation, fit_figure
+from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
 from frictionid.report.fit_table import estimate_frame, estimate_table, fit_estimates, interval_note
 from frictionid.report.tables import html, terminal_text
-from frictionid.report.terminal.console import printed
 
 PLOTS = ("friction", "motion", "correlation")
 _VELOCITIES = 201  # of a curve

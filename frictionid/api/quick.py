@@ -14,8 +14,8 @@ from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
 from frictionid.quickstart.quick_picture import quick_figure
 from frictionid.quickstart.quick_text import show_quick
+from frictionid.report.console import printed, printed_html
 from frictionid.report.figures.style import drawn
-from frictionid.report.terminal.console import printed, printed_html
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -27,7 +27,7 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.files import suite_path
 from frictionid.fitting.method import Method
 from frictionid.outputs import check_unchanged, check_writable
-from frictionid.report.figures.sensitivity import over_amounts, summarised, tornado
+from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
 from frictionid.report.tables import html, markdown

@@ -17,11 +17,11 @@ from frictionid.comparison.tuning import StudyResult, TuningTask, study_specs, t
 from frictionid.comparison.tuning import tune as search
 from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
+from frictionid.report.console import printed, printed_html
+from frictionid.report.figures.studies import progress
 from frictionid.report.figures.style import drawn
-from frictionid.report.figures.tuning import progress
-from frictionid.report.terminal.console import printed, printed_html
-from frictionid.report.terminal.terminal import show_table
-from frictionid.report.tuning import score_table, settings_tables, trials, write_outcome
+from frictionid.report.sensitivity import score_table, settings_tables, trials, write_outcome
+from frictionid.report.terminal import show_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -68,7 +68,7 @@ def fit(
     from frictionid.files import write_bytes
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
-    from frictionid.report.figures.fitted import check_drawable, fit_picture
+    from frictionid.report.figures.fits import check_drawable, fit_picture
 
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)

@@ -24,7 +24,7 @@ def list_kinds(
 
     from frictionid.comparison.kind_descriptions import described
     from frictionid.files import plain
-    from frictionid.report.terminal.kinds import show_kind, show_kinds
+    from frictionid.report.console import show_kind, show_kinds
 
     chosen = [described(kinds(), name)] if name else kinds()
     if json:

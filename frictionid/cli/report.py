@@ -57,7 +57,7 @@ def _side_by_side(folder: Path, other: Path, json: bool) -> None:
 
 def check_requirements(requirements: Sequence[str] | None) -> None:
     """Refuse requirements that no verdict could meet, before anything is computed."""
-    from frictionid.report.verdict_document import check_requirement
+    from frictionid.report.verdict_table import check_requirement
 
     for requirement in requirements or ():
         check_requirement(requirement)
@@ -67,7 +67,7 @@ def exit_unless_met(results: Results, requirements: Sequence[str] | None) -> Non
     """Say on standard error which requirements the verdicts do not meet, and exit with 1."""
     from frictionid.report.sections import sections_of
     from frictionid.report.verdict import verdict_of
-    from frictionid.report.verdict_document import unmet
+    from frictionid.report.verdict_table import unmet
 
     if not requirements:
         return

@@ -38,9 +38,9 @@ def sensitivity(
     from frictionid.api.sensitivity import sensitivity_of_suite
     from frictionid.cli.progress import counted, interruptible
     from frictionid.files import json_text
-    from frictionid.report.figures.sensitivity import summarised
+    from frictionid.report.figures.studies import summarised
     from frictionid.report.sensitivity import sensitivity_table, studies
-    from frictionid.report.terminal.terminal import show_table
+    from frictionid.report.terminal import show_table
 
     def bar(total: int) -> AbstractContextManager[Callable[[str], None]]:
         return counted(total, "sensitivity")
@@ -84,7 +84,7 @@ def tune(
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
     from frictionid.api.tune import open_tuning
     from frictionid.cli.progress import counted, interruptible
-    from frictionid.report.tuning import outcome_json
+    from frictionid.report.sensitivity import outcome_json
 
     opened = open_tuning(suite, data=data, out=out, trials=trials, trust=trust)
     with (

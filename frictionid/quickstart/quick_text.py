@@ -11,12 +11,12 @@ from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.evaluation.statistics import FEWEST, CorrelatedTest
 from frictionid.files import plain
 from frictionid.quickstart.quick import Candidate, Quick
+from frictionid.report.console import console
 from frictionid.report.diagnostics import COLOURS
 from frictionid.report.estimates import estimates
 from frictionid.report.numbers import NOTHING, norm_unit, short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
-from frictionid.report.terminal.console import console
-from frictionid.report.terminal.terminal import parameter_table
+from frictionid.report.terminal import parameter_table
 
 
 def show_quick(found: Quick) -> None:

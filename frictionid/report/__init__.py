@@ -14,7 +14,7 @@ html           the page index.html; summary: summary.md; write: all files; termi
 diagnostics, tuning    a verdict of `check`, and the outcome of `tune`
 """
 
-from frictionid.report.terminal.terminal import (
+from frictionid.report.terminal import (
     results_json,
     show,
     show_fit,

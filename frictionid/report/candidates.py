@@ -15,9 +15,11 @@ from frictionid.evaluation.statistics import (
     CorrelatedTest,
     correlated_test,
 )
-from frictionid.report.loops import has_memory
+from frictionid.report.memory import has_memory
+from frictionid.report.numbers import decimals, fixed
 from frictionid.report.plausibility import FAILED, Check, Control, checks_of
-from frictionid.report.sections import Model, SummaryData
+from frictionid.report.sections import Model, Section, SummaryData, rollout
+from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 EFFECTIVE = "effective_parameters_count"  # column
 CANDIDATES = ("none", "fitted", "given")  # roles of models that can be recommended
@@ -168,3 +170,50 @@ def _test(first: Candidate, second: Candidate, region: float) -> CorrelatedTest 
     if len(first.errors) < 2 or not (first.is_finite and second.is_finite):
         return None
     return correlated_test(first.errors - second.errors, region)
+
+
+FAMILIES = {
+    "physics": "physics with textbook friction",
+    "hybrid": "physics with learned friction",
+    "black box": "no physics",
+}
+# laws whose form was learned, by their names in model files
+LEARNED = (
+    *("mlp", "window_mlp", "lstm", "ensemble", "TorchModule", "library", "table"),
+    *("spline", "spline_asymmetric"),
+)
+
+
+def family(model: Model) -> str:
+    """Family of a model; "" for fixed numbers and the truth."""
+    if model.role not in ("none", "fitted"):
+        return ""
+    if model.document.get("mechanism"):
+        return "black box"
+    return "hybrid" if model.document.get("law", {}).get("kind", "") in LEARNED else "physics"
+
+
+def family_table(section: Section) -> Table | None:
+    """Median rollout errors of all models by family; None where a family is missing."""
+    models = [(name, m) for name in FAMILIES for m in section.models if family(m) == name]
+    places = [(data, h) for data in section.data for h in data.reported]
+    if {name for name, _ in models} != set(FAMILIES) or not places:
+        return None
+    values = np.array([[data.value(m, rollout(h)) for data, h in places] for _, m in models])
+    lowest = np.where(np.isfinite(values), values, np.inf).min(axis=0)
+    digits = [decimals(column) for column in values.T]
+    lines = []
+    for (name, model), row in zip(models, values, strict=True):
+        cells = [
+            Cell(fixed(value, places), bool(value == low))
+            for value, places, low in zip(row, digits, lowest, strict=True)
+        ]
+        lines.append(line([FAMILIES[name], model.name, *cells], name))
+    columns = [Column(f"{d.dataset}, {h:g} s", unit=d.description.angle_unit) for d, h in places]
+    return Table(
+        f"Median {section.description.coordinate} error of predictions by what a model knows: on "
+        f"held-out motion of {section.dataset}, and on data that no fit has seen.",
+        f"question-{section.dataset}",
+        (*text_columns("what it knows", "model"), *columns),
+        tuple(lines),
+    )

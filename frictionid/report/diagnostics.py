@@ -14,9 +14,9 @@ from frictionid.check.facts import ClockFacts
 from frictionid.check.questions import answer_of
 from frictionid.check.regression import Estimate
 from frictionid.files import plain
+from frictionid.report.console import console
 from frictionid.report.numbers import NOTHING, either
 from frictionid.report.tables import Column, Line, Table, for_terminal, line, text_columns
-from frictionid.report.terminal.console import console
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 

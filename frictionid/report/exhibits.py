@@ -9,27 +9,27 @@ import pandas as pd
 
 from frictionid.files import file_names
 from frictionid.report.estimates import estimates
-from frictionid.report.figures.boxplots import one_step_boxes
-from frictionid.report.figures.complexity import error_over_complexity
-from frictionid.report.figures.correlation import correlation, correlation_caption
-from frictionid.report.figures.curves import friction_curves
-from frictionid.report.figures.ensembles import curve_bands, spread_caption, spreads
-from frictionid.report.figures.examples import example_motions
-from frictionid.report.figures.horizons import rollout_errors
-from frictionid.report.figures.learning import learning_curves
+from frictionid.report.figures.curves import curve_bands, friction_curves, spread_caption, spreads
+from frictionid.report.figures.fits import correlation, correlation_caption
 from frictionid.report.figures.loops import loop_pictures
-from frictionid.report.figures.motion import motions
-from frictionid.report.figures.speeds import speed_table, velocity_scatter
+from frictionid.report.figures.motion import example_motions, motions, speed_table, velocity_scatter
+from frictionid.report.figures.scores import (
+    error_over_complexity,
+    loss_against,
+    one_step_boxes,
+    rollout_errors,
+)
+from frictionid.report.figures.studies import learning_curves
 from frictionid.report.figures.style import Style, styles
-from frictionid.report.figures.tradeoff import loss_against
-from frictionid.report.loops import loop_table
-from frictionid.report.parameter_table import parameter_numbers, parameter_table
+from frictionid.report.fit_table import parameter_numbers, parameter_table
+from frictionid.report.memory import loop_table
 from frictionid.report.recommended import chosen_of
 from frictionid.report.sections import Model, Section, SummaryData, rollout
-from frictionid.report.shooting_results import ShootingResults, shooting_results
-from frictionid.report.shooting_tables import (
+from frictionid.report.shooting_results import (
+    ShootingResults,
     interval_numbers,
     interval_table,
+    shooting_results,
     window_numbers,
     window_table,
 )

@@ -15,8 +15,7 @@ from frictionid.excitation.motion import MARGIN
 from frictionid.excitation.signals import DECIMALS
 from frictionid.excitation.trajectory_design import TrajectoryDesign
 from frictionid.report.numbers import NOTHING
-from frictionid.report.render import render
-from frictionid.report.tables import Column, Table, line, terminal_text, text_columns
+from frictionid.report.tables import Column, Table, line, render, terminal_text, text_columns
 
 BINDING = 0.9  # of what the search allows
 

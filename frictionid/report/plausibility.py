@@ -16,7 +16,7 @@ from frictionid.evaluation.plausibility import (
     tail_drop,
 )
 from frictionid.evaluation.statistics import CERTAIN, FEWEST, CorrelatedTest, correlated_test
-from frictionid.report.loops import KINDS, loops_of, middle
+from frictionid.report.memory import KINDS, loops_of, middle
 from frictionid.report.numbers import MINUS
 from frictionid.report.sections import Model, SummaryData
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictionid.report.candidates import Candidate, Contrast, contrast
-from frictionid.report.families import family
-from frictionid.report.loops import has_memory
+from frictionid.report.candidates import Candidate, Contrast, contrast, family
+from frictionid.report.memory import has_memory
 from frictionid.report.numbers import MINUS, factor, percent, short
 from frictionid.report.sections import EULER, Section
 
@@ -52,7 +51,7 @@ class Asked:
         return self.section.description.angle_unit
 
     def of_family(self, *names: str) -> list[Candidate]:
-        """Candidates of some families, see `frictionid.report.families.FAMILIES`."""
+        """Candidates of some families, see `frictionid.report.candidates.FAMILIES`."""
         return [c for c in self.candidates if family(c.model) in names]
 
     def with_friction(self) -> list[Candidate]:

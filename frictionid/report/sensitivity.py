@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,25 +12,38 @@ import numpy as np
 import pandas as pd
 
 from frictionid.comparison.results import Results
+from frictionid.comparison.search_space import Objective, text_of
+from frictionid.comparison.tuning.studies import StudyResult
+from frictionid.comparison.tuning.tuned_suite import best_of, by_task, chosen_suite, own_modules
 from frictionid.errors import InputError
 from frictionid.files import file_names, json_text, read_json
 from frictionid.outputs import replace_files
 from frictionid.report.exhibits import Names, Picture
-from frictionid.report.figures.sensitivity import (
+from frictionid.report.figures.studies import (
     CHANGE,
     ERROR,
     LOSS,
     ROLLOUT,
     is_known,
     over_amounts,
+    progress,
     summarised,
     tornado,
 )
 from frictionid.report.figures.style import drawing, rendered
-from frictionid.report.numbers import NOTHING, short
-from frictionid.report.render import render
+from frictionid.report.numbers import NOTHING, decimals, fixed, mean_sd, short
 from frictionid.report.sections import Section
-from frictionid.report.tables import Column, Table, latex, line, markdown, text_columns
+from frictionid.report.tables import (
+    Cell,
+    Column,
+    Line,
+    Table,
+    latex,
+    line,
+    markdown,
+    render,
+    text_columns,
+)
 
 PAGE, FRAME, PROVENANCE = "summary.md", "sensitivity.csv", "provenance.json"
 Study = tuple[str, str]  # data set, identifier
@@ -122,3 +137,169 @@ def beside(results: Results, section: Section, names: Names) -> Iterator[Picture
         lines = over_amounts(own)
         if lines is not None:
             yield Picture(f"amounts--{ending}", lines, f"{words}, over the amounts.")
+
+
+SPLIT = "held out"
+
+
+def write_outcome(
+    folder: Path,
+    studies: Sequence[StudyResult],
+    objective: Objective,
+    file: Path,
+    *,
+    replace: bool = False,
+) -> Path:
+    """Path of the page written, with trials.csv and a suite for each data set beside it.
+
+    replace : write also over files that were changed since
+    """
+    texts = {"trials.csv": trials(studies).to_csv(index=False, float_format="%.9g")}
+    datasets = []
+    for name, own in _by_dataset(studies):
+        suite = folder / f"{file_names([name])[name]}.toml"
+        texts[suite.name] = chosen_suite(file, own, suite, objective)
+        datasets.append((name, [score_table(own, objective), *settings_tables(own)], suite.name))
+    texts["summary.md"] = render("tuning.md.j2", {"datasets": datasets, "picture": "progress"})
+    contents = {name: text.encode() for name, text in texts.items()} | own_modules(file)
+    with drawing():
+        for kind, picture in rendered(progress(studies, objective)).items():
+            contents[f"progress.{kind}"] = picture
+    replace_files(folder, contents, replace=replace)
+    return folder / "summary.md"
+
+
+def trials(studies: Sequence[StudyResult]) -> pd.DataFrame:
+    """All trials, one in a line: study, number, score on the inner folds, settings."""
+    lines = [
+        {
+            "dataset": study.task.benchmark.dataset.name,
+            "identifier": study.task.name,
+            "fit": study.task.recipe.name,
+            "sampler": study.sampler,
+            "fold": "all" if study.fold is None else study.fold,
+            "trial": number,
+            "value": trial.value,
+            **{key: text_of(value) for key, value in trial.settings.items()},
+            "error": trial.error,
+        }
+        for study in studies
+        for number, trial in enumerate(study.trials)
+    ]
+    return pd.DataFrame(lines)
+
+
+def outcome_json(studies: Sequence[StudyResult], page: Path) -> str:
+    """Scores and chosen settings of each study as JSON; its trials stand in trials.csv."""
+    found = [
+        {
+            "dataset": study.task.benchmark.dataset.name,
+            "identifier": study.task.name,
+            "recipe": study.task.recipe.name,
+            "sampler": study.sampler,
+            "fold": study.fold,
+            "trials": len(study.trials),
+            "settings": dict(study.best.settings),
+            "value": study.best.value,
+            "suite_value": study.suite_value,
+            "held_out": study.held_out,
+            "held_out_suite": study.held_out_suite,
+        }
+        for study in studies
+    ]
+    return json_text({"studies": found, "written": [page, page.with_name("trials.csv")]})
+
+
+def _by_dataset(studies: Sequence[StudyResult]) -> list[tuple[str, list[StudyResult]]]:
+    names = dict.fromkeys(study.task.benchmark.dataset.name for study in studies)
+    return [(n, [s for s in studies if s.task.benchmark.dataset.name == n]) for n in names]
+
+
+def score_table(studies: Sequence[StudyResult], objective: Objective) -> Table:
+    """Scores of each sampler's choice, on inner folds and on recordings held out from tuning."""
+    unit = "rad" if objective.horizon is not None else "rad/s"
+    rows = [
+        (whole, [s for s in own if s.sampler == whole.sampler and s.fold is not None])
+        for own in by_task(studies)
+        for whole in own
+        if whole.fold is None
+    ]
+    shown = [s.held_out for _, nested in rows for s in nested]
+    places = decimals([*shown, *(whole.best.value for whole, _ in rows)], 3)
+    columns = [*text_columns("identifier", "sampler"), Column("trials")]
+    columns += [Column(name, "inner folds", unit) for name in ("as in the suite", "best")]
+    columns += [Column(name, SPLIT, unit) for name in ("as in the suite", "tuned", "gain")]
+    caption = (
+        f"{objective.words}. Inner folds: of all recordings; the best of many trials is "
+        "optimistic. Held out: mean ± standard deviation over the outer folds, each tuned for "
+        "itself without the recordings that judge it. Gain: mean ± standard error of the "
+        "difference."
+    )
+    lines = tuple(_score_line(whole, nested, places) for whole, nested in rows)
+    return Table(caption, "tuning-scores", tuple(columns), lines)
+
+
+def _score_line(whole: StudyResult, nested: Sequence[StudyResult], places: int) -> Line:
+    suite, tuned = (
+        np.array([getattr(study, name) for study in nested], dtype=float)
+        for name in ("held_out_suite", "held_out")
+    )
+    failed = sum(math.isnan(trial.value) for trial in whole.trials)
+    cells = [
+        f"{whole.task.name} ({whole.task.recipe.name})",
+        whole.sampler,
+        f"{len(whole.trials)}" + (f" ({failed} failed)" if failed else ""),
+        fixed(whole.suite_value, places),
+        fixed(whole.best.value, places),
+        mean_sd(suite, places),
+        mean_sd(tuned, places),
+        _gain(suite - tuned, places + 1),
+    ]
+    return line(cells, whole.task.title)
+
+
+def _gain(values: Any, places: int) -> str:
+    """Mean ± standard error of the finite differences (F,)."""
+    known = values[np.isfinite(values)]
+    if len(known) < 2:
+        return NOTHING
+    error = float(known.std(ddof=1) / np.sqrt(len(known)))
+    return f"{fixed(float(known.mean()), places)} ± {fixed(error, places)}"
+
+
+def settings_tables(studies: Sequence[StudyResult]) -> list[Table]:
+    """A table of settings for each tuning task."""
+    return [settings_table(own) for own in by_task(studies)]
+
+
+def settings_table(studies: Sequence[StudyResult]) -> Table:
+    """Settings of one tuning task: what was searched, what the suite has, what was chosen."""
+    task, first = studies[0].task, best_of(studies)
+    whole = [study for study in studies if study.fold is None]
+    nested = [study for study in studies if study.fold is not None]
+    own = {key: text_of(value) for key, value in task.suite_settings.items()}
+    columns = [*text_columns("setting", "searched"), Column("suite")]
+    columns += [Column(study.sampler, "chosen on all data") for study in whole]
+    columns += text_columns("chosen in the training folds") if nested else []
+    lines = []
+    for key, space in task.search.items():
+        cells: list[str | Cell] = [key, space.words, own.get(key, NOTHING)]
+        cells += [Cell(_shown(study.best.settings[key]), study is first) for study in whole]
+        cells += [_range([study.best.settings[key] for study in nested])] if nested else []
+        lines.append(line(cells))
+    caption = f"{task.title}: settings searched and chosen; in bold those of the written suite."
+    return Table(caption, "tuning-settings", tuple(columns), tuple(lines))
+
+
+def _shown(value: Any) -> str:
+    return short(value, 3) if isinstance(value, float) else text_of(value)
+
+
+def _range(values: Sequence[Any]) -> str:
+    """Lowest to highest of numbers, or each choice with how often it was made."""
+    if all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
+        low, high = min(values), max(values)
+        middle = sorted(values)[len(values) // 2]
+        return f"{_shown(low)} to {_shown(high)}, median {_shown(middle)}"
+    counts = Counter(map(text_of, values))
+    return ", ".join(f"{name} ({times}×)" for name, times in counts.most_common())

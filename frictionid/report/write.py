@@ -9,15 +9,42 @@ from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, reduction
 from frictionid.outputs import replace_files
-from frictionid.report.exhibits import NamedTable, Picture, exhibits_of, names_of
+from frictionid.report.exhibits import Exhibits, NamedTable, Picture, exhibits_of, names_of
 from frictionid.report.figures.style import drawing, rendered
-from frictionid.report.html.index import index_html
-from frictionid.report.sections import sections_of
+from frictionid.report.page_content import index_html
+from frictionid.report.provenance import folds_of, size_of
+from frictionid.report.reliability import warning_lines, warnings_of
+from frictionid.report.sections import Section, sections_of
 from frictionid.report.sensitivity import beside
-from frictionid.report.summary import summary_markdown
-from frictionid.report.tables import latex, markdown
-from frictionid.report.verdict import verdict_of
-from frictionid.report.verdict_document import verdict_json
+from frictionid.report.tables import latex, markdown, render
+from frictionid.report.verdict import Verdict, verdict_of
+from frictionid.report.verdict_table import verdict_json
+
+
+def summary_markdown(
+    results: Results,
+    sections: Sequence[Section],
+    verdicts: Sequence[Verdict],
+    exhibits: Mapping[tuple[str, str], Exhibits],
+) -> str:
+    """Markdown of the summary; exhibits by the data sets fitted and scored."""
+    parts = [
+        {
+            "section": section,
+            "verdict": verdict,
+            "size": size_of(section.description),
+            "folds": folds_of(results, section),
+            "tables": [exhibits[section.dataset, d.dataset].tables[0].table for d in section.data],
+        }
+        for section, verdict in zip(sections, verdicts, strict=True)
+    ]
+    context = {
+        "title": results.provenance.get("title") or results.provenance["suite"],
+        "parts": parts,
+        "warnings": warning_lines(warnings_of(results, sections)),
+    }
+    return render("summary.md.j2", context)
+
 
 _FEW = 10  # figures, which take as long as a process takes to begin drawing
 

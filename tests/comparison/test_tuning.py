@@ -25,7 +25,7 @@ from frictionid.comparison.tuning.tuning_task import TuningTask
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.one_step.formulation import INTEGRAL
-from frictionid.report.tuning import score_table, settings_tables, write_outcome
+from frictionid.report.sensitivity import score_table, settings_tables, write_outcome
 
 OWN = """
 from dataclasses import dataclass, replace

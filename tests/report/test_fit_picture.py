@@ -7,7 +7,7 @@ from fixtures.tiny_pendulums import dataset, write_dataset
 
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.report.figures import fitted
+from frictionid.report.figures import fits
 
 FIT = ("fit", "tiny", "--identifier", "coulomb_viscous", "--out", "model.json")
 
@@ -37,8 +37,8 @@ def test_the_band_is_that_of_the_document(monkeypatch, width):
     source = {} if width is None else {"refined": {"bands": bands}}
     friction = Friction(CoulombViscous(), np.array([[0.03, 0.004]]), provenance=source)
     drawn = []
-    monkeypatch.setattr(fitted, "_panel", lambda *given: drawn.append(given[1:]))
-    assert fitted.fit_picture(friction, dataset()).startswith(b"\x89PNG")
+    monkeypatch.setattr(fits, "_panel", lambda *given: drawn.append(given[1:]))
+    assert fits.fit_picture(friction, dataset()).startswith(b"\x89PNG")
     ((w, curve, half),) = drawn
     np.testing.assert_allclose(curve, 0.03 * np.sign(w) + 0.004 * w, atol=1e-12)
     assert half is None if width is None else np.allclose(half, width)

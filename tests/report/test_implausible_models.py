@@ -9,8 +9,13 @@ from fixtures import result_folders as made
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.tables import latex
 from frictionid.report.verdict import verdict_of
-from frictionid.report.verdict_document import verdict_document
-from frictionid.report.verdict_table import difference_table, marked, verdict_numbers, verdict_table
+from frictionid.report.verdict_table import (
+    difference_table,
+    marked,
+    verdict_document,
+    verdict_numbers,
+    verdict_table,
+)
 
 GRID = made.about()["velocity"]
 

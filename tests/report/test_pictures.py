@@ -14,8 +14,8 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.loops import loop_pictures
+from frictionid.report.figures.scores import loss_against
 from frictionid.report.figures.style import drawing, styles
-from frictionid.report.figures.tradeoff import loss_against
 from frictionid.rig.align.alignment_figure import least_squares_friction
 
 PLANT = plant_of(tiny.dataset())[0]

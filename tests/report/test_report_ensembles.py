@@ -18,8 +18,7 @@ from frictionid.fitting.networks.network import Network
 from frictionid.fitting.networks.state_network import StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
-from frictionid.report.figures.curves import friction_curves
-from frictionid.report.figures.ensembles import spread_caption, spreads
+from frictionid.report.figures.curves import friction_curves, spread_caption, spreads
 from frictionid.report.figures.style import drawing, styles
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fixtures import result_folders as made
 
-from frictionid.report.families import family, family_table
+from frictionid.report.candidates import family, family_table
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.style import styles
 from frictionid.report.reliability import loose

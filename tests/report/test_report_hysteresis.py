@@ -19,11 +19,11 @@ from frictionid.evaluation.hysteresis import (
 )
 from frictionid.friction import Friction, Law, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
-from frictionid.report.figures.learning import learning_curves, losses_of
 from frictionid.report.figures.loops import loop_pictures
+from frictionid.report.figures.studies import learning_curves, losses_of
 from frictionid.report.figures.style import drawing, rendered, styles
-from frictionid.report.loops import loop_table, with_memory
-from frictionid.report.loops import loops_of as shown_loops
+from frictionid.report.memory import loop_table, with_memory
+from frictionid.report.memory import loops_of as shown_loops
 
 PLANT = plant_of(tiny.dataset())[0]
 GRID = np.linspace(-10.0, 10.0, 401)[:, None]

@@ -27,11 +27,11 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.mechanics import mechanism_of
 from frictionid.report import show_refined, write
-from frictionid.report.figures.correlation import STRONG, correlation
-from frictionid.report.figures.ensembles import curve_bands
+from frictionid.report.figures.curves import curve_bands
+from frictionid.report.figures.fits import STRONG, correlation
 from frictionid.report.figures.panels import measured
 from frictionid.report.figures.style import styles
-from frictionid.report.shooting_tables import interval_table
+from frictionid.report.shooting_results import interval_table
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}

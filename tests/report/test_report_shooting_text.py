@@ -10,8 +10,8 @@ from scipy.stats import t as student
 
 from frictionid.fitting.parameters.parameter_block import IDEAL
 from frictionid.report.estimates import estimates
-from frictionid.report.render import render
 from frictionid.report.shooting_results import delay_explains, delay_fixed, shooting_results
+from frictionid.report.tables import render
 
 
 def results(refined, **data):

@@ -8,7 +8,7 @@ from fixtures.command_line import run_command
 from frictionid.comparison.results import load_results
 from frictionid.report import results_json, show
 from frictionid.report.summary_table import summary_of, summary_table
-from frictionid.report.terminal.terminal import verdict
+from frictionid.report.terminal import verdict
 from frictionid.report.verdict_table import difference_table
 
 

@@ -19,11 +19,10 @@ from frictionid.deploy.pooling.random_effects import sampled
 from frictionid.errors import InputError, printable
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
-from frictionid.report.estimates import digits, interval
+from frictionid.report.console import console, printed
+from frictionid.report.estimates import digits, interval, pooled_document
 from frictionid.report.numbers import short
-from frictionid.report.pooled_document import pooled_document
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
-from frictionid.report.terminal.console import console, printed
 
 COLUMNS = (
     *("block", "joint", "parameter", "unit", "value", "low_95", "high_95"),

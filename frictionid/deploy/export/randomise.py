@@ -13,7 +13,7 @@ from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.pooling.random_effects import pooled_draws
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.report.pooled_document import pooled_document
+from frictionid.report.estimates import pooled_document
 
 FORMAT = "frictionid samples 1"
 _FEWEST = 200  # draws behind the ranges of an engine's own numbers

@@ -29,7 +29,7 @@ from scipy.special import chdtrc, chdtri, ndtr, stdtrit  # scipy.stats takes hal
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.report.pooled_document import pooled_document
+from frictionid.report.estimates import pooled_document
 
 _POINTS = 400  # of the mixture
 _HALVINGS = 50

@@ -17,8 +17,7 @@ from frictionid.files import json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.numbers import short
-from frictionid.report.render import render_page
-from frictionid.report.tables import Column, Table, line, terminal_text, text_columns
+from frictionid.report.tables import Column, Table, line, render_page, terminal_text, text_columns
 
 PAGE, DOCUMENT, FRAME = "index.html", "monitoring.json", "changes.csv"
 

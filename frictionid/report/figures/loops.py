@@ -19,7 +19,7 @@ from frictionid.report.figures.style import (
     line,
     plain,
 )
-from frictionid.report.loops import KINDS, Loop, has_memory, loops_of, middle, with_loops
+from frictionid.report.memory import KINDS, Loop, has_memory, loops_of, middle, with_loops
 from frictionid.report.sections import Model, Section
 
 COLUMNS = 4  # models side by side; more go to another picture

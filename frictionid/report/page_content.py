@@ -15,6 +15,8 @@ from urllib.parse import quote
 
 from frictionid.comparison.results import Results
 from frictionid.files import plain
+from frictionid.report.candidates import family_table
+from frictionid.report.charts import Chart, friction_charts, plotly_script
 from frictionid.report.exhibits import (
     Exhibits,
     NamedTable,
@@ -23,13 +25,10 @@ from frictionid.report.exhibits import (
     ShootingFit,
     shooting_fits,
 )
-from frictionid.report.families import family_table
-from frictionid.report.figures.examples import examples_of
+from frictionid.report.figures.motion import examples_of
 from frictionid.report.figures.style import Style
-from frictionid.report.html.charts import Chart, plotly_script
-from frictionid.report.html.friction_chart import friction_charts
-from frictionid.report.html.motion_chart import animation, motion_chart
 from frictionid.report.memory import memory_analysis
+from frictionid.report.motion_chart import animation, motion_chart
 from frictionid.report.provenance import folds_of, provenance_of, size_of
 from frictionid.report.recommended import (
     Horizon,
@@ -40,10 +39,9 @@ from frictionid.report.recommended import (
     parameter_rows,
 )
 from frictionid.report.reliability import warning_lines, warnings_of
-from frictionid.report.render import lines_of, render, render_page
 from frictionid.report.sections import Model, Section, SummaryData
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
-from frictionid.report.tables import Cell, Column, Table
+from frictionid.report.tables import Cell, Column, Table, lines_of, render, render_page
 from frictionid.report.verdict import Verdict
 from frictionid.report.verdict_table import marked
 

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.examples import limits_of
-from frictionid.report.figures.style import Style
-from frictionid.report.html.charts import (
+from frictionid.report.charts import (
     MEASURED,
     Chart,
     as_array,
@@ -21,9 +19,11 @@ from frictionid.report.html.charts import (
     numbers,
     thinned,
 )
+from frictionid.report.figures.motion import limits_of
+from frictionid.report.figures.style import Style
 from frictionid.report.sections import DataDescription
 
-MOST = 241  # samples of a line
+MOST_SAMPLES = 241  # samples of a line
 PARTS = ("measured", "predicted")
 ROOM = 0.08  # about the drawing, of its size
 
@@ -33,7 +33,7 @@ Example = Mapping[str, Any]
 def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart:
     """The joints' positions over time, one above the other."""
     time = as_array(example["time"])
-    some = thinned(len(time), MOST)
+    some = thinned(len(time), MOST_SAMPLES)
     widths = example.get("band")
     half = None if widths is None else as_array(widths)
     if half is not None and not half.any():

@@ -1,24 +1,108 @@
-"""Pictures of a sensitivity study: a tornado of what matters most, and errors over the amounts."""
+"""The lowest score so far over the trials: a panel for each tuning task, a colour per sampler."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from frictionid.report.figures.panels import panel_grid
+from frictionid.arrays import Array
+from frictionid.comparison.search_space import Objective
+from frictionid.comparison.tuning.studies import StudyResult
+from frictionid.report.figures.panels import panel_grid, plain_logarithm
 from frictionid.report.figures.style import (
     COLOURS,
+    DARK,
     DASHED,
     GREY,
+    Style,
     figure,
     key_above,
     line,
+    marker,
     patch,
     plain,
 )
+from frictionid.report.sections import Model
+
+
+def progress(studies: Sequence[StudyResult], objective: Objective) -> Any:
+    """The picture of all studies: on all data thick, in each training fold thin."""
+    tasks = [list(own) for _, own in groupby(studies, key=lambda study: study.task.title)]
+    picture, axes = panel_grid(len(tasks), COLUMNS, 1.9, 0.6)
+    samplers = list(dict.fromkeys(study.sampler for study in studies))
+    colours = dict(zip(samplers, COLOURS, strict=False))
+    thick = {"linewidth": 1.5, "alpha": 1.0, "zorder": 3}
+    thin = {"linewidth": 0.5, "alpha": 0.4, "zorder": 2}
+    for axis, own in zip(axes, tasks, strict=True):
+        for study in own:
+            trials = np.arange(1, len(study.trials) + 1)
+            style = thick if study.fold is None else thin
+            axis.step(trials, _lowest(study), where="post", color=colours[study.sampler], **style)
+        axis.set_title(plain(own[0].task.title), fontsize=7, loc="left")
+        axis.locator_params(axis="x", integer=True, nbins=6)
+    unit = "rad" if objective.horizon is not None else "rad/s"
+    picture.supxlabel("trials", fontsize=8)
+    picture.supylabel(f"{objective.words} [{unit}]", fontsize=7)
+    key_above(picture, {name: line(colour) for name, colour in colours.items()})
+    return picture
+
+
+def _lowest(study: StudyResult) -> Array:
+    values = np.array([trial.value for trial in study.trials])
+    return np.minimum.accumulate(np.where(np.isnan(values), np.inf, values))
+
+
+COLUMNS = 3
+PARTS = ("training", "held_out")
+
+
+def losses_of(model: Model) -> Mapping[str, Array] | None:
+    """Losses (F, E) of a model that learned in epochs, without the fit to all data; else None."""
+    learning = model.document.get("provenance", {}).get("learning") or {}
+    parts = {key: np.asarray(learning[key], dtype=float) for key in PARTS if key in learning}
+    return {key: value[: max(len(value) - 1, 1)] for key, value in parts.items()} or None
+
+
+def learning_curves(models: Sequence[Model], styles: Mapping[str, Style], unit: str) -> Any:
+    """Picture of all that learned in epochs, a panel for each; None where nothing did."""
+    shown = [(model, losses) for model in models if (losses := losses_of(model))]
+    if not shown:
+        return None
+    picture, axes = panel_grid(len(shown), COLUMNS, 1.8, 0.6)
+    for axis, (model, losses) in zip(axes, shown, strict=True):
+        own = styles[model.label].colour
+        for part, values in losses.items():
+            colour = own if part == "held_out" else GREY
+            epochs = np.arange(1, values.shape[1] + 1)
+            axis.plot(epochs, values.T, color=colour, linewidth=0.6, alpha=0.6)
+        if "held_out" in losses:
+            _ends(axis, losses["held_out"])
+        plain_logarithm(axis)
+        axis.xaxis.get_major_locator().set_params(integer=True)
+        axis.set_title(plain(model.name), fontsize=7, loc="left", color=own)
+    picture.supxlabel("epoch", fontsize=8)
+    picture.supylabel(f"loss {unit}", fontsize=8)
+    key = {
+        "training, each fold": line(GREY),
+        "held out in the fold": line(styles[shown[0][0].label].colour),
+        "kept": marker(DARK, "."),
+    }
+    key_above(picture, key)
+    return picture
+
+
+def _ends(axis: Any, losses: Array) -> None:
+    """A dot where each fold was best."""
+    for values in losses:
+        known = np.where(np.isfinite(values), values, np.inf)
+        best = int(known.argmin())
+        if np.isfinite(known[best]):
+            axis.plot(best + 1, known[best], ".", color=DARK, markersize=4, zorder=5)
+
 
 SHOWN = 14  # bars of a panel
 ABREAST = 3

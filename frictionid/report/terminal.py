@@ -12,8 +12,8 @@ import pandas as pd
 from frictionid.comparison.results import Results
 from frictionid.files import plain
 from frictionid.friction import Friction
+from frictionid.report.console import console
 from frictionid.report.estimates import Estimate, estimates, interval, value_text
-from frictionid.report.render import render
 from frictionid.report.sections import Section, score_tables, sections_of
 from frictionid.report.shooting_results import shooting_results
 from frictionid.report.side_by_side import (
@@ -29,8 +29,7 @@ from frictionid.report.summary_table import (
     summary_of,
     summary_table,
 )
-from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
-from frictionid.report.terminal.console import console
+from frictionid.report.tables import Column, Table, for_terminal, line, render, text_columns
 from frictionid.report.verdict import verdict_of
 
 

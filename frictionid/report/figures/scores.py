@@ -1,0 +1,289 @@
+"""Box plots of the one-step losses over the folds, with the truth's own score as a line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.report.figures.panels import plain_logarithm
+from frictionid.report.figures.style import (
+    DARK,
+    DASHED,
+    GRID,
+    Style,
+    figure,
+    key_above,
+    line,
+    marker,
+    plain,
+)
+from frictionid.report.numbers import INFINITE, seconds, short
+from frictionid.report.sections import EULER, Model, Section, SummaryData, rollout
+from frictionid.report.summary_table import ONE_STEP
+from frictionid.report.verdict import Verdict
+
+
+def one_step_boxes(section: Section, styles: Mapping[str, Style]) -> Any:
+    """Losses of the held-out folds: a box for each identifier and recipe, a panel for each loss."""
+    models = section.of_role("none", "fitted", "given")
+    heights, several = _heights(models), len(section.recipes) > 1
+    picture = figure(0.75 + 0.24 * max(heights.values(), default=0.0) + 0.24)
+    axes = picture.subplots(1, len(ONE_STEP), sharey=True, squeeze=False)[0]
+    for axis, (column, name) in zip(axes, ONE_STEP.items(), strict=True):
+        for model, height in heights.items():
+            hollow = several and model.recipe == section.recipes[0]
+            losses = section.fitted.of_folds(model, column)
+            _box(axis, losses, height, styles[model.label].colour, hollow)
+        _truth(axis, section, column)
+        scheme, statistic = name.split()
+        unit = section.description.angle_unit
+        axis.set_xlabel(f"one-step loss, {scheme} ({statistic}) [{unit}/s]")
+        axis.grid(axis="x", **GRID)
+        axis.set_axisbelow(True)
+        axis.tick_params(axis="y", length=0)
+    axes[0].set_yticks(list(heights.values()), [plain(model.name) for model in heights])
+    axes[0].set_ylim(max(heights.values(), default=0.0) + 0.7, -0.7)
+    return picture
+
+
+def _heights(models: Sequence[Model]) -> dict[Model, float]:
+    """Height of each box: recipes of an identifier side by side, a gap between identifiers."""
+    labels = list(dict.fromkeys(model.label for model in models))
+    ordered = sorted(models, key=lambda model: labels.index(model.label))
+    out, at = {}, 0.0
+    for _, own in groupby(ordered, key=lambda model: model.label):
+        for model in own:
+            out[model] = at
+            at += 0.8
+        at += 0.45
+    return out
+
+
+def _box(axis: Any, losses: Array, height: float, colour: str, hollow: bool) -> None:
+    """Quartiles, range and mean of a box, and the folds as dots; `hollow` tells recipes apart."""
+    finite = losses[np.isfinite(losses)]
+    lost = len(losses) - len(finite)
+    if lost:
+        text, place = f"{INFINITE} in {lost} of {len(losses)} folds ", ("axes fraction", "data")
+        axis.annotate(text, (1, height), xycoords=place, ha="right", va="center")
+    if not len(finite):
+        return
+    edge = {"color": colour, "linewidth": 0.9}
+    face = "white" if hollow else _tint(colour, 0.3)
+    axis.boxplot(
+        [finite],
+        positions=[height],
+        orientation="horizontal",
+        widths=0.56,
+        whis=(0, 100),
+        manage_ticks=False,
+        patch_artist=True,
+        boxprops={"facecolor": face, "edgecolor": colour, "linewidth": 0.9},
+        medianprops={"color": colour, "linewidth": 1.8},
+        whiskerprops=edge,
+        capprops=edge,
+    )
+    dots = height + 0.16 * np.where(np.arange(len(finite)) % 2, 1, -1)
+    axis.plot(finite, dots, "o", markersize=1.8, color=colour, alpha=0.7, markeredgewidth=0)
+    mean = {"color": "white", "markeredgecolor": DARK, "zorder": 4}
+    axis.plot([finite.mean()], [height], "D", markersize=3, **mean)
+
+
+def _tint(colour: str, strength: float) -> Any:
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - strength * (1 - part) for part in to_rgb(colour))
+
+
+def _truth(axis: Any, section: Section, column: str) -> None:
+    for model in section.of_role("truth"):
+        losses = section.fitted.of_folds(model, column)
+        if not len(losses) or not np.isfinite(losses).all():
+            continue
+        mean = float(losses.mean())
+        axis.axvline(mean, color=DARK, linewidth=1, linestyle=DASHED, zorder=1)
+        axis.annotate(
+            f"truth {short(mean, 3)}",
+            (mean, 1),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 1),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=7,
+            color=DARK,
+        )
+
+
+SHORT_DOTS = (0, (1, 1.4))
+
+
+def rollout_errors(section: Section, styles: Mapping[str, Style]) -> Any:
+    """Angle errors over the horizon, a panel for each data set and recipe; None without any."""
+    horizons, description = section.fitted.horizons, section.description
+    if not horizons:
+        return None
+    rows = [[(data, recipe) for recipe in section.recipes] for data in section.data]
+    if len(section.recipes) == 1 and len(rows) <= 3:
+        rows = [[panel for row in rows for panel in row]]
+    picture = figure(0.75 + 2.1 * len(rows))
+    axes = picture.subplots(len(rows), len(rows[0]), sharex=True, sharey=True, squeeze=False)
+    for row, axes_of_row in zip(rows, axes, strict=True):
+        for (data, recipe), axis in zip(row, axes_of_row, strict=True):
+            for model in section.under(recipe):
+                _errors(axis, data, model, styles[model.label])
+            axis.set_title(_title(section, data, recipe), fontsize=7.5)
+            axis.grid(**GRID)
+        axes_of_row[0].set_ylabel(f"{description.coordinate} error [{description.angle_unit}]")
+    _scales(axes[0, 0], horizons)
+    picture.supxlabel("horizon [s]", fontsize=8)
+    labels = dict.fromkeys(model.label for model in section.models)
+    key = {name: line(styles[name].colour, styles[name].line) for name in labels}
+    median = line("black")
+    median.set(marker="o", markersize=2.8)
+    quantile = line("black", SHORT_DOTS, 0.8)
+    key_above(picture, {**key, "median": median, "90 % quantile": quantile})
+    return picture
+
+
+def _title(section: Section, data: SummaryData, recipe: str) -> str:
+    parts = [plain(data.dataset), "held out" if data.held_out else "never seen"]
+    return ", ".join([*parts, f"{plain(recipe)} recipe"] if len(section.recipes) > 1 else parts)
+
+
+def _errors(axis: Any, data: SummaryData, model: Model, style: Style) -> None:
+    """Errors of a model that was scored there; arrows at the upper edge where one is infinite."""
+    horizons = np.asarray(data.horizons)
+    for statistic, width, alpha, dot in (("median", 1.3, 1.0, "o"), ("q90", 0.8, 0.75, "")):
+        values = np.array([data.value(model, rollout(h, statistic)) for h in horizons])
+        drawn = {"color": style.colour, "linewidth": width, "alpha": alpha, "marker": dot}
+        drawn["linestyle"] = style.line if statistic == "median" else SHORT_DOTS
+        shown = np.where(np.isfinite(values) & (values > 0), values, np.nan)
+        axis.plot(horizons, shown, markersize=2.8, **drawn)
+        infinite = horizons[np.isposinf(values)]
+        if len(infinite):
+            upper = axis.get_xaxis_transform()
+            arrows = {"color": style.colour, "markersize": 5, "transform": upper, "clip_on": False}
+            axis.plot(infinite, np.ones(len(infinite)), "^", **arrows)
+
+
+def _scales(axis: Any, horizons: tuple[float, ...]) -> None:
+    """Logarithmic axes, which all panels share, with plain numbers."""
+    from matplotlib.ticker import NullLocator
+
+    axis.set_xscale("log")
+    axis.set_xticks(horizons, [f"{h:g}" for h in horizons])
+    axis.xaxis.set_minor_locator(NullLocator())
+    plain_logarithm(axis)
+
+
+def error_over_complexity(verdict: Verdict, styles: Mapping[str, Style]) -> Any:
+    """Each model's error in the folds over its effective parameters; None with fewer than two.
+
+    Points are means over the folds, bars reach from the lowest to the highest fold. The band is
+    the region of practical equivalence above the best model.
+    """
+    own = [c for c in verdict.candidates if c.is_finite and np.isfinite(c.complexity)]
+    if len(own) < 2 or not np.isfinite(verdict.region):
+        return None
+    picture = figure(2.7)
+    axis = picture.subplots()
+    best = min(c.error for c in own)
+    axis.axhspan(best, best + verdict.region, color=DARK, alpha=0.12, linewidth=0)
+    axis.axhline(best, color=DARK, linewidth=0.8, linestyle=DASHED)
+    for candidate in own:
+        place, colour = candidate.complexity, styles[candidate.model.label].colour
+        ends = candidate.errors.min(), candidate.errors.max()
+        axis.plot([place, place], ends, color=colour, linewidth=1.0, alpha=0.6)
+        face = "white" if candidate.implausible else colour
+        shape = "*" if candidate.name == verdict.recommended else "o"
+        axis.plot(place, candidate.error, shape, color=colour, markerfacecolor=face, markersize=8)
+    axis.set_xscale("symlog", linthresh=1.0)  # models without friction have no parameters
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.set_xlim(left=-0.3)
+    plain_logarithm(axis)
+    axis.set_xlabel("effective parameters")
+    axis.set_ylabel(f"error after {seconds(verdict.horizon)} [{verdict.unit}]")
+    axis.grid(**GRID)
+    labels = dict.fromkeys(c.model.label for c in own)
+    key = {label: marker(styles[label].colour, "o", 5) for label in labels}
+    key_above(picture, key, 0.8)
+    return picture
+
+
+MARKERS = {"none": "s", "given": "D", "truth": "*"}  # others have those of their recipes
+RECIPES = ("o", "^", "v", "P", "X", "<", ">", "p")
+
+
+def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
+    """Rollout error and curve error over one-step loss, a point for each model."""
+    data, description = section.fitted, section.description
+    unit, horizon = description.angle_unit, data.horizons[-1]
+    errors = {model: data.value(model, rollout(horizon)) for model in section.models}
+    curves = {
+        model: 100 * float(np.mean(data.curve_errors(model)))
+        for model in section.models
+        if model.role != "truth"
+    }
+    panels = {
+        f"{description.coordinate} error after {horizon:g} s [{unit}]": errors,
+        "curve error, mean of joints [%]": curves,
+    }
+    names = list(styles)
+    picture = figure(2.7)
+    for axis, (label, heights) in zip(picture.subplots(1, 2), panels.items(), strict=True):
+        for model in section.models:
+            # points on the same spot become rings around each other
+            size = max(10 - 1.5 * names.index(model.label), 4.0)
+            height = heights.get(model, float("nan"))
+            _point(axis, section, model, (height, size), styles[model.label].colour)
+        axis.set_xlabel(f"one-step loss, euler [{unit}/s]")
+        axis.set_ylabel(label)
+        axis.grid(**GRID)
+        plain_logarithm(axis)
+    key_above(picture, _key(section, styles), 0.8)
+    return picture
+
+
+def _point(
+    axis: Any, section: Section, model: Model, place: tuple[float, float], colour: str
+) -> None:
+    """A model's point at its loss, with the marker of its recipe; `place`: its height and size."""
+    height, size = place
+    loss = section.fitted.value(model, EULER)
+    if model.role == "truth" and np.isfinite(loss):
+        axis.axvline(loss, color=DARK, linewidth=1, linestyle=DASHED, zorder=1)
+    if not np.isfinite([loss, height]).all() or height <= 0:
+        return
+    axis.plot(
+        loss,
+        height,
+        MARKERS.get(model.role) or _marker(section, model.recipe),
+        color=colour,
+        markerfacecolor="white" if _hollow(section, model.recipe) else colour,
+        markeredgewidth=1.3,
+        markersize={"none": 6, "truth": 9}.get(model.role, size),
+    )
+
+
+def _key(section: Section, styles: Mapping[str, Style]) -> dict[str, Any]:
+    roles = {model.label: MARKERS.get(model.role, "o") for model in section.models}
+    key = {name: marker(styles[name].colour, kind, 5) for name, kind in roles.items()}
+    for recipe in section.recipes if len(section.recipes) > 1 else ():
+        face = "white" if _hollow(section, recipe) else "black"
+        key[f"{recipe} recipe"] = marker("black", _marker(section, recipe), 6, face)
+    return key
+
+
+def _marker(section: Section, recipe: str) -> str:
+    """Each recipe has its own, the first two are dots."""
+    place = section.recipes.index(recipe) if recipe in section.recipes else 0
+    return RECIPES[max(place - 1, 0) % len(RECIPES)]
+
+
+def _hollow(section: Section, recipe: str) -> bool:
+    return len(section.recipes) > 1 and recipe == section.recipes[0]
