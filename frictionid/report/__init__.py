@@ -1,17 +1,16 @@
 """The report of a comparison: tables, pictures and a page, all from its loaded results.
 
 sections       models, data sets and scores, sorted by what was fitted
-verdict, questions, families, memory, loops, shooting_results, reliability    facts and decisions
-templates      their words; render: fills them
+candidates, plausibility, questions, memory, shooting_results, reliability    facts and decisions
+verdict        which model the evidence supports; verdict_table: its table and its document
+templates      their words; tables: fills them, and one table as Markdown, LaTeX, for the terminal
 numbers        numbers as text; estimates: those of shooting
-tables         one table as Markdown, LaTeX and for the terminal
-*_table(s)     the tables of a report
-figures        the pictures: one kind in each file, panels and style are shared
-verdict        which model the evidence supports: candidates, plausibility, questions, document
-console        where results are printed, and the same as text
+*_table        the tables of a report
+figures        the pictures by theme: scores, curves, motion, fits, studies, loops
 exhibits       which tables and figures there are; recommended: the model of the verdict
-html           the page index.html; summary: summary.md; write: all files; terminal: what is printed
-diagnostics, tuning    a verdict of `check`, and the outcome of `tune`
+page_content   the page index.html, with charts and motion_chart; write: all files, summary.md
+console        where results are printed, and the same as text; terminal: what is printed
+diagnostics    a verdict of `check`; sensitivity: outcomes of `sensitivity` and of `tune`
 """
 
 from frictionid.report.terminal import (

@@ -141,13 +141,20 @@ def test_numbers_of_given_models_stand_beside(computed):
     (model,), data = section.models, section.description
     own = {"coulomb": {"value": 0.5, "unit": "N m"}, "other": {"value": 7.0, "unit": "1"}}
     document = {"joints": [own], "parameters": HEAVIER}
-    given = replace(model, label="M1", role="given", refined=None, document=document)
-    other = replace(given, label="M2", document={"joints": [{}]})
+    mechanism = mechanism_of(PENDULUM)
+    base = mechanism.base(mechanism.nominal(HEAVIER))
+    given = replace(
+        model,
+        label="M1",
+        role="given",
+        refined=None,
+        document=document,
+        base=dict(zip(mechanism.base_names, map(float, base), strict=True)),
+    )
+    other = replace(given, label="M2", document={"joints": [{}]}, base={})
     table = interval_table(model, "pendulum", data, [given, other])
     assert [column.name for column in table.columns if column.name.startswith("M")] == ["M1"]
     beside = {line.cells[1].text: line.cells[-1].text for line in table.lines}
-    mechanism = mechanism_of(PENDULUM)
-    base = mechanism.base(mechanism.nominal(HEAVIER))
     for name, value in zip(mechanism.base_names, base, strict=True):
         assert float(beside[name]) == pytest.approx(value, rel=0.01)
     assert float(beside["coulomb"]) == 0.5
@@ -245,58 +252,32 @@ def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path)
     assert [place for place in places if not (tmp_path / place).exists()] == []
 
 
-@pytest.mark.parametrize("refined", [None, "nothing", "without what later versions add"])
-def test_folders_of_earlier_versions_are_reported(refined, computed, tmp_path):
-    shutil.copytree(computed, tmp_path / "old")
-    (path,) = (tmp_path / "old" / "tasks").glob("*.json")
+@pytest.mark.parametrize("missing", [True, False], ids=["no key", "null"])
+def test_tasks_without_a_fit_by_shooting_are_reported(missing, computed, tmp_path):
+    folder = shutil.copytree(computed, tmp_path / "plain")
+    (path,) = (folder / "tasks").glob("*.json")
     task = json.loads(path.read_text())
-    if refined == "nothing":
-        del task["refined"]
-    elif refined is None:
-        task["refined"] = None
-    else:
-        del task["refined"]["driven"]
-        for name in ("velocity", "curve"):
-            del task["refined"]["bands"][name]
-        for entry in task["refined"]["parameters"]:
-            del entry["nominal"], entry["prior"]
-        about = json.loads((tmp_path / "old" / "datasets.json").read_text())
-        del about["sha256"]
-        for own in about.values():
-            del own["measured"], own["true_parameters"]
-        (tmp_path / "old" / "datasets.json").write_text(json.dumps(about))
     del task["sha256"]
+    if missing:
+        del task["refined"]
+    else:
+        task["refined"] = None
     path.write_text(json.dumps(task))
-    made.built(tmp_path / "old")
-    some = refined not in (None, "nothing")
-    assert (tmp_path / "old" / "figures" / "correlation--pendulum--stribeck.svg").exists() == some
-    assert ("Parameters with intervals" in made.words(tmp_path / "old")) == some
-
-
-def renamed(value, names):
-    """A document with other names of its keys."""
-    if isinstance(value, dict):
-        return {names.get(key, key): renamed(entry, names) for key, entry in value.items()}
-    return [renamed(entry, names) for entry in value] if isinstance(value, list) else value
+    made.built(folder)
+    assert not (folder / "figures" / "correlation--pendulum--stribeck.svg").exists()
+    assert "Parameters with intervals" not in made.words(folder)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_keys_of_earlier_versions_are_read(computed, tmp_path):
-    keys = {"told": "nominal", "doubts": "warnings", "way": "method", "rig": "calibration"}
-    for name, names in (("new", keys), ("old", {new: old for old, new in keys.items()})):
-        shutil.copytree(computed, tmp_path / name)
-        (path,) = (tmp_path / name / "tasks").glob("*.json")
-        task = json.loads(path.read_text())
-        task["refined"]["warnings"] = ["The fit is made up."]
-        del task["sha256"]
-        path.write_text(json.dumps(renamed(task, names)))
-        made.built(tmp_path / name)
-    pages = [made.words(tmp_path / name) for name in ("old", "new")]
-    assert pages[0] == pages[1] and "The fit is made up." in pages[0]
-    name = "tables/shooting--pendulum--stribeck.csv"
-    assert (tmp_path / "old" / name).read_bytes() == (tmp_path / "new" / name).read_bytes()
-    section = made.section(tmp_path / "old")
-    assert section.models[0].method == {"scheme": "shooting", "corrects": []}
+def test_warnings_of_the_fit_itself_are_shown(computed, tmp_path):
+    folder = shutil.copytree(computed, tmp_path / "warned")
+    (path,) = (folder / "tasks").glob("*.json")
+    task = json.loads(path.read_text())
+    task["refined"]["warnings"] = ["The fit is made up."]
+    del task["sha256"]
+    path.write_text(json.dumps(task))
+    made.built(folder)
+    assert "The fit is made up." in made.words(folder)
 
 
 def test_latex_has_as_many_cells_in_every_row(computed):

@@ -111,7 +111,7 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
 )
 def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, far, tmp_path):
     tasks = [made.task("wild", {"made": made.rows(0.3, 0.9)})]
-    about = {**made.about(), "angle_unit": unit}
+    about = {**made.about(), "position_units": [unit] * 2}
     folder = made.built(made.write(tmp_path, tasks, {"made": about}))
     said = f"on made after 1 s (further off than {far}, which medians hide): up to 100 %"
     assert said in made.words(folder)

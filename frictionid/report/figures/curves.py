@@ -1,4 +1,4 @@
-"""Friction curves: all folds and their mean, the truth, and how often each speed occurred."""
+"""Friction curves: folds, truth, ensembles with their members, and bands of shooting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The correlation of a fit's parameters, group by group: what is known only together."""
+"""A single fit: its friction with its band, and the correlation of its parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predicted over measured motion, from initial states that no fit has seen."""
+"""Motion: predicted over measured, best and worst examples, and which speeds occurred."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Box plots of the one-step losses over the folds, with the truth's own score as a line."""
+"""Scores of the models: boxes, error over the horizon, over complexity and over the loss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lowest score so far over the trials: a panel for each tuning task, a colour per sampler."""
+"""Learning curves, the progress of tuning, and the sensitivity to each cause."""
 
 from __future__ import annotations
 
